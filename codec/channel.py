@@ -16,6 +16,7 @@ from weberlink.codec.predictors import (
     Predictor,
 )
 from weberlink.codec.quantizer import Quantizer
+from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -37,6 +38,7 @@ class Channel:
         adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
+        rate: largest rate of updates; None for no limit. The receiver does not need it.
         every_position: whether every update carries the position, because somebody beside the predictors reads it.
         tick_period: time between ticks [s], > 0.
 
@@ -52,6 +54,7 @@ class Channel:
     fit_limits: FitLimits = field(default_factory=FitLimits)
     adaptive: bool = False
     smoothing: Smoothing | None = None
+    rate: UpdateRate | None = None
     every_position: bool = False
     tick_period: float = 1e-3
 
@@ -127,6 +130,7 @@ def force_channel(
     saturates: bool = True,
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
+    rate: UpdateRate | None = None,
     every_position: bool = False,
     tick_period: float = 1e-3,
 ) -> Channel:
@@ -145,6 +149,7 @@ def force_channel(
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
+        rate: largest rate of updates; None for no limit.
         every_position: whether every update carries the position, whatever its predictor reads.
         tick_period: time between ticks [s], > 0.
 
@@ -162,6 +167,7 @@ def force_channel(
         fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
+        rate=rate,
         every_position=every_position,
         tick_period=tick_period,
     )
@@ -176,6 +182,7 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
+    rate: UpdateRate | None = None,
     tick_period: float = 1e-3,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
@@ -188,6 +195,7 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
+        rate=rate,
         tick_period=tick_period,
     )
 

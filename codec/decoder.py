@@ -1,8 +1,10 @@
 """The receiving end: it evaluates the model of the newest update at any tick and position."""
 
+from math import inf
 from typing import Any
 
 from weberlink.codec.channel import Channel
+from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors import ContactSurface, Model
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.codec.sample import Sample
@@ -20,19 +22,23 @@ class Decoder:
         newest: the newest sample received; None before the first.
         model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
+        first: value of that model at the tick of that sample, without a ramp.
     """
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._grid = channel.grid
         self._predictors = channel.predictors
+        self._deadband = channel.deadband
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal: `value` returns the channel's `rest` until the first update."""
+        """Forget the signal: `value` returns the channel's `rest` until the first update. The deadband stays."""
+        self._former, self._since = self._deadband, -inf
         self.model: Model | None = None
-        self._first: Vector = ZERO
+        self._applied: Update | None = None
+        self.first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
@@ -54,12 +60,23 @@ class Decoder:
         """The model in use, as telemetry records it."""
         return UNFITTED if self.model is None else self.model.record()
 
+    def retune(self, deadband: Deadband, since: float = -inf) -> None:
+        """Size ramps by another deadband, because the encoder was retuned; without smoothing this changes nothing.
+
+        Args:
+            deadband: of the encoder.
+            since: tick of the sender at which its encoder changed; updates made before may arrive later.
+        """
+        self._former, self._deadband, self._since = self._deadband, deadband, since
+
     def apply(self, update: Update) -> None:
-        """Replace the state by that of an update.
+        """Replace the state by that of an update; one that was applied already, and is repeated, changes nothing.
 
         Raises:
             ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
+        if update == self._applied:  # its model has a memory of the positions since
+            return
         channel, grid = self._channel, self._grid
         if not 0 <= update.selector < len(self._predictors):
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
@@ -68,8 +85,9 @@ class Decoder:
         newest = grid.sample(update.tick, update.newest)
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
-        self.model, self.newest, self.selected = model, newest, update.selector
-        self._first = channel.displayable(model.first(newest), newest)
+        self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
+        estimated = self._predictors[update.selector].estimated
+        self.first = channel.displayable(model.first(newest), newest) if estimated else newest.value
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
@@ -88,7 +106,7 @@ class Decoder:
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
-            value = self._first
+            value = self.first
         elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
@@ -113,11 +131,12 @@ class Decoder:
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        channel, first, newest = self._channel, self._first, self.newest
+        channel, first, newest = self._channel, self.first, self.newest
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value
-        kept = channel.smoothing.kept(subtract(before, sample), channel.deadband.bound(sample, sample, sample, 0.0))
+        deadband = self._deadband if newest.tick >= self._since else self._former
+        kept = channel.smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
         ramp = subtract(add(sample, kept), first)
         return ramp if ramp != ZERO else None
 

@@ -7,6 +7,7 @@ from weberlink.codec.adaptive import AdaptiveChoice
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
+from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.update import MAX_GAP, Update
@@ -23,9 +24,13 @@ class Encoder:
     *before* the update is closest (after it, all of them pass through the sample) and uses it until the next send. An
     adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`).
 
+    If the channel bounds the rate of updates, a busy signal widens the deadband (`weberlink.codec.rate`).
+
     Attributes:
         mirror: the state of the other end if no update was lost.
-        bound: the deadband of the last coded sample, in the unit of the values.
+        bound: the deadband of the last coded sample, in the unit of the values, as widened; at least its error, if
+            that was not sent for want of tokens.
+        widened: whether the rate of updates widened it.
         predicted: the value at the other end for that sample, before any update; None if it had none.
         rejected: number of samples that were not finite, and so were not coded.
     """
@@ -39,13 +44,17 @@ class Encoder:
         self._mirrored = self.mirror.value
         self._confine = channel.value_quantizer.confine
         self._choice = AdaptiveChoice(channel) if channel.estimates else None
+        self._bucket: TokenBucket | None = None
+        if channel.rate is not None:
+            at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
+            self._bucket = TokenBucket(channel.rate, max(at_rest, channel.value_quantizer.step))
         self._measure_with(channel.deadband)
         self._selectors = tuple(range(len(self._predictors)))
         self.rejected = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal, because the other end started anew. Deadband and selected predictors stay."""
+        """Forget the signal, because the other end started anew. Deadband, predictors selected and tokens stay."""
         self.mirror.reset()
         if self._choice is not None:
             self._choice.reset()
@@ -54,6 +63,7 @@ class Encoder:
         self._levels: tuple[int, ...] = ()
         self._last: Vector | None = None
         self.bound = 0.0
+        self.widened = False
         self.predicted: Vector | None = None
         self._forced = False
 
@@ -63,7 +73,7 @@ class Encoder:
         self._forced = True
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
-        """Change deadband and predictors from the next sample on; the other end does not need to know.
+        """Change deadband and predictors from the next sample on; the other end needs to know of it for smoothing only.
 
         If the predictor in use is no longer selected, the next sample is sent unconditionally.
 
@@ -78,6 +88,7 @@ class Encoder:
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         self._measure_with(deadband)
+        self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = None
         self._selectors = tuple(sorted(set(selectors)))
@@ -90,7 +101,7 @@ class Encoder:
             tick: the sender's tick number, higher in every call.
             value: measured force [N] or position [m]; saturated at the range of the wire.
             position: commanded position at which a force was measured [m]; not read on a position channel.
-            most: largest error that may stay unsent, where the deadband allows more.
+            most: largest error that may stay unsent, where the deadband allows more; a bounded rate widens this too.
 
         Returns:
             The update to send; None if the prediction is good enough, or if the sample is not finite (counted in
@@ -108,20 +119,29 @@ class Encoder:
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
-        self.bound = min(self._allowed(actual, compared, sent, moved), most)
+        bucket, allowed = self._bucket, min(self._allowed(actual, compared, sent, moved), most)
+        self.bound = allowed if bucket is None else bucket.widened(tick, allowed)
+        self.widened = self.bound > allowed
         if self._choice is not None:
             self._choice.follow(tick, actual, self._channel.place(position), self.bound)
-        error = self._measure(displayed, actual) if displayed is not None and not self._forced else inf
+        forced = displayed is None or self._forced
+        error = inf if displayed is None or forced else self._measure(displayed, actual)
         if error <= self.bound:
             return None
         levels = self._grid.levels(actual, position)
         sample = self._grid.sample(tick, levels)
         if error <= self._measure(sample.value, actual):
             return None
+        if bucket is not None and not bucket.take(forced=forced):
+            self.bound = error
+            return None
         update = self._update(sample, levels, tick, actual, position)
         self._levels, self._forced = levels, False
         self._newest, self._previous = sample, self._usable(tick)
         self.mirror.apply(update)
+        if self._measure(self.mirror.first, actual) > max(self.bound, self._measure(sample.value, actual)):
+            update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
+            self.mirror.apply(update)
         return update
 
     def _measure_with(self, deadband: Deadband) -> None:

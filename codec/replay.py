@@ -24,6 +24,7 @@ class CodedTick(NamedTuple):
         selected: index in the bank of the predictor in use at the decoder.
         model: the model in use at the decoder; None before the first update.
         seconds: run time of encode and decode by the stopwatch [s].
+        widened: whether the bounded rate of updates widened the deadband.
     """
 
     update: Update | None
@@ -34,6 +35,7 @@ class CodedTick(NamedTuple):
     selected: int
     model: Model | None
     seconds: float
+    widened: bool = False
 
 
 def code(
@@ -83,4 +85,5 @@ def code(
             decoder.selected,
             decoder.model,
             seconds,
+            encoder.widened,
         )

@@ -42,7 +42,7 @@ def session_parameters(
     if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
         raise ValueError(f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}")
     forward, backward = (
-        DirectionLayout(streams, carries_credit=carries_credit, further_acks=len(others) - 1)
+        DirectionLayout(streams, carries_credit=carries_credit, acks=len(others))
         for streams, others in ((outgoing, incoming), (incoming, outgoing))
     )
     return Parameters(forward, backward, epoch, tick_period, silence)
@@ -136,8 +136,11 @@ class Conversation:
 
     @credit.setter
     def credit(self, count: int) -> None:
-        if self._session is not None:
-            self._session.credit.granted = count
+        session = self._session
+        if session is not None and session.credit.granted != count:
+            session.credit.granted = count
+            session.sender.heartbeats.granted(count)
+            self._due = None
 
     @property
     def peer_credit(self) -> int:

@@ -1,8 +1,11 @@
 """Counters that travel truncated: expand them, reject repeated ones, and measure loss from the gaps between them."""
 
-SEQUENCE_BITS = 24
+SEQUENCE_BITS = 16
+"""A number is expanded from what came last, so an outage may take up to 2^15 of them. In the longest that a session
+outlives, an end sends far fewer: a silent one sends heartbeats only."""
 SEQUENCE_MASK = (1 << SEQUENCE_BITS) - 1
-ACKNOWLEDGEMENT_MASK = 0xFFFF
+ACKNOWLEDGEMENT_BITS = 16
+ACKNOWLEDGEMENT_MASK = (1 << ACKNOWLEDGEMENT_BITS) - 1
 
 REPLAY_WINDOW = 1024
 """Datagrams that may be overtaken and still be accepted: a second of reordering at 1 kHz."""
@@ -22,6 +25,11 @@ def expand(truncated: int, bits: int, near: int) -> int:
     """
     half = 1 << (bits - 1)
     return near - half + ((truncated - near + half) & ((1 << bits) - 1))
+
+
+def int16(number: int) -> int:
+    """The number modulo 2^16, from -2^15 to 2^15 - 1."""
+    return (number + 0x8000 & 0xFFFF) - 0x8000
 
 
 def expand_counter(truncated: int, bits: int, near: int) -> int:

@@ -1,18 +1,24 @@
 """Schedule heartbeats, and decide whether one asks for an answer.
 
-Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. Without loss the loop age
-(`weberlink.protocol.liveness`) is at most the round trip and one interval of each end. An end whose loop age is larger
-asks every few milliseconds, and is answered at once: each answered question brings the loop age back to the round trip.
-So the interval is half of what round trip and questions leave of the silence limit, and the number of questions follows
-from the measured loss.
+Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. An end sends early enough for
+the loop age of the *peer* (`weberlink.protocol.liveness`): what the newest datagram of this end echoed had arrived here
+at some time, and without loss the loop age of the peer is at most the time since then plus the round trip. So the next
+datagram is due when that time has become the reach: what round trip, late ticks and questions leave of the silence
+limit. If nothing new has come from the peer, there is nothing new to echo; then a datagram is due one gap after the
+last, which the extrapolation of motion allows. Two ends at rest need three datagrams per reach together.
+
+An end whose own loop age is larger than that asks every few milliseconds, and is answered at once: each answered
+question brings the loop age back to the round trip. The number of questions for which the reach leaves room follows
+from the measured loss, so a false alarm needs the loss of a datagram and of all questions after it. With independent
+losses that happens at most `FALSE_ALARMS_PER_S` often.
 """
 
 from math import ceil, inf, log
 
-from weberlink.protocol.liveness import FADE_SHARE, UNITS
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE, UNITS
 
-LONGEST_INTERVAL = 0.2
-"""Longest gap between datagrams without loss [s]."""
+LONGEST_REACH = 0.4
+"""Longest reach [s]."""
 LEAST_SHARE = 0.1
 """Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
 ROUND_TRIP_SHARE = 0.4
@@ -24,7 +30,7 @@ INTRODUCTIONS = 5
 INTRODUCTION_INTERVAL = 0.02
 """Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
 REPORT_INTERVAL = 1.0
-"""A heartbeat goes out at least this often, however many updates do [s]."""
+"""A heartbeat with a report goes out at least this often, however many updates do [s]."""
 ASK_PACE = 0.004
 """Least time between two questions [s], so that at most 25 are sent in a silence of 100 ms."""
 LEAST_QUESTIONS = 2
@@ -32,15 +38,18 @@ LEAST_QUESTIONS = 2
 MOST_QUESTIONS = 50
 FALSE_ALARMS_PER_S = 1.0 / 3600.0
 CHANCE_FADES_PER_S = 1.0 / 10.0
-"""How often losses may cause a needless silence, and a needless fade [1/s]. A fade ends with the next datagram; a false
-alarm ends the contact."""
+CHANCE_STOPS_PER_S = 1.0
+"""How often losses may cause a needless silence, a needless fade, and a needless stop of an extrapolated motion [1/s].
+Fades and stops end with the next datagram; a false alarm ends the contact."""
 
 
 class HeartbeatSchedule:
     """Times of the heartbeats of one direction.
 
     Attributes:
-        interval: longest gap between two datagrams without loss [s].
+        reach: longest time from an arrival that was echoed to our next datagram, if there is a newer one [s].
+        gap: longest time between two of our datagrams [s].
+        interval: time in which energy that was granted is told [s].
     """
 
     def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
@@ -51,13 +60,15 @@ class HeartbeatSchedule:
             tick_period: how late a heartbeat may be sent [s].
         """
         self._fade = FADE_SHARE * silence
+        self._horizon = HORIZON_SHARE * silence
         self._silence = silence
         self._tick_period = tick_period
         self._introductions = INTRODUCTIONS
         self._answer_wanted = False
-        self._confirmed_at = now
+        self._confirmed_at = self._heard_at = self._echoed_at = now
+        self._told = self._credit = 0
         self._asked_at = -inf
-        self._sent_at = self._reported_at = now - REPORT_INTERVAL
+        self._sent_at = self._pulsed_at = self._reported_at = now - REPORT_INTERVAL
         self._due_engaged: float | None = None
         self.adapt(0.0, 0.0, inf, 0.0)
 
@@ -66,42 +77,70 @@ class HeartbeatSchedule:
 
         Args:
             outgoing, incoming: loss of each direction, 0..1.
-            rtt: round trip [s]; infinity while unknown.
+            rtt: round trip [s]; infinite while unknown.
             jitter: by how much few datagrams exceed their least delay [s].
         """
         path = (0.0 if rtt == inf else rtt) + jitter
-        overhead = path + LATE_TICKS * self._tick_period + self._silence / UNITS
+        late = LATE_TICKS * self._tick_period
+        overhead = path + late + self._silence / UNITS
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
         shortest = LEAST_SHARE * self._silence
-        clean = max(shortest, min(LONGEST_INTERVAL, 0.5 * (self._fade - overhead)))
-        self.interval = clean
+        clean = max(2.0 * shortest, min(LONGEST_REACH, self._fade - overhead))
+        reach = clean
         for limit, rate, least in (
             (self._fade, CHANCE_FADES_PER_S, 0),
             (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
         ):
-            questions = max(least, questions_needed(unanswered, rate * clean))
+            questions = max(least, questions_needed(unanswered, rate * shortest))
             asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
-            self.interval = max(shortest, min(self.interval, 0.5 * (limit - overhead - asking)))
-        self._ask_after = 2.0 * self.interval + overhead
+            reach = min(reach, limit - overhead - asking)
+        self.reach = max(2.0 * shortest, reach)
+        self.interval = 0.5 * self.reach
+        datagrams = 1 + questions_needed(outgoing, min(1.0, CHANCE_STOPS_PER_S * self.interval))
+        self.gap = max(shortest, min(self.reach, (self._horizon - jitter - late) / datagrams))
+        self._ask_after = self.reach + overhead
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
         self._due_engaged = None
 
-    def confirmed(self, at: float) -> None:
-        """The peer is known to have heard what left then [s]."""
-        self._confirmed_at = at
+    def heard(self, now: float, confirmed_at: float) -> None:
+        """A fresh datagram of the peer came, and the peer is known to have heard what left at `confirmed_at` [s]."""
+        self._heard_at = now
+        self._confirmed_at = confirmed_at
         self._due_engaged = None
 
-    def sent(self, now: float) -> None:
-        """A datagram of any kind went out."""
+    def granted(self, credit: int) -> None:
+        """The credit granted to the peer so far, in a session that carries it."""
+        if credit != self._credit:
+            self._credit = credit
+            self._due_engaged = None
+
+    def sent(self, now: float, heard_at: float, credit: int) -> None:
+        """A datagram of any kind went out.
+
+        Args:
+            now: [s].
+            heard_at: when the newest datagram that it echoes came [s].
+            credit: that it carries.
+        """
         self._sent_at = now
+        self._echoed_at = heard_at
+        self._told = credit
         self._answer_wanted = False
         self._due_engaged = None
 
-    def reported(self, now: float, *, is_confirmed: bool) -> None:
-        """The datagram was a heartbeat; `is_confirmed`: whether the peer was heard under these keys."""
+    def pulsed(self, now: float, *, has_reported: bool, is_confirmed: bool) -> None:
+        """The datagram was a heartbeat.
+
+        Args:
+            now: [s].
+            has_reported: whether it had a report.
+            is_confirmed: whether the peer was heard under these keys.
+        """
         if now >= self._ask_due():
             self._asked_at = now
-        self._reported_at = now
+        self._pulsed_at = now
+        if has_reported:
+            self._reported_at = now
         self._introductions -= is_confirmed and self._introductions > 0
         self._due_engaged = None
 
@@ -113,6 +152,10 @@ class HeartbeatSchedule:
     def asks(self, now: float) -> bool:
         """Whether a heartbeat sent now asks for an answer: the loop age is too large, and an answer can be in time."""
         return self._ask_due() <= now <= self._confirmed_at + self._silence - self._answered_in
+
+    def reports(self, now: float) -> bool:
+        """Whether a heartbeat sent now must report."""
+        return self._introductions > 0 or now >= self._reported_at + REPORT_INTERVAL
 
     def _ask_due(self) -> float:
         due = max(self._confirmed_at + self._ask_after, self._asked_at + ASK_PACE)
@@ -129,8 +172,12 @@ class HeartbeatSchedule:
     def _find_due(self) -> float:
         if self._answer_wanted:
             return self._sent_at
-        due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.interval, self._ask_due())
-        return min(due, self._reported_at + INTRODUCTION_INTERVAL) if self._introductions else due
+        due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.gap, self._ask_due())
+        if self._heard_at > self._echoed_at:
+            due = min(due, self._echoed_at + self.reach)
+        if self._credit != self._told:
+            due = min(due, self._sent_at + self.interval)
+        return min(due, self._pulsed_at + INTRODUCTION_INTERVAL) if self._introductions else due
 
 
 def questions_needed(unanswered: float, rate: float) -> int:

@@ -63,6 +63,10 @@ class Liveness:
             return DEAF
         return floor(self._departure / self._unit) % _MODULUS
 
+    def confirmed_after(self, departure: float) -> float:
+        """The least `confirmed_at` that shows that a datagram was heard which left after this one [s, our clock]."""
+        return self._epoch + (floor(departure / self._unit) + 1) * self._unit
+
     def confirmation(self, echo: int, now: float) -> float:
         """Departure of our newest datagram that the sender of this echo had heard [s]; -inf if it had heard none."""
         if echo == DEAF:

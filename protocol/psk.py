@@ -6,8 +6,8 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
   recorded sessions.
 - Secret of a direction: HKDF-Extract (RFC 5869) of that direction's key from Split(), with the handshake hash as salt.
 - Key and nonce salt of a direction: HKDF-Expand of its secret. The next secret: HKDF-Expand of it under another label.
-- Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), which keeps a 3-DoF update at 48 bytes. Nonce:
-  5 bytes of salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
+- Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), a third of a 3-DoF force update. Nonce: 5 bytes of
+  salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
 """
 
 from hmac import digest

@@ -151,17 +151,28 @@ class OutgoingStream:
         self.retransmission = Retransmission()
         self.is_forgotten = False
         self._last_ack = 0
+        self._acknowledged_by = -1
 
     def is_ambiguous(self, sequence: int) -> bool:
         """Whether this number would be confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
         return sequence & ACKNOWLEDGEMENT_MASK in (0, self._last_ack)
 
-    def acknowledge(self, ack: int, *, is_newest: bool) -> bool:
-        """Take an acknowledgement of this stream; False if the newest update is not known to have arrived.
+    def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
+        """Take the acknowledgement in a datagram; False if the newest update is not known to have arrived.
 
         A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it.
+
+        Args:
+            sequence: number of the datagram.
+            ack: None if it has none, so that the newest one still holds.
+            is_newest: whether no later datagram came before it.
         """
-        self._last_ack = ack
+        if ack is None:
+            if not is_newest:
+                return True
+            ack = self._last_ack
+        elif sequence > self._acknowledged_by:
+            self._last_ack, self._acknowledged_by = ack, sequence
         if self.retransmission.is_pending:
             return self.retransmission.acknowledge(ack)
         self.is_forgotten |= is_newest and ack == 0 and self.update is not None

@@ -7,16 +7,16 @@ so the other end must send nothing of value before it has opened the first messa
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from weberlink.protocol.counters import SEQUENCE_MASK
 from weberlink.protocol.handshake import PADDED_HELLO, pack_map, pack_refusal, read_map
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.wire import Kind
+from weberlink.protocol.wire import CLEAR_BYTES, Kind
 
 LONGEST_PAYLOAD = 60_000
 """Longest payload of a message [bytes]; AES-CCM with a nonce of 13 bytes takes up to 65,535."""
 LONGEST_FRAME = LONGEST_PAYLOAD + 64
-_HEADER = 4
+_HEADER = CLEAR_BYTES
 _OPENING = 2
-_LOW_24 = 0xFF_FFFF
 
 
 class StreamError(ValueError):
@@ -70,7 +70,7 @@ class SealedStream:
 
 
 def _header(kind: int, number: int) -> bytes:
-    return bytes((kind,)) + (number & _LOW_24).to_bytes(3, "little")
+    return bytes((kind,)) + (number & SEQUENCE_MASK).to_bytes(_HEADER - 1, "little")
 
 
 class StreamTerms(NamedTuple):

@@ -3,7 +3,7 @@
 from math import inf
 from typing import NamedTuple
 
-from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK, Credit, LossMeter
+from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK, Credit, LossMeter, int16
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
@@ -14,14 +14,14 @@ from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
-    TICK_MASK,
+    TICK_BITS,
     DirectionLayout,
+    Envelope,
     Report,
     pack_bye,
     pack_change,
     pack_heartbeat,
     pack_path,
-    pack_word,
 )
 from weberlink.update import Update
 
@@ -29,11 +29,14 @@ SLACK = 0.001
 """Added to the measured bound on delays, because both ends work in ticks [s]."""
 UNMEASURED_RTT = 0.2
 """Assumed round trip until it is measured [s]."""
+LOSS_STEP = 0.02
+"""Change of the measured loss that is reported with the next heartbeat."""
 REKEY_AFTER_S = 120.0
 REKEY_AFTER = 1 << 20
 """For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
 section 4.5.3)."""
 _CHANGE_TICK_MASK = (1 << CHANGE_TICK_BITS) - 1
+_TICK_MASK = (1 << TICK_BITS) - 1
 
 
 class Parameters(NamedTuple):
@@ -52,6 +55,32 @@ class Parameters(NamedTuple):
     tick_period: float
     silence: float
 
+    def tick_at(self, departure: float) -> int:
+        """The tick of an end nearest to a time on its clock [s], which the other end computes alike."""
+        return round(departure / self.tick_period)
+
+
+class Acknowledgement:
+    """The acknowledgement of one stream of the peer, told until the peer is known to have heard it.
+
+    Attributes:
+        number: of the newest update received; 0 for none.
+    """
+
+    __slots__ = ("_heard_from", "number")
+
+    def __init__(self) -> None:
+        self.number = 0
+        self._heard_from = -inf
+
+    def change(self, number: int, heard_from: float) -> None:
+        """Acknowledge another update, or with 0 none; `heard_from` is the `confirmed_at` that shows it was heard."""
+        self.number, self._heard_from = number, heard_from
+
+    def told(self, confirmed_at: float) -> int | None:
+        """What the next datagram tells, truncated; None if the peer has heard it."""
+        return None if confirmed_at >= self._heard_from else self.number & ACKNOWLEDGEMENT_MASK
+
 
 class Sender:
     """Makes the datagrams of one end in one session.
@@ -59,7 +88,7 @@ class Sender:
     Attributes:
         heartbeats: when one is due.
         negotiation: of the changes that both ends make.
-        delivered: by stream of the peer, number of the newest update received, which every datagram acknowledges.
+        acknowledgements: by stream of the peer.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
     """
@@ -80,7 +109,7 @@ class Sender:
         """Begin; the receiving half updates clock, credit, loss and liveness, which this half reports to the peer.
 
         Args:
-            first_sequence: number of the first datagram, 1 to 2^23.
+            first_sequence: number of the first datagram, 1 to 2^15.
             now: [s].
         """
         self._protection = protection
@@ -91,16 +120,19 @@ class Sender:
         self._credit = credit
         self._loss = loss
         self._liveness = liveness
+        self._parameters = parameters
         self._silence = parameters.silence
+        self._departed = clock.stated(now)
         self._next_sequence = first_sequence
         self._phase = 0
         self._rekey_at = now + REKEY_AFTER_S
         self._rekey_from = first_sequence + REKEY_AFTER
         self.heartbeats = HeartbeatSchedule(now, silence=parameters.silence, tick_period=parameters.tick_period)
         self.negotiation = ParameterNegotiation()
-        self.delivered = [0] * (1 + parameters.outgoing.further_acks)
+        self.acknowledgements = tuple(Acknowledgement() for _ in range(parameters.outgoing.acks))
         self.is_confirmed = False
         self.said_encoding = False
+        self._reported = (0.0, 0.0, 0.0)
 
     def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream.
@@ -131,57 +163,63 @@ class Sender:
     def _seal_update(self, stream: OutgoingStream, update: Update, now: float) -> tuple[int, bytes]:
         while stream.is_ambiguous(self._next_sequence):
             self._next_sequence += 1
-        sequence = self._number(now)
-        clear = stream.layout.pack(
-            sequence & SEQUENCE_MASK,
-            self._word(now, update.tick),
-            update,
-            self._credit.granted,
-            self._further_acks(),
-        )
+        envelope, sequence = self._envelope(now)
+        lag = self._parameters.tick_at(self._departed) - update.tick
+        clear = stream.layout.pack(envelope, int16(lag), update, self._credit.granted)
         return sequence, self._seal(sequence, clear, now)
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
-        """The datagram of a heartbeat, which reports our measurements and may ask for an answer."""
-        minimum, latest, late = self._clock.report()
-        report = Report(
-            round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
-        )
-        sequence = self._number(now)
+        """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
         asks = self.heartbeats.asks(now)
-        self.heartbeats.reported(now, is_confirmed=self.is_confirmed)
+        report = self._report() if self.heartbeats.reports(now) or self._has_changed() else None
+        envelope, sequence = self._envelope(now)
+        self.heartbeats.pulsed(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
         self.said_encoding = is_encoding
         clear = pack_heartbeat(
-            sequence & SEQUENCE_MASK,
-            self._word(now, sum(stream.update.tick for stream in self._streams if stream.update is not None)),
+            envelope,
+            sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
             report,
             self._credit.granted if self._outgoing.carries_credit else None,
-            further_acks=self._further_acks(),
             asks=asks,
             is_encoding=is_encoding,
         )
         return self._seal(sequence, clear, now)
 
+    def _report(self) -> Report:
+        minimum, latest, late = self._clock.report()
+        self._reported = minimum, late, self._loss.fraction
+        return Report(
+            round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
+        )
+
+    def _has_changed(self) -> bool:
+        """Whether the link is another one than the newest report says, so that the next heartbeat reports again."""
+        minimum, _, late = self._clock.report()
+        least, bound, loss = self._reported
+        return (
+            abs(minimum - least) > SLACK
+            or abs(late - bound) > max(SLACK, 0.5 * bound)
+            or abs(self._loss.fraction - loss) > LOSS_STEP
+        )
+
     def send_bye(self, now: float, reason: str) -> bytes:
         """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
-        sequence = self._number(now)
-        return self._seal(sequence, pack_bye(sequence & SEQUENCE_MASK, self._word(now), reason), now)
+        envelope, sequence = self._envelope(now)
+        return self._seal(sequence, pack_bye(envelope, reason), now)
 
     def send_path(self, now: float, token: bytes, *, is_answer: bool) -> bytes:
         """Ask whether the peer is at the address that this is sent to, or answer such a question."""
-        sequence = self._number(now)
-        clear = pack_path(sequence & SEQUENCE_MASK, self._word(now), token, is_answer=is_answer)
-        return self._seal(sequence, clear, now)
+        envelope, sequence = self._envelope(now)
+        return self._seal(sequence, pack_path(envelope, token, is_answer=is_answer), now)
 
     def send_change(self, now: float) -> bytes:
         """The datagram of the message of `negotiation` that is due."""
         rtt = self._clock.rtt
         change = self.negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
-        sequence = self._number(now)
+        envelope, sequence = self._envelope(now)
         clear = pack_change(
-            sequence & SEQUENCE_MASK,
-            self._word(now),
+            envelope,
             change.tick & _CHANGE_TICK_MASK,
             change.number,
             change.body,
@@ -189,20 +227,20 @@ class Sender:
         )
         return self._seal(sequence, clear, now)
 
-    def _number(self, now: float) -> int:
+    def _envelope(self, now: float) -> tuple[Envelope, int]:
+        """Envelope of the next datagram, which leaves now, and its number in full."""
         sequence = self._next_sequence
         self._next_sequence = sequence + 1
-        self.heartbeats.sent(now)
-        return sequence
+        liveness, clock = self._liveness, self._clock
+        confirmed_at = liveness.confirmed_at
+        acks = tuple([each.told(confirmed_at) for each in self.acknowledgements])
+        self._departed = clock.stated(now)
+        self.heartbeats.sent(now, liveness.heard_at, self._credit.granted)
+        return Envelope(sequence & SEQUENCE_MASK, clock.stamp(now), liveness.echo(now), acks), sequence
 
-    def _word(self, now: float, tick: int = 0) -> int:
-        ack = self.delivered[0] & ACKNOWLEDGEMENT_MASK
-        return pack_word(ack, self._clock.stamp(now), self._liveness.echo(now), tick & TICK_MASK)
-
-    def _further_acks(self) -> tuple[int, ...]:
-        if not self._outgoing.further_acks:
-            return ()
-        return tuple([number & ACKNOWLEDGEMENT_MASK for number in self.delivered[1:]])
+    def acknowledge_update(self, stream: int, number: int) -> None:
+        """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
+        self.acknowledgements[stream].change(number, self._liveness.confirmed_after(self._departed))
 
     def _seal(self, sequence: int, clear: bytes, now: float) -> bytes:
         """The datagram under the present key, which is replaced by time and by count (RFC 9001, section 6)."""
@@ -256,12 +294,17 @@ class Sender:
         rtt = self._clock.rtt
         if rtt is None:
             return retransmission.due_at(0.0, UNMEASURED_RTT)
-        return retransmission.due_at(rtt, rtt + self._clock.late + SLACK + 1.5 * self.heartbeats.interval)
+        return retransmission.due_at(rtt, rtt + self._clock.late + SLACK + self.heartbeats.gap)
 
-    def acknowledge(self, ack: int, departure: float, stream: int = 0, *, is_newest: bool = True) -> None:
-        """Take the acknowledgement of a stream in a datagram that left the peer then [s, its clock]."""
+    def acknowledged(
+        self, sequence: int, ack: int | None, departure: float, stream: int = 0, *, is_newest: bool = True
+    ) -> None:
+        """Take the acknowledgement of a stream in the datagram of this number, which left the peer then [s, its clock].
+
+        None if it has none.
+        """
         own = self._streams[stream]
-        if own.acknowledge(ack, is_newest=is_newest):
+        if own.acknowledge(sequence, ack, is_newest=is_newest):
             return
         arrived = self._clock.arrival_bound(own.retransmission.sent_at)
         if arrived is not None and departure > arrived + SLACK:

@@ -6,6 +6,7 @@ The sending half is `Session.sender` (`weberlink.protocol.sending`).
 from math import inf
 from typing import NamedTuple
 
+from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.counters import SEQUENCE_BITS, Credit, LossMeter, ReplayWindow, expand_counter
 from weberlink.protocol.events import (
     ChangeAnswered,
@@ -23,20 +24,22 @@ from weberlink.protocol.sending import Parameters, Sender
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
+    HEARTBEAT_CREDIT_BITS,
     PHASE,
     TICK_BITS,
-    TICK_MASK,
+    UPDATE_CREDIT_BITS,
+    ByeContent,
+    ChangeContent,
+    Content,
     Head,
-    Kind,
+    HeartbeatContent,
+    PathContent,
     Report,
-    read_head,
+    UpdateContent,
     sequence_of,
     stream_of,
-    unpack_bye,
-    unpack_change,
-    unpack_path,
-    unpack_report,
 )
+from weberlink.update import Update
 
 TICK_LEAD = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
@@ -46,13 +49,9 @@ TICK_AGE_SLACK = 0.01
 """How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
 EXPIRY = 3.0
 """How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
+_TICK_MASK = (1 << TICK_BITS) - 1
 LONGEST_SILENCE = 10.0
 """Largest silence limit [s]; with `EXPIRY` far below half of the range of a time stamp."""
-# A comparison with an int is faster than one with a member of an enumeration.
-_HEARTBEAT, _BYE, _CHANGE, _PATH = int(Kind.HEARTBEAT), int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
-_WITHOUT_TAIL = (_BYE, _CHANGE, _PATH)
-"""Kinds that carry neither credit nor acknowledgements of further streams."""
-
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
 """The content of an authentic datagram, or the reason to drop it; None if only the session needs it."""
@@ -96,7 +95,7 @@ class Session:
             peer_clock: departure of the peer's handshake datagram on its clock [s].
             now: arrival of that datagram [s].
             confirmed_at: departure of our handshake datagram that it answers [s]; -inf if it answers none.
-            first_sequence: number of our first datagram, 1 to 2^23.
+            first_sequence: number of our first datagram, 1 to 2^15.
         """
         self._protection = protection
         self._parameters = parameters
@@ -138,7 +137,8 @@ class Session:
 
     def request_full_state(self) -> None:
         """Acknowledge no update any more, so that the peer sends its full state."""
-        self.sender.delivered = [0] * len(self.sender.delivered)
+        for stream in range(len(self._held_ticks)):
+            self.sender.acknowledge_update(stream, 0)
         self._held_ticks = [0] * len(self._held_ticks)
 
     def measure(self) -> None:
@@ -172,24 +172,36 @@ class Session:
         self._replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
         self.sender.is_confirmed = True
-        head = read_head(first, body)
+        try:
+            head, content = self._incoming.read(first, body)
+        except MalformedError:
+            return DropReason.MALFORMED
+        return self._take(sequence, head, content, now)
+
+    def _take(self, sequence: int, head: Head, content: Content, now: float) -> Outcome:
         departure = self.clock.departure(head.sent, now)
         if not self.clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
         if sequence <= self._floor:
             return DropReason.STALE
         self.clock.record(departure, now)
-        self._take_acks(head, body, departure)
-        if head.kind == _BYE:
-            return PeerClosed(unpack_bye(body))
-        if head.kind == _HEARTBEAT and not self._take_report(sequence, unpack_report(body)):
+        for stream, ack in enumerate(head.acks):
+            self.sender.acknowledged(sequence, ack, departure, stream, is_newest=self.is_newest)
+        if isinstance(content, ByeContent):
+            return PeerClosed(content.reason)
+        if isinstance(content, HeartbeatContent) and not self._take_report(sequence, content.report):
             return DropReason.IMPLAUSIBLE
-        outcome = self._deliver(sequence, head, departure, body, now)
-        is_false = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
+        outcome = self._deliver(sequence, head, content, departure, now)
         # A late credit is still true, because the count only grows.
-        if self._incoming.carries_credit and not is_false and head.kind not in _WITHOUT_TAIL:
-            self.credit.learn(sequence, *self._incoming.read_credit(head.kind, body))
+        if outcome is not DropReason.IMPLAUSIBLE:
+            self._take_credit(sequence, content)
         return outcome
+
+    def _take_credit(self, sequence: int, content: Content) -> None:
+        if isinstance(content, UpdateContent) and content.credit is not None:
+            self.credit.learn(sequence, content.credit, UPDATE_CREDIT_BITS)
+        elif isinstance(content, HeartbeatContent) and content.credit is not None:
+            self.credit.learn(sequence, content.credit, HEARTBEAT_CREDIT_BITS)
 
     def _raise_floor(self, now: float) -> None:
         """Reject numbers up to one that was accepted at least one silence limit ago: they left before that.
@@ -199,15 +211,9 @@ class Session:
         if now - self._marked_at >= self._parameters.silence:
             self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
-    def _take_acks(self, head: Head, body: bytes, departure: float) -> None:
-        self.sender.acknowledge(head.ack, departure, is_newest=self.is_newest)
-        if self._incoming.further_acks and head.kind not in _WITHOUT_TAIL:
-            for stream, ack in enumerate(self._incoming.read_acks(body), 1):
-                self.sender.acknowledge(ack, departure, stream, is_newest=self.is_newest)
-
-    def _take_report(self, sequence: int, report: Report) -> bool:
-        """Read the peer's measurements; False if they cannot be true."""
-        if sequence < self._newest_report:
+    def _take_report(self, sequence: int, report: Report | None) -> bool:
+        """Read the peer's measurements, if a heartbeat has any; False if they cannot be true."""
+        if report is None or sequence < self._newest_report:
             return True
         if not self.clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
             return False
@@ -218,70 +224,62 @@ class Session:
         self.sender.heartbeats.adapt(loss, self._loss.fraction, inf if rtt is None else rtt, self.clock.jitter)
         return True
 
-    def _deliver(self, sequence: int, head: Head, departure: float, body: bytes, now: float) -> Outcome:
+    def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:
         age = self.clock.age(departure, now)
         if age is not None and age > self._parameters.silence:
             return DropReason.STALE
         self.is_fresh = True
-        self.liveness.hear(sequence, departure, head.echo, says_encoding=self._says_encoding(head), now=now)
-        self.sender.heartbeats.confirmed(self.liveness.confirmed_at)
+        says_encoding = self._says_encoding(head, content)
+        self.liveness.hear(sequence, departure, head.echo, says_encoding=says_encoding, now=now)
+        self.sender.heartbeats.heard(now, self.liveness.confirmed_at)
         if head.asks:
             self.sender.heartbeats.asked()
-        if head.kind == _HEARTBEAT:
+        if isinstance(content, PathContent):
+            return PathAnswered(content.token) if head.mark else PathAsked(content.token)
+        if not isinstance(content, ChangeContent | UpdateContent):
             return None
-        if head.kind == _PATH:
-            token = unpack_path(body)
-            return PathAnswered(token) if head.mark else PathAsked(token)
-        if age is None:
-            return DropReason.UNTIMED
-        if not self.liveness.is_current(head.echo, now):
-            return DropReason.STALE
-        return (
-            self._deliver_change(head, departure, body)
-            if head.kind == _CHANGE
-            else self._deliver_update(sequence, head, departure, body, age)
-        )
+        if age is None or not self.liveness.is_current(head.echo, now):
+            return DropReason.UNTIMED if age is None else DropReason.STALE
+        if isinstance(content, ChangeContent):
+            return self._deliver_change(head, content, departure)
+        return self._deliver_update(sequence, head, content, departure, age)
 
-    def _says_encoding(self, head: Head) -> bool | None:
+    def _says_encoding(self, head: Head, content: Content) -> bool | None:
         """Whether the peer's encoder runs and this end holds what it encodes; None if the datagram does not say.
 
         A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It does
         not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
         """
-        if head.kind == _HEARTBEAT:
-            if head.is_encoding and head.tick != sum(self._held_ticks) & TICK_MASK:
+        if isinstance(content, HeartbeatContent):
+            if head.is_encoding and content.ticks != sum(self._held_ticks) & _TICK_MASK:
                 return None
             return head.is_encoding
         return True if head.is_encoding else None
 
     def _deliver_update(
-        self, sequence: int, head: Head, departure: float, body: bytes, age: float
+        self, sequence: int, head: Head, content: UpdateContent, departure: float, age: float
     ) -> UpdateReceived | DropReason:
         stream = stream_of(head.kind)
-        if sequence < self.sender.delivered[stream]:
+        if sequence < self.sender.acknowledgements[stream].number:
             return DropReason.SUPERSEDED
-        sent_tick = departure / self._parameters.tick_period
-        tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
-        update = self._incoming.updates[stream].unpack(body, head, tick)
-        if update is None:
-            return DropReason.MALFORMED
-        lead = (tick - sent_tick) * self._parameters.tick_period
-        if lead > TICK_LEAD:
+        tick = self._parameters.tick_at(departure) - content.lag
+        lead = tick * self._parameters.tick_period - departure
+        if lead > TICK_LEAD or tick < 0:
             return DropReason.IMPLAUSIBLE
         if -lead > self._parameters.silence + TICK_AGE_SLACK:
             return DropReason.STALE
-        self.sender.delivered[stream] = sequence
+        self.sender.acknowledge_update(stream, sequence)
         self._held_ticks[stream] = tick
-        return UpdateReceived(update, age, stream)
+        return UpdateReceived(Update(tick, head.selector, content.newest, content.payload), age, stream)
 
     def _deliver_change(
-        self, head: Head, departure: float, body: bytes
+        self, head: Head, content: ChangeContent, departure: float
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
-        negotiation, (low_tick, content) = self.sender.negotiation, unpack_change(body)
+        negotiation = self.sender.negotiation
         if head.mark:
-            return negotiation.heard_answer(head.selector, content)
+            return negotiation.heard_answer(head.selector, content.body)
         sent_tick = departure / self._parameters.tick_period
-        tick = expand_counter(low_tick, CHANGE_TICK_BITS, int(sent_tick))
+        tick = expand_counter(content.tick, CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
-        return negotiation.heard_proposal(head.selector, tick, content)
+        return negotiation.heard_proposal(head.selector, tick, content.body)

@@ -99,6 +99,10 @@ class Clock:
         """Time stamp of a datagram that leaves now."""
         return floor((now - self._epoch) * _STAMPS_PER_S) & _STAMP_MASK
 
+    def stated(self, now: float) -> float:
+        """Our clock [s] as the peer reads it from that stamp."""
+        return floor((now - self._epoch) * _STAMPS_PER_S) * STAMP_UNIT
+
     def departure(self, stamp: int, now: float) -> float:
         """Time on the peer's clock [s] of a stamp that has just arrived."""
         near = int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)

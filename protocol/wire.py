@@ -1,45 +1,59 @@
 """Binary layout of the datagrams of a session.
 
-A session carries one or two streams of updates each way; each stream has its own kind of update. All fields are little
-endian; n is the number of values that the two ends agreed on for the stream.
+A session carries one or two streams of updates each way; each stream has its own kind of update. A datagram is a string
+of bits (`weberlink.protocol.bits`), of which each field takes the next ones, the highest first. Zeros fill the last
+byte. What a table gives in bytes begins at a whole byte, and its length follows from that of the datagram.
 
-| part | field | format | bytes | meaning |
-|---|---|---|---|---|
-| head | kind | B | 1 | bits 0-2 kind, bit 3 mark, bits 4-6 selector, bit 7 key phase |
-| head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
-| head | ack | H | 2 | low 16 bits of the number of the newest update received of the first stream |
-| head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
-| head | tick | H | 2 | sample tick on the sender's clock, low 16 bits; a heartbeat adds the newest of all streams |
-| head | echo | B | 1 | departure, on the receiver's clock, of the newest datagram heard from it (`Liveness.echo`) |
-| update | newest | nh | 2n | levels of the newest sample |
-| previous | gap | H | 2 | ticks between the two samples, 1..65535 |
-| previous | difference | nH | 2n | newest minus previous, modulo 2^16, hence always exact |
-| update_credit | count | H | 2 | low 16 bits of the sender's credit; last of an update where the session carries it |
-| heartbeat | minimum | q | 8 | least raw delay of the other direction lately, in us |
-| heartbeat | latest | I | 4 | raw delay of the latest datagram above the least, in us |
-| heartbeat | late | I | 4 | raw delay above the least that few datagrams exceed, in us |
-| heartbeat | loss | H | 2 | share of datagrams of the other direction that never came, in 1/65535 |
-| heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
-| second_ack | ack | H | 2 | as in the head, of the second stream; ends updates and heartbeats where there is one |
-| bye | reason | 0-64s | 0-64 | why, UTF-8 |
-| change | tick | I | 4 | sender's tick at which to make the change, low 32 bits; 0 in an answer |
-| change | body | 1-200s | 1-200 | what is to change, or the answer: 1 for yes, 0 and why not |
-| path | token | 8s | 8 | random bytes, which the answer returns |
+| part | field | size | meaning |
+|---|---|---|---|
+| clear | phase | 1 bit | key phase: it flips with each new key of the direction |
+| clear | selector | 3 bits | see below |
+| clear | mark | 1 bit | see below |
+| clear | kind | 3 bits | `Kind` |
+| clear | sequence | 16 bits | low bits of the datagram's number, low byte first; each of a direction has its own |
+| head | sent | 24 bits | sender's clock, in 10 us, low bits |
+| head | echo | 8 bits | departure, on the receiver's clock, of the newest datagram heard from it (`Liveness.echo`) |
+| head | tells | 1 bit | whether an acknowledgement follows; for each stream of the other direction |
+| ack | number | 16 bits | low bits of the number of the newest update received of that stream; follows its `tells` |
+| update | lags | 1 bit | whether the tick of the sample is another one than that of `sent` |
+| lag | ticks | 5-20 bits | a group of one: tick of `sent` minus tick of the sample; only if it lags |
+| update | newest | groups | levels of the newest sample |
+| previous | gap | 4-19 bits | ticks between the two samples: bits after the highest one (4), then those bits |
+| previous | difference | groups | newest minus previous, modulo 2^16, hence always exact |
+| update_credit | count | 16 bits | low bits of the sender's credit; where the session carries it |
+| parameters | data | 0-48 bytes | parameters of the model; the predictor knows their length |
+| heartbeat | ticks | 16 bits | sum of the ticks of the sender's newest updates of all streams, low bits |
+| heartbeat_credit | count | 32 bits | low bits of the sender's credit; where the session carries it |
+| report | minimum | 64 bits | least raw delay of the other direction lately, in us, two's complement |
+| report | latest | 32 bits | raw delay of the latest datagram above the least, in us |
+| report | late | 32 bits | raw delay above the least that few datagrams exceed, in us |
+| report | loss | 16 bits | share of datagrams of the other direction that never came, in 1/65535 |
+| bye | reason | 0-64 bytes | why, UTF-8 |
+| change | tick | 32 bits | sender's tick at which to make the change, low bits; 0 in an answer |
+| change | body | 1-200 bytes | what is to change, or the answer: 1 for yes, 0 and why not |
+| path | token | 8 bytes | random bytes, which the answer returns |
+
+A group of numbers is the width of the widest of them less 1 (4 bits), then each number in so many bits, two's
+complement. Levels are grouped as `UpdateForm` says: values of a similar size.
 
 The mark of an update means that a previous sample, or model parameters in its place, follow; of a heartbeat, that the
 sender wants an answer at once; of a change or path, that it is an answer. The selector of an update is that of its
-predictor; of a heartbeat, it is 1 if the sender's encoder runs (it runs whenever an update is sent); of a change, it is
-the number of the proposal. The key phase flips with each new key of the direction.
+predictor; of a heartbeat, 1 is added if the sender's encoder runs (it runs whenever an update is sent), and 2 if a
+report follows; of a change, it is the number of the proposal.
 
-The tag of the security suite comes last. Kind and sequence are authenticated and not encrypted; a suite with a key
-encrypts what follows them. Handshake datagrams (`weberlink.protocol.handshake`) share only the first byte with this.
+An acknowledgement is sent until the peer is known to have heard a datagram with it. Where there is none, the newest one
+that was received still holds.
+
+The tag of the security suite comes last. The clear part is authenticated and not encrypted; a suite with a key encrypts
+what follows it. Handshake datagrams (`weberlink.protocol.handshake`) share only the first byte with this.
 """
 
 from collections.abc import Sequence
 from enum import IntEnum
-from struct import Struct
 from typing import NamedTuple
 
+from weberlink.protocol.bits import WIDTH_BITS, BitReader, BitWriter, MalformedError
+from weberlink.protocol.counters import ACKNOWLEDGEMENT_BITS, int16
 from weberlink.protocol.events import DropReason
 from weberlink.update import (
     MAX_GAP,
@@ -52,13 +66,12 @@ from weberlink.update import (
     UpdateForm,
 )
 
-CLEAR_BYTES = 4
+CLEAR_BYTES = 3
 """Size of kind and sequence number, which are not encrypted."""
-HEAD_BYTES = 12
+SENT_BITS, ECHO_BITS = 24, 8
 TICK_BITS = 16
-TICK_MASK = (1 << TICK_BITS) - 1
 CHANGE_TICK_BITS = 32
-ACK_BYTES = 2
+UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS = 16, 32
 TOKEN_BYTES = 8
 MOST_LEVELS = 256
 """Largest number of levels of a sample."""
@@ -68,17 +81,16 @@ LONGEST_DATAGRAM = 4096
 """Longest datagram that is sent or read [bytes]; only a handshake with a very long agreement comes near it."""
 MARK = 0b1000
 PHASE = 0b1000_0000
+ENCODES, REPORTS = 1, 2
+"""Parts of the selector of a heartbeat."""
 
 _KIND_MASK = 0b0111
 _SELECTOR_SHIFT = 4
 _SHAPE_MASK = _KIND_MASK | MARK
 _U32_MAX = 0xFFFF_FFFF
-_WORD = Struct("<Q")
-_PREFIX = Struct("<IQ")
-_HEARTBEAT = Struct("<IQqIIH")
-_HEARTBEAT_BODY = Struct("<qIIH")
-_CHANGE_TICK = Struct("<I")
-UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS = 16, 32
+_LEVEL_BITS = 16
+_LARGEST = (1 << _LEVEL_BITS - 1) - 1
+_REPORT_WIDTHS = (64, 32, 32, 16)
 
 
 class Kind(IntEnum):
@@ -99,7 +111,24 @@ class Kind(IntEnum):
 UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
 """By stream."""
 # A comparison with an int is faster than one with a member of an enumeration.
-_UPDATE, _HEARTBEAT_KIND, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.SECOND_UPDATE)
+_UPDATE, _HEARTBEAT, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.SECOND_UPDATE)
+_BYE, _CHANGE, _PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
+
+
+class Envelope(NamedTuple):
+    """What every datagram says beside its content, already truncated.
+
+    Args:
+        sequence: its number.
+        sent: when it leaves, on the sender's clock.
+        echo: as of `Liveness`.
+        acks: by stream of the other direction, the acknowledgement; None if it carries none.
+    """
+
+    sequence: int
+    sent: int
+    echo: int
+    acks: tuple[int | None, ...] = (None,)
 
 
 class Head(NamedTuple):
@@ -108,30 +137,64 @@ class Head(NamedTuple):
     kind: int
     mark: bool
     selector: int
-    ack: int
     sent: int
-    tick: int
     echo: int
+    acks: tuple[int | None, ...]
 
     @property
     def asks(self) -> bool:
         """Whether the sender wants an answer at once."""
-        return self.mark and self.kind == _HEARTBEAT_KIND
+        return self.mark and self.kind == _HEARTBEAT
 
     @property
     def is_encoding(self) -> bool:
         """Whether the sender's encoder ran when the datagram left."""
         kind = self.kind
-        return kind in (_UPDATE, _SECOND_UPDATE) or (kind == _HEARTBEAT_KIND and self.selector == 1)
+        return kind in (_UPDATE, _SECOND_UPDATE) or (kind == _HEARTBEAT and self.selector & ENCODES == ENCODES)
 
 
 class Report(NamedTuple):
-    """Body of a heartbeat, in the units of the wire."""
+    """Measurements of a heartbeat, in the units of the wire."""
 
     minimum_us: int
     latest_us: int
     late_us: int
     loss_65535: int
+
+
+class UpdateContent(NamedTuple):
+    """Of an update: the tick of `sent` minus that of its sample, its sample and payload, and the truncated credit."""
+
+    lag: int
+    newest: tuple[int, ...]
+    payload: Payload
+    credit: int | None
+
+
+class HeartbeatContent(NamedTuple):
+    """Of a heartbeat: the truncated sum of ticks, the truncated credit, and the report if it has one."""
+
+    ticks: int
+    credit: int | None
+    report: Report | None
+
+
+class ByeContent(NamedTuple):
+    reason: str
+
+
+class ChangeContent(NamedTuple):
+    """Of a change: its truncated tick and what is to change, or the answer."""
+
+    tick: int
+    body: bytes
+
+
+class PathContent(NamedTuple):
+    token: bytes
+
+
+Content = UpdateContent | HeartbeatContent | ByeContent | ChangeContent | PathContent
 
 
 def kind_of(data: bytes) -> int:
@@ -146,92 +209,72 @@ def stream_of(kind: int) -> int:
 
 def sequence_of(data: bytes) -> int:
     """Truncated sequence number of a datagram of at least `CLEAR_BYTES`."""
-    return int.from_bytes(data[1:4], "little")
+    return int.from_bytes(data[1:CLEAR_BYTES], "little")
 
 
-def pack_word(ack: int, sent: int, echo: int, tick: int = 0) -> int:
-    """The encrypted part of a head as one number."""
-    return ack | sent << 16 | tick << 40 | echo << 56
+def _clear(kind: int, sequence: int, *, mark: bool = False, selector: int = 0) -> bytes:
+    first = kind | mark * MARK | selector << _SELECTOR_SHIFT
+    # Low byte first: otherwise the sequence number in the start value of `Checksum` would cancel this one.
+    return (first | sequence << 8).to_bytes(CLEAR_BYTES, "little")
 
 
-def read_head(first: int, body: bytes) -> Head:
-    """Read the head.
-
-    Args:
-        first: first byte of the datagram.
-        body: what follows `CLEAR_BYTES`, decrypted.
-    """
-    (word,) = _WORD.unpack_from(body)
-    return Head(
-        first & _KIND_MASK,
-        bool(first & MARK),
-        first >> _SELECTOR_SHIFT & MAX_SELECTOR,
-        word & 0xFFFF,
-        word >> 16 & 0xFFFFFF,
-        word >> 40 & 0xFFFF,
-        word >> 56,
-    )
+def _begun(envelope: Envelope) -> BitWriter:
+    """The head."""
+    writer = BitWriter()
+    writer.put(envelope.sent << ECHO_BITS | envelope.echo, SENT_BITS + ECHO_BITS)
+    for ack in envelope.acks:
+        if ack is None:
+            writer.put(0, 1)
+        else:
+            writer.put(1 << ACKNOWLEDGEMENT_BITS | ack, 1 + ACKNOWLEDGEMENT_BITS)
+    return writer
 
 
-# Each `pack` makes a datagram without tag, from a truncated sequence number and a word of `pack_word`; each `unpack`
-# takes a body as `read_head` does.
+# Each `pack` makes a datagram without tag.
 
 
 def pack_heartbeat(
-    sequence: int,
-    word: int,
-    report: Report,
+    envelope: Envelope,
+    ticks: int,
+    report: Report | None = None,
     credit: int | None = None,
     *,
-    further_acks: tuple[int, ...] = (),
     asks: bool = False,
     is_encoding: bool = False,
 ) -> bytes:
-    """A heartbeat, with credit and the acknowledgements of further streams where the direction carries them."""
-    data = _HEARTBEAT.pack(
-        Kind.HEARTBEAT | asks * MARK | is_encoding << _SELECTOR_SHIFT | sequence << 8,
-        word,
-        report.minimum_us,
-        min(report.latest_us, _U32_MAX),
-        min(report.late_us, _U32_MAX),
-        report.loss_65535,
-    )
+    """A heartbeat; `ticks` is truncated already, `credit` is None where the session carries none."""
+    writer = _begun(envelope)
+    writer.put(ticks, TICK_BITS)
     if credit is not None:
-        data += (credit & _U32_MAX).to_bytes(HEARTBEAT_CREDIT_BITS // 8, "little")
-    return data + b"".join(ack.to_bytes(ACK_BYTES, "little") for ack in further_acks) if further_acks else data
+        writer.put(credit & _U32_MAX, HEARTBEAT_CREDIT_BITS)
+    if report is not None:
+        delays = (
+            report.minimum_us & 0xFFFF_FFFF_FFFF_FFFF,
+            min(report.latest_us, _U32_MAX),
+            min(report.late_us, _U32_MAX),
+        )
+        for number, width in zip((*delays, report.loss_65535), _REPORT_WIDTHS, strict=True):
+            writer.put(number, width)
+    selector = is_encoding * ENCODES | (report is not None) * REPORTS
+    return _clear(_HEARTBEAT, envelope.sequence, mark=asks, selector=selector) + writer.to_bytes()
 
 
-def unpack_report(body: bytes) -> Report:
-    return Report._make(_HEARTBEAT_BODY.unpack_from(body, _WORD.size))
-
-
-def pack_bye(sequence: int, word: int, reason: str) -> bytes:
+def pack_bye(envelope: Envelope, reason: str) -> bytes:
     text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return _PREFIX.pack(Kind.BYE | sequence << 8, word) + text
+    return _clear(_BYE, envelope.sequence) + _begun(envelope).to_bytes() + text
 
 
-def unpack_bye(body: bytes) -> str:
-    return body[_WORD.size :].decode(errors="replace")
+def pack_change(envelope: Envelope, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
+    """A proposed change, or the answer to one; the tick is truncated already."""
+    writer = _begun(envelope)
+    writer.put(tick, CHANGE_TICK_BITS)
+    clear = _clear(_CHANGE, envelope.sequence, mark=is_answer, selector=number)
+    return clear + writer.to_bytes() + body[:LONGEST_CHANGE]
 
 
-def pack_change(sequence: int, word: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
-    """A proposed change, or the answer to one."""
-    first = Kind.CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT | sequence << 8
-    return _PREFIX.pack(first, word) + _CHANGE_TICK.pack(tick) + body[:LONGEST_CHANGE]
-
-
-def unpack_change(body: bytes) -> tuple[int, bytes]:
-    """Truncated tick and content."""
-    return _CHANGE_TICK.unpack_from(body, _WORD.size)[0], body[_WORD.size + _CHANGE_TICK.size :]
-
-
-def pack_path(sequence: int, word: int, token: bytes, *, is_answer: bool) -> bytes:
+def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
     """The question whether the peer is at an address, or the answer."""
-    return _PREFIX.pack(Kind.PATH | is_answer * MARK | sequence << 8, word) + token
-
-
-def unpack_path(body: bytes) -> bytes:
-    return body[_WORD.size :]
+    return _clear(_PATH, envelope.sequence, mark=is_answer) + _begun(envelope).to_bytes() + token
 
 
 class UpdateLayout:
@@ -242,7 +285,7 @@ class UpdateLayout:
         forms: Sequence[UpdateForm],
         *,
         carries_credit: bool = False,
-        further_acks: int = 0,
+        acks: int = 1,
         kind: Kind = Kind.UPDATE,
     ) -> None:
         """Prepare for updates of these forms, by selector.
@@ -250,7 +293,7 @@ class UpdateLayout:
         Args:
             forms: what an update carries.
             carries_credit: whether each datagram carries the sender's credit.
-            further_acks: streams of the other direction beside the first, which each datagram acknowledges too.
+            acks: number of streams of the other direction.
             kind: of the updates.
 
         Raises:
@@ -260,34 +303,37 @@ class UpdateLayout:
         if not 1 <= len(forms) <= MAX_SELECTOR + 1:
             raise ValueError(f"a stream has 1 to {MAX_SELECTOR + 1} forms of updates, not {len(forms)}")
         for form in forms:
-            if not 1 <= sum(form.newest) <= MOST_LEVELS:
-                raise ValueError(f"a sample has 1 to {MOST_LEVELS} levels, not {sum(form.newest)}")
+            if not (form.newest and min(form.newest) >= 1 and sum(form.newest) <= MOST_LEVELS):
+                raise ValueError(f"a sample has 1 to {MOST_LEVELS} levels in groups of 1 or more, not {form.newest}")
             if form.previous is not None and form.previous != form.newest[: len(form.previous)]:
                 raise ValueError(f"a previous sample has the first groups of the newest, not {form.previous}")
         self.forms = tuple(forms)
-        self.carries_credit = carries_credit
+        self._carries_credit = carries_credit
+        self._acks = acks
         self._kind = int(kind)
-        self._tail = Struct(f"<{'H' * (carries_credit + further_acks)}")
 
-    def pack(
-        self,
-        sequence: int,
-        word: int,
-        update: Update,
-        credit: int = 0,
-        further_acks: tuple[int, ...] = (),
-    ) -> bytes:
-        """An update; acknowledgements are truncated already."""
-        newest, payload = update.newest, update.payload
-        first = self._kind | update.selector << _SELECTOR_SHIFT | sequence << 8
-        last = (credit & 0xFFFF, *further_acks) if self.carries_credit else further_acks
-        content = Struct(f"<{len(newest)}h").pack(*newest)
+    def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0) -> bytes:
+        """An update that `check` accepts, with the tick of `sent` minus that of its sample, -2^15 to 2^15 - 1."""
+        newest, payload, form = update.newest, update.payload, self.forms[update.selector]
+        writer = _begun(envelope)
+        if lag:
+            writer.put(1, 1)
+            writer.put_group((lag,))
+        else:
+            writer.put(0, 1)
+        _put_groups(writer, form.newest, newest)
         if isinstance(payload, PreviousSample):
-            difference = [(new - old) & 0xFFFF for new, old in zip(newest, payload.levels, strict=False)]
-            content += Struct(f"<H{len(difference)}H").pack(payload.gap, *difference)
-        elif payload is not None:
-            content += payload.data
-        return _PREFIX.pack(first | (payload is not None) * MARK, word) + content + self._tail.pack(*last)
+            writer.put_count(payload.gap)
+            _put_groups(
+                writer,
+                form.previous or (),
+                [int16(new - old) for new, old in zip(newest, payload.levels, strict=False)],
+            )
+        if self._carries_credit:
+            writer.put(credit & 0xFFFF, UPDATE_CREDIT_BITS)
+        clear = _clear(self._kind, envelope.sequence, mark=payload is not None, selector=update.selector)
+        packed = clear + writer.to_bytes()
+        return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def check(self, update: Update) -> None:
         """Check that an update can be packed without loss.
@@ -298,68 +344,93 @@ class UpdateLayout:
         if not 0 <= update.selector < len(self.forms):
             raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {update.selector}")
         form, payload = self.forms[update.selector], update.payload
-        _check_levels("a sample", update.newest, sum(form.newest))
+        _check_levels("a sample", update.newest, form.newest)
         if payload is None:
             return
-        if form.previous is None:
-            if not isinstance(payload, ModelParameters):
-                raise ValueError(f"an update of selector {update.selector} must carry model parameters, not {payload}")
+        if isinstance(payload, PreviousSample) is (form.previous is None):
+            expected = "model parameters" if form.previous is None else "a previous sample"
+            raise ValueError(f"an update of selector {update.selector} must carry {expected}, not {payload}")
+        if isinstance(payload, ModelParameters):
             if len(payload.data) > MOST_PARAMETER_BYTES:
                 raise ValueError(
                     f"model parameters must have at most {MOST_PARAMETER_BYTES} bytes, not {len(payload.data)}"
                 )
             return
-        if not isinstance(payload, PreviousSample):
-            raise ValueError(f"an update of selector {update.selector} must carry a previous sample, not {payload}")  # noqa: TRY004
         if not 1 <= payload.gap <= MAX_GAP:
             raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
-        _check_levels("a previous sample", payload.levels, sum(form.previous))
+        _check_levels("a previous sample", payload.levels, form.previous or ())
 
-    def unpack(self, body: bytes, head: Head, tick: int) -> Update | None:
-        """The update, with its tick in full; None if its content does not fit its form."""
+    def read(self, reader: BitReader, head: Head) -> UpdateContent:
+        """The content that follows the head; raises `MalformedError` if it does not fit its form."""
         if head.selector >= len(self.forms):
-            return None
-        form, at = self.forms[head.selector], _WORD.size
-        levels = Struct(f"<{sum(form.newest)}h")
-        end = len(body) - self._tail.size
-        if end < at + levels.size:
-            return None
-        newest = levels.unpack_from(body, at)
-        payload = self._payload(form, newest, body[at + levels.size : end]) if head.mark else None
-        is_whole = payload is not None if head.mark else end == at + levels.size
-        return Update(tick, head.selector, newest, payload) if is_whole else None
+            raise MalformedError(f"selector {head.selector} of {len(self.forms)}")
+        form = self.forms[head.selector]
+        lag = reader.take_group(1)[0] if reader.take(1) else 0
+        newest = _take_groups(reader, form.newest)
+        payload: Payload = None
+        if head.mark and form.previous is not None:
+            gap, steps = reader.take_count(), _take_groups(reader, form.previous)
+            payload = PreviousSample(gap, tuple([int16(new - step) for new, step in zip(newest, steps, strict=False)]))
+        credit = reader.take(UPDATE_CREDIT_BITS) if self._carries_credit else None
+        if head.mark and form.previous is None:
+            payload = ModelParameters(reader.rest())
+            if len(payload.data) > MOST_PARAMETER_BYTES:
+                raise MalformedError(f"{len(payload.data)} bytes of parameters")
+        else:
+            reader.end()
+        return UpdateContent(lag, newest, payload, credit)
 
-    @staticmethod
-    def _payload(form: UpdateForm, newest: tuple[int, ...], data: bytes) -> Payload:
-        """What follows the newest sample; None if it does not fit its form."""
-        if form.previous is None:
-            return ModelParameters(data) if len(data) <= MOST_PARAMETER_BYTES else None
-        differences = Struct(f"<H{sum(form.previous)}H")
-        if len(data) != differences.size:
-            return None
-        gap, *steps = differences.unpack(data)
-        levels = [((new - step + 0x8000) & 0xFFFF) - 0x8000 for new, step in zip(newest, steps, strict=False)]
-        return PreviousSample(gap, tuple(levels)) if gap else None
+    def length(self, update: Update, *, acknowledges: bool = True) -> int:
+        """Bytes of an update whose sample is of its tick, without tag.
 
-    def length(self, update: Update) -> int:
-        """Bytes of an update, without tag."""
-        return len(self.pack(0, 0, update, 0, (0,) * (self._tail.size // 2 - self.carries_credit)))
+        Args:
+            update: one that `check` accepts.
+            acknowledges: whether it carries the acknowledgements.
+        """
+        return len(self.pack(Envelope(0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
     def lengths(self) -> tuple[int, int]:
         """Bytes of the shortest and of the longest update, without tag."""
-        fixed = HEAD_BYTES + self._tail.size
-        levels = [2 * sum(form.newest) for form in self.forms]
-        payloads = [
-            MOST_PARAMETER_BYTES if form.previous is None else 2 + 2 * sum(form.previous) for form in self.forms
-        ]
-        longest = max(level + payload for level, payload in zip(levels, payloads, strict=True))
-        return fixed + min(levels), fixed + longest
+        head = SENT_BITS + ECHO_BITS + self._acks + 1 + self._carries_credit * UPDATE_CREDIT_BITS
+        most_head = head + self._acks * ACKNOWLEDGEMENT_BITS + WIDTH_BITS + _LEVEL_BITS
+        shortest, longest = [], []
+        for form in self.forms:
+            shortest.append(_bytes(head + _bits(form.newest, 1)))
+            most = most_head + _bits(form.newest, _LEVEL_BITS)
+            if form.previous is None:
+                longest.append(_bytes(most) + MOST_PARAMETER_BYTES)
+            else:
+                longest.append(_bytes(most + WIDTH_BITS + _LEVEL_BITS - 1 + _bits(form.previous, _LEVEL_BITS)))
+        return CLEAR_BYTES + min(shortest), CLEAR_BYTES + max(longest)
 
 
-def _check_levels(what: str, levels: Sequence[int], count: int) -> None:
-    if len(levels) != count or not all(-0x8000 <= level <= 0x7FFF for level in levels):
-        raise ValueError(f"{what} must be {count} levels of int16, not {levels!r}")
+def _bytes(bits: int) -> int:
+    return -(-bits // 8)
+
+
+def _bits(groups: Sequence[int], width: int) -> int:
+    """Bits of groups of numbers of this width."""
+    return sum(WIDTH_BITS + width * count for count in groups)
+
+
+def _put_groups(writer: BitWriter, groups: Sequence[int], numbers: Sequence[int]) -> None:
+    start = 0
+    for count in groups:
+        writer.put_group(numbers[start : start + count])
+        start += count
+
+
+def _take_groups(reader: BitReader, groups: Sequence[int]) -> tuple[int, ...]:
+    numbers: tuple[int, ...] = ()
+    for count in groups:
+        numbers += reader.take_group(count)
+    return numbers
+
+
+def _check_levels(what: str, levels: Sequence[int], groups: Sequence[int]) -> None:
+    if len(levels) != sum(groups) or not all(-_LARGEST - 1 <= level <= _LARGEST for level in levels):
+        raise ValueError(f"{what} must be {sum(groups)} levels of int16, not {levels!r}")
 
 
 class DirectionLayout:
@@ -368,16 +439,10 @@ class DirectionLayout:
     Attributes:
         updates: by stream.
         carries_credit: whether each update and heartbeat carries the sender's credit.
-        further_acks: how many streams of the other direction each of them acknowledges beside the first.
+        acks: number of streams of the other direction, which each datagram may acknowledge.
     """
 
-    def __init__(
-        self,
-        streams: Sequence[Sequence[UpdateForm]],
-        *,
-        carries_credit: bool = False,
-        further_acks: int = 0,
-    ) -> None:
+    def __init__(self, streams: Sequence[Sequence[UpdateForm]], *, carries_credit: bool = False, acks: int = 1) -> None:
         """Prepare for streams whose updates have these forms, by selector.
 
         Raises:
@@ -386,46 +451,77 @@ class DirectionLayout:
         if not 1 <= len(streams) <= len(UPDATE_KINDS):
             raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
         self.carries_credit = carries_credit
-        self.further_acks = further_acks
+        self.acks = acks
         self.updates = tuple(
-            UpdateLayout(forms, carries_credit=carries_credit, further_acks=further_acks, kind=kind)
+            UpdateLayout(forms, carries_credit=carries_credit, acks=acks, kind=kind)
             for forms, kind in zip(streams, UPDATE_KINDS, strict=False)
         )
 
-    def read_acks(self, body: bytes) -> tuple[int, ...]:
-        """Acknowledgements of further streams at the end of an update or heartbeat."""
-        return tuple(
-            int.from_bytes(body[at : at + ACK_BYTES], "little")
-            for at in range(len(body) - ACK_BYTES * self.further_acks, len(body), ACK_BYTES)
-        )
+    def read(self, first: int, body: bytes) -> tuple[Head, Content]:
+        """Head and content of a datagram.
 
-    def read_credit(self, kind: int, body: bytes) -> tuple[int, int]:
-        """Truncated credit of an update or heartbeat that carries it, and its number of bits."""
-        end = len(body) - ACK_BYTES * self.further_acks
-        bits = HEARTBEAT_CREDIT_BITS if kind == _HEARTBEAT_KIND else UPDATE_CREDIT_BITS
-        return int.from_bytes(body[end - bits // 8 : end], "little"), bits
+        Args:
+            first: first byte of the datagram.
+            body: what follows `CLEAR_BYTES`, decrypted.
+
+        Raises:
+            MalformedError: if it is none that a peer of these layouts sends.
+        """
+        reader = BitReader(body)
+        kind, mark, selector = first & _KIND_MASK, bool(first & MARK), first >> _SELECTOR_SHIFT & MAX_SELECTOR
+        word = reader.take(SENT_BITS + ECHO_BITS)
+        acks = tuple([reader.take(ACKNOWLEDGEMENT_BITS) if reader.take(1) else None for _ in range(self.acks)])
+        head = Head(kind, mark, selector, word >> ECHO_BITS, word & (1 << ECHO_BITS) - 1, acks)
+        return head, self._content(head, reader)
+
+    def _content(self, head: Head, reader: BitReader) -> Content:
+        match head.kind:
+            case Kind.UPDATE | Kind.SECOND_UPDATE:
+                stream = stream_of(head.kind)
+                if stream >= len(self.updates):
+                    raise MalformedError(f"stream {stream} of {len(self.updates)}")
+                return self.updates[stream].read(reader, head)
+            case Kind.HEARTBEAT:
+                return self._heartbeat(head, reader)
+            case Kind.BYE:
+                return ByeContent(reader.rest().decode(errors="replace"))
+            case Kind.CHANGE:
+                return ChangeContent(reader.take(CHANGE_TICK_BITS), reader.rest())
+            case Kind.PATH:
+                return PathContent(reader.rest())
+        raise MalformedError(f"kind {head.kind}")
+
+    def _heartbeat(self, head: Head, reader: BitReader) -> HeartbeatContent:
+        ticks = reader.take(TICK_BITS)
+        credit = reader.take(HEARTBEAT_CREDIT_BITS) if self.carries_credit else None
+        report = None
+        if head.selector & REPORTS:
+            minimum, latest, late, loss = (reader.take(width) for width in _REPORT_WIDTHS)
+            report = Report((minimum ^ 1 << 63) - (1 << 63), latest, late, loss)
+        reader.end()
+        return HeartbeatContent(ticks, credit, report)
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
         """Shortest and longest datagram of each shape (kind and mark) that a peer of these layouts sends."""
-        bye = HEAD_BYTES + tag_size
-        credit = HEARTBEAT_CREDIT_BITS // 8 if self.carries_credit else 0
-        heartbeat = _HEARTBEAT.size + credit + ACK_BYTES * self.further_acks + tag_size
-        change = bye + _CHANGE_TICK.size
-        path = bye + TOKEN_BYTES
-        updates = {
-            kind | mark: (layout.lengths[0] + tag_size, layout.lengths[1] + tag_size)
+        least = SENT_BITS + ECHO_BITS + self.acks
+        most = least + self.acks * ACKNOWLEDGEMENT_BITS
+        pulse = TICK_BITS + self.carries_credit * HEARTBEAT_CREDIT_BITS
+        changes = CHANGE_TICK_BITS, CHANGE_TICK_BITS + 8 * LONGEST_CHANGE
+        sizes = {
+            Kind.HEARTBEAT: (pulse, pulse + sum(_REPORT_WIDTHS)),
+            Kind.CHANGE: (changes[0] + 8, changes[1]),
+            Kind.PATH: (8 * TOKEN_BYTES, 8 * TOKEN_BYTES),
+        }
+        clear = CLEAR_BYTES + tag_size
+        shapes = {
+            kind: (clear + _bytes(least + low), clear + _bytes(most + high)) for kind, (low, high) in sizes.items()
+        }
+        shapes |= {
+            kind: (layout.lengths[0] + tag_size, layout.lengths[1] + tag_size)
             for layout, kind in zip(self.updates, UPDATE_KINDS, strict=False)
-            for mark in (0, MARK)
         }
-        return updates | {
-            Kind.HEARTBEAT: (heartbeat, heartbeat),
-            Kind.HEARTBEAT | MARK: (heartbeat, heartbeat),
-            Kind.BYE: (bye, bye + LONGEST_REASON),
-            Kind.CHANGE: (change + 1, change + LONGEST_CHANGE),
-            Kind.CHANGE | MARK: (change + 1, change + LONGEST_CHANGE),
-            Kind.PATH: (path, path),
-            Kind.PATH | MARK: (path, path),
-        }
+        both = {kind | mark: limits for kind, limits in shapes.items() for mark in (0, MARK)}
+        return both | {int(Kind.BYE): (clear + _bytes(least), clear + _bytes(most) + LONGEST_REASON)}
 
 
 def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:

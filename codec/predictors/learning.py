@@ -25,7 +25,7 @@ from weberlink.geometry.vector import Vector
 
 STEP_S = 0.004
 """Time from one sample that is learned to the next [s]."""
-HORIZONS = (1, 2, 4, 8, 16)
+HORIZONS = (1, 2, 4, 8, 16, 32)
 """In steps."""
 LAGS_S = (0.001, 0.003, 0.009, 0.027)
 """Times over which differences and, except the first, running means are taken [s]."""

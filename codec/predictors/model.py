@@ -94,7 +94,8 @@ class Model(ABC):
     def first(self, newest: Sample) -> Vector:
         """The value at the tick of the newest sample.
 
-        By default the sample itself: a stiff model misses it by up to stiffness times half a position step.
+        By default the sample itself: a stiff model misses it by up to stiffness times half a position step. Only that
+        of an estimated predictor may begin elsewhere; outside the deadband, the encoder holds the sample instead.
         """
         return newest.value
 

@@ -137,6 +137,21 @@ def test_friction_pulls_back_and_a_new_update_forgets_how_far() -> None:
     assert decoder.value(21, (0.01, 0.0, -0.002)) == (0.0, 0.0, 1.0)
 
 
+def test_a_repeat_of_an_update_does_not_rewind_the_memory_of_friction() -> None:
+    """A datagram whose acknowledgement is late is repeated. The probe slides 10 mm and 1.2 mm back meanwhile."""
+    channel = force_channel(predictor="surface")
+    newest = channel.grid.sample(10, (0, 0, 1000, 0, 0, -200))
+    model = SurfacePatch((0.0, 0.0, 1.0), ZERO, 10, 500.0, friction=0.3)
+    update = Update(10, 0, (0, 0, 1000, 0, 0, -200), SURFACE.packed(model, newest, channel.grid))
+    repeated, other = Decoder(channel), Decoder(channel)
+    for decoder in (repeated, other):
+        decoder.apply(update)
+        decoder.value(11, (0.01, 0.0, -0.002))
+    repeated.apply(update)
+    back = (0.0088, 0.0, -0.002)
+    assert repeated.value(12, back) == other.value(12, back) == pytest.approx((0.296875, 0.0, 1.0))
+
+
 def test_parameters_without_a_normal_hold_the_sample() -> None:
     channel = force_channel(predictor="surface")
     widths = SURFACE.widths(channel.grid)

@@ -12,9 +12,19 @@ from tests.codec.law import ESTIMATED, FITTED, FORCE_PREDICTORS, POSITION_PREDIC
 from tests.codec.signals import contact_stream, rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
-from weberlink.codec.deadband import ForceDeadband, PositionDeadband, Reference
-from weberlink.codec.predictors import ADAPTIVE, PREDICTORS
+from weberlink.codec.deadband import (
+    ConeDeadband,
+    Deadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    PositionDeadband,
+    Reference,
+)
+from weberlink.codec.predictors import ADAPTIVE, PREDICTORS, FitLimits, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, Signal
+from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
+from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.update import MAX_GAP
 
@@ -126,6 +136,62 @@ def test_a_reset_encoder_sends_the_same_bits_as_a_fresh_one(predictor: str, posi
         assert update == fresh.encode(tick, place if position else force, place)
         sent += update is not None
     assert sent > 1
+
+
+class AsideCandidate:
+    def model(self, context: EncodeContext) -> Line:
+        x, y, z = context.newest.value
+        return Line((x + 3.0 * context.bound, y, z), ZERO, context.newest.tick)
+
+
+class Aside(Predictor):
+    """Its line begins three deadbands beside the sample."""
+
+    name = "aside"
+    estimated = True
+
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [AsideCandidate()]
+
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        return (16,)
+
+    def levels(self, model: Line, newest: Sample, grid: SampleGrid) -> list[int]:
+        return [min(65_535, round((model.value[0] - newest.value[0]) / grid.value.step))]
+
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Line:
+        x, y, z = newest.value
+        return Line((x + fields[0] * grid.value.step, y, z), ZERO, newest.tick)
+
+
+class FittedAside(Predictor):
+    """Both ends would begin aside, though no parameter is sent."""
+
+    name = "fitted_aside"
+
+    def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Line:
+        x, y, z = newest.value
+        return Line((x + 5.0, y, z), ZERO, newest.tick)
+
+
+@pytest.mark.parametrize("deadband", [
+    ForceDeadband(0.1, 0.02), ConeDeadband(0.3, 0.002, 0.02), LevelCrossingDeadband(0.3, 0.002, 0.02),
+])  # fmt: skip
+@pytest.mark.parametrize("predictor", [*FORCE_PREDICTORS, "aside", "fitted_aside"])
+def test_no_model_begins_outside_the_deadband(
+    predictor: str, deadband: Deadband, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for strange in (Aside(), FittedAside()):
+        monkeypatch.setitem(PREDICTORS.built_in, strange.name, strange)  # type: ignore[arg-type]
+        monkeypatch.setitem(PREDICTORS._loaded, strange.name, strange)
+    channel, sent = force_channel(predictor=predictor, deadband=deadband), 0
+    stream = rubbing_stream(3, ticks=800)
+    for tick, (force, _) in zip(code(channel, stream), stream, strict=True):
+        if tick.update is not None:
+            sent += 1
+            rounded = deadband.error(channel.value_quantizer.rounded(force), force)
+            assert deadband.error(tick.displayed, force) <= max(tick.bound, rounded)
+    assert sent > 5
 
 
 def test_a_sensor_at_rest_sends_nothing_above_the_floor_and_every_tick_without_one() -> None:

@@ -23,8 +23,7 @@ from weberlink.codec.predictors.model import Hold
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale
 from weberlink.master.safety import ForceLimiter
-from weberlink.protocol.counters import expand_counter
-from weberlink.protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
+from weberlink.protocol.wire import CLEAR_BYTES, DirectionLayout, Envelope, UpdateContent, UpdateLayout
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 Samples = Sequence[tuple[int, Vector, Vector]]
@@ -34,7 +33,7 @@ WEBER = 0.10
 FULL = 1e-3 * INT16_MAX
 """Range of a force on one axis [N]."""
 LATENCY = 7
-"""Delay of the wire [ticks]."""
+"""Age of a sample when it is sent [ticks]."""
 FORCE_LIMIT = 10.0
 
 NO_FLOOR = partial(force_channel, floor=0.0)
@@ -117,13 +116,12 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 
 
 def wire(update: Update, layout: UpdateLayout) -> Update:
-    """An update as the receiver decodes it after `LATENCY` ticks."""
+    """An update as the receiver decodes it, sent `LATENCY` ticks after its sample."""
     layout.check(update)
-    data = layout.pack(0, pack_word(0, 0, 0, update.tick & (1 << TICK_BITS) - 1), update)
-    head = read_head(data[0], data[CLEAR_BYTES:])
-    received = layout.unpack(data[CLEAR_BYTES:], head, expand_counter(head.tick, TICK_BITS, update.tick + LATENCY))
-    assert received is not None
-    return received
+    data = layout.pack(Envelope(0, 0, 0), LATENCY, update)
+    head, content = DirectionLayout([layout.forms]).read(data[0], data[CLEAR_BYTES:])
+    assert isinstance(content, UpdateContent)
+    return Update(update.tick + LATENCY - content.lag, head.selector, content.newest, content.payload)
 
 
 def oblique() -> Samples:
@@ -137,7 +135,7 @@ ON_A_BALL = {"zoh": 11, "linear": 4, "plane": 15, "sphere": 2, "hybrid": 3}
 BALL = frozenset({"linear", "plane", "sphere", "hybrid"})
 WALL = frozenset({"linear", "plane", "hybrid"})
 LINEAR = frozenset({"linear"})
-WRAP = 1 << TICK_BITS
+WRAP = 1 << 16
 
 CASES = [
     # Nothing, almost nothing, far too much.

@@ -143,6 +143,43 @@ def test_the_largest_step_is_smaller(predictor: str) -> None:
     assert steps[1] < 0.6 * steps[0]
 
 
+@pytest.mark.parametrize("predictor", ["zoh", "hybrid", "adaptive"])
+def test_a_live_change_of_the_weber_factor_keeps_the_law(predictor: str) -> None:
+    """And costs no further updates: a ramp of the former deadband would leave the new one at once."""
+    counts = []
+    for weber in (0.05, 0.3):
+        channel = force_channel(predictor=predictor, weber=weber, smoothing=Smoothing(20))
+        encoder, decoder, sent = Encoder(channel), Decoder(channel), 0
+        for tick in range(4000):
+            if tick == 1000:
+                encoder.retune(ForceDeadband(0.05, 0.02), range(len(channel.bank)))
+                decoder.retune(ForceDeadband(0.05, 0.02), tick)
+            force, position = (
+                up(2.0 + sin(0.004 * tick) + 0.05 * sin(0.07 * tick)),
+                (0.0, 0.0, -1e-3 * sin(0.02 * tick)),
+            )
+            update = encoder.encode(tick, force, position)
+            if update is not None:
+                decoder.apply(update)
+            shown = decoder.value(tick, position)
+            assert shown is not None
+            assert distance(shown, force) <= encoder.bound + half_step(channel)
+            sent += update is not None and tick >= 1000
+        counts.append(sent)
+    assert counts[1] <= 1.3 * counts[0]
+
+
+def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() -> None:
+    decoder = Decoder(force_channel(predictor="zoh", weber=0.1, smoothing=Smoothing(10, 0.5)))
+    decoder.retune(ForceDeadband(0.2, 0.02), since=100)
+    for tick, force, kept in ((90, 1.0, 0.05), (99, 2.0, 0.1), (100, 4.0, 0.4), (120, 8.0, 0.8)):
+        decoder.apply(held(tick, round(1000 * force)))
+        assert decoder.value(tick) == pytest.approx(up(force - kept))
+    decoder.reset()  # the sender may have begun its ticks anew; the deadband stays
+    decoder.apply(held(5, 1000))
+    assert decoder.value(5) == pytest.approx(up(0.9))
+
+
 @pytest.mark.parametrize("predictor", ["zoh", "path", "hybrid", "adaptive"])
 def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor: str) -> None:
     ticks = 8

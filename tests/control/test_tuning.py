@@ -17,15 +17,20 @@ CHOICES = ("none", "tdpa", "mmt")
 class Applied:
     def __init__(self, permitted: dict[str, tuple[str, ...]] | None = None, *, leads: bool = False) -> None:
         self.seen: list[LiveSettings] = []
+        self.peer_ticks: list[float] = []
         self.used: list[str] = []
         self.tuning = Tuning(
             FILE,
             PERMITTED if permitted is None else permitted,
-            self.seen.append,
+            self.apply,
             CHOICES,
             self.used.append,
             leads=leads,
         )
+
+    def apply(self, settings: LiveSettings, peer_tick: float) -> None:
+        self.seen.append(settings)
+        self.peer_ticks.append(peer_tick)
 
 
 def asked(tuning: Tuning, change: dict[str, object], tick: int = 100, refusal: str | None = None) -> None:
@@ -52,6 +57,28 @@ def test_a_change_of_the_peer_is_made_at_its_tick_of_the_peer() -> None:
     assert not applied.seen
     applied.tuning.advance(10_000, 499.6)  # the tick that is nearest to it
     assert applied.seen == [FILE._replace(scheme="tdpa")]
+
+
+@pytest.mark.parametrize("late", [0, 7])
+@pytest.mark.parametrize("offset", [-3000.0, 0.0, 12.4, 12.6, 1e6])
+def test_each_end_knows_the_tick_at_which_the_other_makes_a_change(offset: float, late: int) -> None:
+    """Clocks apart by an offset; the answer may come when the tick has passed."""
+    proposer, peer = Applied(), Applied()
+    tick = 5000
+    body = proposer.tuning.ask({"weber": 0.2})
+    assert peer.tuning.hear(tick, body) is None
+    made = 0
+    for own in range(tick + round(offset) - 5, tick + round(offset) + 6):
+        peer.tuning.advance(own, own - offset)
+        made = made or (own if peer.seen else 0)
+    assert peer.peer_ticks == [tick]
+    proposer.tuning.settle(tick, body, None)
+    proposer.tuning.advance(tick + late, tick + late + offset)
+    assert made - 1 < proposer.peer_ticks[0] <= made
+    unknown = Applied()
+    asked(unknown.tuning, {"weber": 0.2}, tick)
+    unknown.tuning.advance(tick, None)
+    assert unknown.peer_ticks == [-inf]
 
 
 def test_a_refusal_changes_nothing_and_is_the_verdict() -> None:
@@ -152,7 +179,7 @@ def test_what_no_choice_can_be_is_refused(body: bytes) -> None:
 def test_the_slave_chooses_nothing_and_nobody_asks_for_a_choice() -> None:
     assert Applied(leads=True).tuning.hear(100, b'{"choice":"tdpa"}') is not None
     assert "unknown setting choice" in (Applied().tuning.complaint({"choice": "tdpa"}) or "")
-    fixed = Tuning(FILE._replace(scheme="tdpa"), PERMITTED, lambda _: None)
+    fixed = Tuning(FILE._replace(scheme="tdpa"), PERMITTED, lambda *_: None)
     assert fixed.hear(100, b'{"choice":"tdpa"}') is not None
 
 

@@ -78,7 +78,7 @@ class MeddledProtection:
 
 def mutate(data: bytes, random: Random) -> bytes:
     """Change bytes at random."""
-    changed = bytearray(data)
+    changed = bytearray(data or b"\0")
     match random.randrange(6):
         case 0:
             changed[random.randrange(len(changed))] ^= 1 << random.randrange(8)

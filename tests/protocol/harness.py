@@ -36,11 +36,11 @@ KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
 SILENCE = 0.1
-INTERVAL = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).interval
-"""Of heartbeats over a path without delay [s]."""
-MENDED_WITHIN = 0.15
-"""Time after the last loss, if nobody fell silent, in which the newest update arrives: one interval of the other end's
-heartbeats for the evidence, and the longest pace between two repeats [s]."""
+GAP = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).gap
+"""Longest between two datagrams over a path without delay [s]."""
+MENDED_WITHIN = 0.16
+"""Time after the last loss, if nobody fell silent, in which the newest update arrives: one gap of the other end for the
+evidence, and the longest pace between two repeats [s]."""
 
 
 @dataclass

@@ -10,7 +10,7 @@ from weberlink.protocol import Connected, DropReason, PeerClosed, Refused, Role,
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.handshake import HelloHeader, read_answered, read_hello_header
+from weberlink.protocol.handshake import PROTOCOL_VERSION, HelloHeader, read_answered, read_hello_header
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import Kind, kind_of
@@ -80,8 +80,9 @@ def test_a_refusal_that_is_lost_is_given_again() -> None:
 
 
 def test_versions_that_differ_are_both_named() -> None:
-    pair = Pair(slave={"version": 3}).connect().run(0.5)
-    expected = [Refused("protocol version: master has 2, slave has 3")]
+    own, other = PROTOCOL_VERSION, PROTOCOL_VERSION - 1
+    pair = Pair(slave={"version": other}).connect().run(0.5)
+    expected = [Refused(f"protocol version: master has {own}, slave has {other}")]
     assert pair.master.of(Refused) == expected
     assert pair.slave.of(Refused) == expected
 
@@ -258,7 +259,7 @@ def test_authentic_random_bytes_are_malformed() -> None:
         slave = make_endpoint(Role.RESPONDER, security=security)
         slave.connect(0.0)
         for size in range(600, 800):
-            header = HelloHeader(2, bytes(8), size).pack()
+            header = HelloHeader(PROTOCOL_VERSION, bytes(8), size).pack()
             hello = security.call(header, random.randbytes(security.private_size)).hello(random.randbytes(size))
             slave.receive_datagram(header + hello, MASTER, 0.0)
         assert slave.statistics.dropped == {DropReason.MALFORMED: 200}

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import INTERVAL, MENDED_WITHIN, SILENCE, Pair, Side, forms, patience
+from tests.protocol.harness import GAP, MENDED_WITHIN, SILENCE, Pair, Side, forms, patience
 from weberlink.protocol import PeerSilent, State
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import ASK_PACE
@@ -74,7 +74,9 @@ def test_early_repeats_keep_to_their_allowance(burst: float) -> None:
         if now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
             pair.master.send(pair.now, pair.ticks)
 
-    pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), on_tick=on_tick, every=20, seed=2)
+    ends = {"silence": patience(0.045)}
+    backward = Emulation(delay_s=0.045)
+    pair = Pair(forward=lossy, backward=backward, master=ends, slave=ends, on_tick=on_tick, every=20, seed=2)
     pair.connect().run(10.0)
     # Newer updates come sooner than evidence can, so every repeat is an early one.
     assert 0 < pair.master.endpoint.statistics.repeats <= EARLY_PER_S * 11.0
@@ -94,7 +96,7 @@ def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
     pair.swallow = lambda side, data: False
     before = len(pair.tap)
     pair.run(0.2)
-    assert in_the_dark <= 2 * (0.1 / ASK_PACE) + 12 + 2 * darkness / INTERVAL + 10 * darkness
+    assert in_the_dark <= 2 * (0.1 / ASK_PACE) + 12 + 2 * darkness / GAP + 10 * darkness
     assert len(pair.tap) - before <= 60, f"seed {seed}"
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from tests.protocol.harness import (
-    INTERVAL,
+    GAP,
     MASTER,
     SILENCE,
     Pair,
@@ -28,6 +28,7 @@ from weberlink.protocol import (
     UpdateReceived,
 )
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.wire import Kind, kind_of
@@ -368,16 +369,19 @@ def test_a_restarted_master_takes_the_session_over() -> None:
     assert pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_heartbeats_keep_their_interval_and_their_absence_is_silence() -> None:
-    pair = Pair().engage()
+def test_heartbeats_keep_their_gap_and_their_absence_is_silence() -> None:
+    """Two ends at rest send three datagrams per reach together."""
+    pair = Pair().engage().run(1.0)
     heard = pair.slave.endpoint.liveness.heard_at
     before = len(pair.tap)
     pair.run(10.0)
     assert pair.slave.endpoint.liveness.heard_at > heard
+    reach = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=0.001).reach - 0.002  # 1 ms each way
+    assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / reach, rel=0.05)
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
-        assert len(times) == pytest.approx(10.0 / INTERVAL, rel=0.05)
-        assert max(later - earlier for earlier, later in pairwise(times)) <= INTERVAL + 1e-6
+        assert len(times) <= 25.0 * 10.0
+        assert max(later - earlier for earlier, later in pairwise(times)) <= GAP + 1e-6
         assert not side.of(PeerSilent)
     pair.forward = pair.link(DARK)
     pair.run(0.3)

@@ -18,7 +18,7 @@ DATAGRAMS = st.one_of(
         lambda first, rest: bytes([first]) + rest,
         st.integers(0, 255),
         st.sampled_from(
-            sorted({low for low, _ in DirectionLayout([forms(3), forms(6)], further_acks=1).lengths(8).values()})
+            sorted({low for low, _ in DirectionLayout([forms(3), forms(6)], acks=2).lengths(8).values()})
         ).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
     ),
     st.builds(

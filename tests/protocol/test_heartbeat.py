@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.protocol.heartbeat import (
     ASK_PACE,
     INTRODUCTION_INTERVAL,
@@ -13,50 +14,107 @@ from weberlink.protocol.heartbeat import (
     LATE_TICKS,
     LEAST_QUESTIONS,
     LEAST_SHARE,
+    LONGEST_REACH,
     MOST_QUESTIONS,
     REPORT_INTERVAL,
     HeartbeatSchedule,
     questions_needed,
 )
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE, UNITS
 
-FADE, SILENCE, TICK = 0.08, 0.1, 0.001
+SILENCE, TICK = 0.1, 0.001
+FADE, HORIZON, LATE = FADE_SHARE * SILENCE, HORIZON_SHARE * SILENCE, LATE_TICKS * TICK
 
 
-def introduced(now: float = 0.0) -> HeartbeatSchedule:
-    schedule = HeartbeatSchedule(now, silence=SILENCE, tick_period=TICK)
+def introduced(now: float = 0.0, silence: float = SILENCE) -> HeartbeatSchedule:
+    schedule = HeartbeatSchedule(now, silence=silence, tick_period=TICK)
     for _ in range(INTRODUCTIONS):
-        schedule.reported(now, is_confirmed=True)
-        schedule.sent(now)
+        pulse(schedule, now)
     return schedule
+
+
+def pulse(schedule: HeartbeatSchedule, now: float, *, heard_at: float = 0.0, is_confirmed: bool = True) -> None:
+    """Send a heartbeat, which reports if it must."""
+    schedule.pulsed(now, has_reported=schedule.reports(now), is_confirmed=is_confirmed)
+    schedule.sent(now, heard_at, 0)
 
 
 def test_introductions_go_on_until_the_peer_was_heard() -> None:
     schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK)
     for _ in range(50):
-        schedule.reported(0.0, is_confirmed=False)
-        schedule.sent(0.0)
+        pulse(schedule, 0.0, is_confirmed=False)
     assert schedule.due(is_engaged=True) == INTRODUCTION_INTERVAL
+    assert schedule.reports(0.0)
     schedule = introduced()
-    assert schedule.due(is_engaged=True) == schedule.interval
+    assert schedule.due(is_engaged=True) == schedule.gap
+    assert not schedule.reports(0.5 * REPORT_INTERVAL)
 
 
 def test_any_datagram_postpones_heartbeats_except_reports() -> None:
     schedule = introduced()
     for step in range(1, 100):
-        schedule.confirmed(0.01 * step)
-        schedule.sent(0.01 * step)
+        schedule.heard(0.01 * step, 0.01 * step)
+        schedule.sent(0.01 * step, 0.01 * step, 0)
     assert schedule.due(is_engaged=True) == REPORT_INTERVAL
     assert schedule.due(is_engaged=False) == REPORT_INTERVAL
+    assert schedule.reports(REPORT_INTERVAL)
 
 
-def test_loss_shortens_the_interval_down_to_a_limit() -> None:
+def test_the_next_datagram_is_due_when_what_was_echoed_becomes_too_old() -> None:
+    """That is when the loop age of the peer does; if nothing new has come, only the gap counts."""
     schedule = introduced()
-    intervals = []
+    schedule.adapt(0.0, 0.0, 0.001, 0.0)
+    schedule.heard(0.5, 0.5)
+    schedule.sent(0.52, 0.5, 0)
+    assert schedule.due(is_engaged=True) == 0.52 + schedule.gap
+    schedule.heard(0.54, 0.52)
+    assert schedule.due(is_engaged=True) == 0.5 + schedule.reach < 0.52 + schedule.gap
+
+
+def test_energy_that_was_granted_is_told_within_the_interval() -> None:
+    schedule = introduced()
+    schedule.granted(7)
+    schedule.heard(0.5, 0.49)
+    schedule.sent(0.5, 0.5, 7)
+    idle = schedule.due(is_engaged=True)
+    schedule.granted(8)
+    assert schedule.due(is_engaged=True) == 0.5 + schedule.interval < idle
+    schedule.sent(0.52, 0.5, 8)
+    assert schedule.due(is_engaged=True) == 0.52 + schedule.gap
+
+
+def test_loss_shortens_reach_and_gap_down_to_a_limit() -> None:
+    schedule = introduced()
+    reaches, gaps = [], []
     for loss in (0.0, 0.01, 0.1, 0.3, 1.0):
         schedule.adapt(loss, loss, 0.001, 0.0)
-        intervals.append(schedule.interval)
-    assert intervals == sorted(intervals, reverse=True)
-    assert intervals[-1] == LEAST_SHARE * SILENCE
+        reaches.append(schedule.reach)
+        gaps.append(schedule.gap)
+    assert reaches == sorted(reaches, reverse=True)
+    assert gaps == sorted(gaps, reverse=True)
+    assert (reaches[-1], gaps[-1]) == (2.0 * LEAST_SHARE * SILENCE, LEAST_SHARE * SILENCE)
+
+
+@pytest.mark.parametrize(("silence", "most"), [(0.1, 25.0), (1.0, 5.0), (10.0, 5.0)])
+def test_two_ends_at_rest_keep_the_loop_age_with_few_datagrams(silence: float, most: float) -> None:
+    """Without delay and loss, sent at the tick after they are due."""
+    ends = [introduced(silence=silence) for _ in range(2)]
+    heard_at, sent_at, confirmed_at = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
+    sent, oldest, ticks = 0, 0.0, 20_000
+    for tick in range(1, ticks):
+        now = tick * TICK
+        for own in range(2):
+            ends[own].adapt(0.0, 0.0, 0.0, 0.0)
+            if now < ends[own].due(is_engaged=True):
+                continue
+            sent += 1
+            pulse(ends[own], now, heard_at=heard_at[own])
+            other, sent_at[own] = 1 - own, now
+            oldest = max(oldest, now - confirmed_at[other])
+            heard_at[other], confirmed_at[other] = now, max(confirmed_at[other], sent_at[other])
+            ends[other].heard(now, confirmed_at[other])
+    assert oldest <= FADE_SHARE * silence
+    assert 0.5 * sent / (ticks * TICK) <= most
 
 
 @given(st.floats(0.0, 0.99), st.floats(1e-9, 0.5))
@@ -67,30 +125,45 @@ def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> Non
 
 
 @given(st.floats(0.0, 0.05), st.floats(0.0, 0.01), st.floats(0.0, 0.3))
-def test_interval_leaves_room_for_path_and_questions(rtt: float, jitter: float, loss: float) -> None:
+def test_reach_leaves_room_for_path_and_questions(rtt: float, jitter: float, loss: float) -> None:
     schedule = introduced()
     schedule.adapt(loss, loss, rtt, jitter)
-    worst = 2.0 * schedule.interval + rtt + jitter + LATE_TICKS * TICK
-    answered = LEAST_QUESTIONS * ASK_PACE + rtt + jitter
-    assert schedule.interval == LEAST_SHARE * SILENCE or (worst <= FADE and worst + answered <= SILENCE)
+    shortest = LEAST_SHARE * SILENCE
+    worst = schedule.reach + rtt + jitter + LATE + SILENCE / UNITS
+    answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
+    assert schedule.reach == 2.0 * shortest or (worst <= FADE + 1e-9 and worst + answered <= SILENCE + 1e-9)
+    assert schedule.gap == shortest or schedule.gap + jitter + LATE <= HORIZON + 1e-9
+    assert schedule.gap <= schedule.reach <= LONGEST_REACH
+
+
+@given(st.floats(0.001, 0.3), st.sampled_from([0.1, 0.4, 1.0]))
+@examples(60)
+def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) -> None:
+    """It needs the loss of a datagram or of what it echoes, and then of all questions that fit, or of their answers."""
+    schedule = introduced(silence=silence)
+    schedule.adapt(loss, loss, 0.001, 0.0)
+    unanswered = 1.0 - (1.0 - loss) ** 2
+    room = silence - schedule.reach - 2 * 0.001 - LATE - silence / UNITS
+    questions = room / (ASK_PACE + TICK)
+    per_hour = 3600.0 * 2.0 / schedule.reach * unanswered ** (1 + int(questions + 1e-6))
+    assert schedule.reach == 2.0 * LEAST_SHARE * silence or per_hour <= 1.0
 
 
 @pytest.mark.parametrize("rtt", [0.001, 0.02, 0.06, inf])
 def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
     schedule = introduced()
-    schedule.confirmed(0.0)
+    schedule.heard(0.0, 0.0)
     schedule.adapt(0.0, 0.0, rtt, 0.0)
     asked = []
     for tick in range(1, 200):
         now = tick * TICK
         asks = schedule.asks(now)
         if now >= schedule.due(is_engaged=True):
-            schedule.reported(now, is_confirmed=True)
-            schedule.sent(now)
+            pulse(schedule, now)
             if asks:
                 asked.append(now)
     assert len(asked) <= SILENCE / ASK_PACE
-    assert all(2.0 * schedule.interval < at <= SILENCE - rtt for at in asked)
+    assert all(schedule.reach < at <= SILENCE - rtt for at in asked)
     assert bool(asked) is (rtt < 0.05)
 
 
@@ -98,23 +171,22 @@ def test_confirmed_peer_is_not_asked_and_question_answered_once() -> None:
     schedule = introduced()
     schedule.adapt(0.0, 0.0, 0.001, 0.0)
     assert schedule.asks(0.085)
-    schedule.confirmed(0.05)
+    schedule.heard(0.05, 0.05)
     assert not schedule.asks(0.085)
-    schedule.sent(0.05)
+    schedule.sent(0.05, 0.05, 0)
     schedule.asked()
     assert schedule.due(is_engaged=True) <= 0.05
-    schedule.sent(0.051)
-    assert schedule.due(is_engaged=True) == 0.051 + schedule.interval
+    schedule.sent(0.051, 0.05, 0)
+    assert schedule.due(is_engaged=True) == 0.051 + schedule.gap
 
 
 def test_absent_owner_causes_no_storm() -> None:
     schedule = introduced()
     schedule.adapt(0.3, 0.3, 0.001, 0.0)
-    schedule.confirmed(0.0)
+    schedule.heard(0.0, 0.0)
     sent = 0
     while schedule.due(is_engaged=True) <= 0.5:
         assert not schedule.asks(0.5)
-        schedule.reported(0.5, is_confirmed=True)
-        schedule.sent(0.5)
+        pulse(schedule, 0.5)
         sent += 1
     assert sent <= 2

@@ -1,4 +1,4 @@
-"""A session of one stream: its datagrams equal those recorded before there were sessions of two."""
+"""A session of one stream: its datagrams equal those recorded with protocol 3."""
 
 from hashlib import sha256
 
@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "a16b2b70169f447b4643a347dc387279018899b9f66b5918d36b194632962286",
-    ("checksum", True): "1cbaa28234410eab2855eb10316f31c3081add7293e33f79f933c581ffbda5da",
-    ("psk", False): "ec4e485491766472ed0002e492db9afdec214644c61606cbe652d8a2205ad3b3",
-    ("psk", True): "dc4ee5e76d805a77e11da4878225cba27ef8610fe6221b7bdfb7829b52f1fbf0",
+    ("checksum", False): "90256ecfc4c38bf3638df6e406b6c5083e9df81dc6977f207e60c2231b63c2f5",
+    ("checksum", True): "4bf2a2f44e273d36fc3bd54c48114dece6bd815f555601a88c80ff7b3bec6f29",
+    ("psk", False): "021065c6bf06a4533cf0834e87dfb702031070f5aec0dbfd442d5b533eca5070",
+    ("psk", True): "534ce74542080fad4c74572b6193bda9ab1ee60018eb78845a96b15fee2fa7d6",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 

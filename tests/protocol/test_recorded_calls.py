@@ -12,7 +12,14 @@ from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.queue import MOST_S
 from weberlink.protocol.aio.udp import PEER_SHARE
 from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.handshake import INSTANCE_BYTES, HelloHeader, LocalEnd, pack_agreement, read_hello_header
+from weberlink.protocol.handshake import (
+    INSTANCE_BYTES,
+    PROTOCOL_VERSION,
+    HelloHeader,
+    LocalEnd,
+    pack_agreement,
+    read_hello_header,
+)
 from weberlink.protocol.listener import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
@@ -31,7 +38,7 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
     """HELLOs of earlier runs of a master: proven, with rising stamps."""
     stamps = iter(range(first, first + count * step, step))
     entropy = Random(f"{name} {first}").randbytes
-    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), 2, 0.0, name, "")
+    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), PROTOCOL_VERSION, 0.0, name, "")
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: next(stamps))
     dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
@@ -40,7 +47,7 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
 def forged(count: int) -> list[bytes]:
     """HELLOs of a sender without the key."""
     random = Random(4)
-    header = HelloHeader(2, bytes(8), 2**60).pack()
+    header = HelloHeader(PROTOCOL_VERSION, bytes(8), 2**60).pack()
     return [header + random.randbytes(494) for _ in range(count)]
 
 

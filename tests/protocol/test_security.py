@@ -9,8 +9,9 @@ from tests.protocol.harness import KEY, exchanged, suites
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
+from weberlink.protocol.wire import CLEAR_BYTES, Envelope, pack_path, sequence_of
 
-CLEAR = b"\x03\x01\x00\x00"
+CLEAR = b"\x03\x01\x00\x00"[:CLEAR_BYTES]
 DATAGRAM = CLEAR + b"what follows is hidden"
 
 
@@ -19,9 +20,9 @@ def test_each_end_opens_what_the_other_seals(security: Security) -> None:
     for sealing, opening in (exchanged(security), exchanged(security)[::-1]):
         for sequence in (0, 1, 2**24, 2**40):
             sealed = sealing.seal(sequence, DATAGRAM)
-            assert sealed[:4] == CLEAR
+            assert sealed[:CLEAR_BYTES] == CLEAR
             assert len(sealed) == len(DATAGRAM) + security.tag_size
-            assert opening.open(sequence, sealed) == DATAGRAM[4:]
+            assert opening.open(sequence, sealed) == DATAGRAM[CLEAR_BYTES:]
 
 
 @pytest.mark.parametrize("security", suites())
@@ -32,6 +33,18 @@ def test_every_flipped_bit_is_found(security: Security) -> None:
         damaged = bytearray(sealed)
         damaged[bit // 8] ^= 1 << bit % 8
         assert opening.open(9, bytes(damaged)) is None
+
+
+@pytest.mark.parametrize("security", suites())
+@pytest.mark.parametrize("number", [0x1234, 0xFFFF, 0x10000])
+def test_a_number_that_was_changed_is_found_under_the_changed_number(security: Security, number: int) -> None:
+    sealing, opening = exchanged(security)
+    sealed = sealing.seal(number, pack_path(Envelope(number & 0xFFFF, 1, 2), bytes(8), is_answer=False))
+    assert opening.open(number, sealed) is not None
+    for bit in range(8, 8 * CLEAR_BYTES):
+        damaged = bytearray(sealed)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert opening.open(number & ~0xFFFF | sequence_of(bytes(damaged)), bytes(damaged)) is None
 
 
 @pytest.mark.parametrize("security", suites())
@@ -51,12 +64,12 @@ def test_rekeyed_directions_open_under_next_then_previous_keys(security: Securit
     sealing.rekey_outgoing()
     after = sealing.seal(2, DATAGRAM)
     for _ in range(2):  # asking changes nothing
-        assert opening.open(1, before) == opening.open_next(2, after) == DATAGRAM[4:]
+        assert opening.open(1, before) == opening.open_next(2, after) == DATAGRAM[CLEAR_BYTES:]
         assert opening.open(2, after) is opening.open_next(1, before) is opening.open_previous(1, before) is None
     opening.rekey_incoming()
-    assert opening.open(2, after) == opening.open_previous(1, before) == DATAGRAM[4:]
+    assert opening.open(2, after) == opening.open_previous(1, before) == DATAGRAM[CLEAR_BYTES:]
     assert opening.open(1, before) is opening.open_next(2, after) is opening.open_previous(2, after) is None
-    assert sealing.open(3, opening.seal(3, DATAGRAM)) == DATAGRAM[4:], "the other direction keeps its keys"
+    assert sealing.open(3, opening.seal(3, DATAGRAM)) == DATAGRAM[CLEAR_BYTES:], "the other direction keeps its keys"
 
 
 @pytest.mark.parametrize("security", suites())
@@ -65,7 +78,7 @@ def test_every_rekeying_gives_new_keys(security: Security) -> None:
     sealed = set()
     for phase in range(20):
         datagram = sealing.seal(7, DATAGRAM)
-        assert opening.open(7, datagram) == DATAGRAM[4:], phase
+        assert opening.open(7, datagram) == DATAGRAM[CLEAR_BYTES:], phase
         sealed.add(datagram)
         sealing.rekey_outgoing()
         opening.rekey_incoming()

@@ -12,7 +12,7 @@ from weberlink.protocol.heartbeat import INTRODUCTIONS
 from weberlink.protocol.security import Security
 from weberlink.protocol.sending import REKEY_AFTER_S, Parameters
 from weberlink.protocol.session import Session
-from weberlink.protocol.wire import PHASE, DirectionLayout, pack_word
+from weberlink.protocol.wire import PHASE, DirectionLayout, Envelope
 from weberlink.update import PreviousSample, Update
 
 
@@ -41,7 +41,7 @@ def deliver(receiver: Session, data: bytes, now: float) -> UpdateReceived | Peer
 
 @pytest.mark.parametrize("security", suites())
 def test_session_survives_the_wrap_of_its_numbers(security: Security) -> None:
-    sender, receiver, counted, received = pair(security, first_sequence=2**24 - 500)
+    sender, receiver, counted, received = pair(security, first_sequence=2**16 - 500)
     last = -1
     for step in range(1000):
         now = step * 0.001
@@ -126,8 +126,8 @@ def test_updates_before_the_first_report_are_untimed() -> None:
     assert isinstance(deliver(receiver, sender.sender.send_update(0.02, sample_update(2)), 0.02), UpdateReceived)
 
 
-def test_update_with_a_gap_of_zero_is_malformed() -> None:
-    """A previous sample at no distance; no owner can send it, a peer with a fault can."""
+def test_an_update_that_goes_on_after_its_end_is_malformed() -> None:
+    """No owner can send it, a peer with a fault can."""
     direction = DirectionLayout([forms(3)])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
@@ -135,9 +135,9 @@ def test_update_with_a_gap_of_zero_is_malformed() -> None:
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
     receiver.clock.learn(0.0, 0.0, 0.0)
     outcomes = []
-    for sequence, gap in ((1, 0), (2, 1)):
-        word = pack_word(0, receiver.clock.stamp(0.01), receiver.liveness.echo(0.01), 10)
-        clear = layout.pack(sequence, word, Update(10, 0, (1, 2, 3), PreviousSample(gap, (1, 2, 3))))
+    for sequence, extra in ((1, b"\1"), (2, b"")):
+        envelope = Envelope(sequence, receiver.clock.stamp(0.01), receiver.liveness.echo(0.01))
+        clear = layout.pack(envelope, 0, Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))) + extra
         outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
     assert outcomes[0] is DropReason.MALFORMED
     assert isinstance(outcomes[1], UpdateReceived)

@@ -1,15 +1,31 @@
+"""The layout of datagrams: what the table of the module says, and that everything survives the wire."""
+
 import re
-from struct import calcsize
+from itertools import product
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import KEY, forms
+from weberlink.codec import force_channel
 from weberlink.protocol import DropReason, wire
+from weberlink.protocol.bits import BitReader, BitWriter, MalformedError
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import DirectionLayout, Kind, Report, UpdateLayout
+from weberlink.protocol.wire import (
+    CLEAR_BYTES,
+    ByeContent,
+    ChangeContent,
+    DirectionLayout,
+    Envelope,
+    HeartbeatContent,
+    Kind,
+    PathContent,
+    Report,
+    UpdateContent,
+    UpdateLayout,
+)
 from weberlink.update import (
     MAX_GAP,
     MAX_SELECTOR,
@@ -22,73 +38,91 @@ from weberlink.update import (
 
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size
+WIDEST = -32_768
 
 
-def documented(values: int) -> dict[str, int]:
-    """Bytes of each part, from the table of the module; formats and sizes of the table must agree with each other."""
-    sizes: dict[str, int] = {}
-    rows = re.findall(r"^\| (\w+) \| (\w+) \| ([\w-]+) \| ([\w-]+) \|", wire.__doc__ or "", re.MULTILINE)[1:]
-    for part, _, form, size in rows:
-        if part == "bye":
-            assert size == f"0-{wire.LONGEST_REASON}"
-            continue
-        if (part, size) == ("change", f"1-{wire.LONGEST_CHANGE}"):
-            continue
-        stated = values * int(size[:-1]) if size.endswith("n") else int(size)
-        assert calcsize("<" + re.sub(r"^n", str(values), form)) == stated
-        sizes[part] = sizes.get(part, 0) + stated
+def documented() -> dict[str, tuple[int, int]]:
+    """Fewest and most bits of each part, from the table of the module, without groups."""
+    sizes: dict[str, tuple[int, int]] = {}
+    rows = re.findall(r"^\| (\w+) \| (\w+) \| (\d+)(?:-(\d+))? (bits?|bytes) \|", wire.__doc__ or "", re.MULTILINE)
+    for part, _, low, high, unit in rows:
+        scale = 8 if unit == "bytes" else 1
+        least, most = sizes.get(part, (0, 0))
+        sizes[part] = least + scale * int(low), most + scale * int(high or low)
     return sizes
 
 
-@pytest.mark.parametrize("streams", [1, 2])
-@pytest.mark.parametrize("carries_credit", [False, True])
-@pytest.mark.parametrize("values", [1, 2, 3, 6])
-def test_documented_sizes_are_those_of_the_code(values: int, carries_credit: bool, streams: int) -> None:
-    sizes = documented(values)
-    direction = DirectionLayout((forms(values),) * streams, carries_credit=carries_credit, further_acks=streams - 1)
-    lengths = direction.lengths(0)
-    levels, acks = tuple(range(values)), (7,) * (streams - 1)
-    assert set(sizes) == {
-        *("head", "update", "previous", "heartbeat", "update_credit", "heartbeat_credit", "second_ack"),
-        *("change", "path"),
+@pytest.mark.parametrize(("carries_credit", "acks"), list(product([False, True], [1, 2])))
+@pytest.mark.parametrize("groups", [(1,), (2, 2), (3,), (3, 3)])
+def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries_credit: bool, acks: int) -> None:
+    stream = (UpdateForm(groups, groups), UpdateForm(groups, None))
+    direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
+    limits, count = direction.lengths(0), sum(groups)
+    envelopes = [Envelope(1, 2, 3, (None,) * acks), Envelope(1, 2, 3, (7,) * acks)]
+    for ends, level in enumerate((0, WIDEST)):
+        head = ["clear", "head", *["ack"] * (acks * ends)]
+        update = ["update", *["lag"] * ends, *["update_credit"] * carries_credit]
+        levels = (level,) * count
+
+        def size(*parts: str, groups: tuple[int, ...] = (), head: list[str] = head, ends: int = ends) -> int:
+            sizes, width = documented(), (1, 16)[ends]
+            bits = sum(sizes[part][ends] for part in (*head, *parts) if part != "parameters")
+            bits += acks - 1  # of the fields `tells` the table counts one
+            bits += sum(4 + width * number for number in groups)
+            return -(-bits // 8) + ("parameters" in parts) * sizes["parameters"][ends] // 8
+
+        for layout in direction.updates:
+            plain = layout.pack(envelopes[ends], WIDEST * ends, Update(9, 0, levels), 8)
+            assert len(plain) == size(*update, groups=groups)
+            gap = (1, MAX_GAP)[ends]
+            paired = layout.pack(
+                envelopes[ends], WIDEST * ends, Update(9, 0, levels, PreviousSample(gap, (0,) * count))
+            )
+            assert len(paired) == size(*update, "previous", groups=groups * 2)
+            data = ModelParameters(bytes(MOST_PARAMETER_BYTES * ends))
+            parametric = layout.pack(envelopes[ends], WIDEST * ends, Update(9, 1, levels, data))
+            assert len(parametric) == size(*update, "parameters", groups=groups)
+            bounds = limits[paired[0] & 0xF]
+            assert bounds == limits[plain[0] & 0xF]
+            assert bounds[ends] == (len(plain), max(len(paired), len(parametric)))[ends]
+        credit = 9 if carries_credit else None
+        pulse = wire.pack_heartbeat(envelopes[ends], 5, Report(0, 0, 0, 0) if ends else None, credit)
+        assert len(pulse) == size("heartbeat", *["heartbeat_credit"] * carries_credit, *["report"] * ends)
+        assert limits[pulse[0] & 0xF][ends] == len(pulse)
+        bye = wire.pack_bye(envelopes[ends], "x" * 100 * ends)
+        assert len(bye) == size("bye") == limits[bye[0] & 0xF][ends]
+        change = wire.pack_change(envelopes[ends], 3, 4, b"x" * (1 + 300 * ends), is_answer=True)
+        assert len(change) == size("change") == limits[change[0] & 0xF][ends]
+        path = wire.pack_path(envelopes[ends], bytes(wire.TOKEN_BYTES), is_answer=True)
+        assert len(path) == size("path") == limits[path[0] & 0xF][ends]
+    assert set(documented()) == {
+        *("clear", "head", "ack", "update", "lag", "previous", "update_credit", "parameters"),
+        *("heartbeat", "heartbeat_credit", "report", "bye", "change", "path"),
     }
-    if not carries_credit:
-        sizes["update_credit"] = sizes["heartbeat_credit"] = 0
-    if streams == 1:
-        sizes["second_ack"] = 0
-    assert sizes["head"] == wire.HEAD_BYTES
-    for layout in direction.updates:
-        plain = layout.pack(1, 2, Update(9, 5, levels), 8, acks)
-        assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"] + sizes["second_ack"]
-        paired = layout.pack(1, 2, Update(9, 5, levels, PreviousSample(6, levels)), 8, acks)
-        assert len(paired) == len(plain) + sizes["previous"]
-        assert all(lengths[data[0] & 0xF] == (len(plain), len(paired)) for data in (plain, paired))
-    heartbeat = wire.pack_heartbeat(
-        1, 2, Report(0, 0, 0, 0), 9 if carries_credit else None, further_acks=(7,) * (streams - 1)
-    )
-    assert len(heartbeat) == sum(sizes[part] for part in ("head", "heartbeat", "heartbeat_credit", "second_ack"))
-    assert lengths[heartbeat[0] & 0xF] == (len(heartbeat), len(heartbeat))
-    assert len(wire.pack_bye(1, 2, "x" * 100)) == sizes["head"] + wire.LONGEST_REASON
-    changed = wire.pack_change(1, 2, 3, 4, b"x" * 300, is_answer=True)
-    assert len(changed) == sizes["head"] + sizes["change"] + wire.LONGEST_CHANGE == lengths[changed[0] & 0xF][1]
-    path = wire.pack_path(1, 2, bytes(wire.TOKEN_BYTES), is_answer=True)
-    assert (len(path),) * 2 == (sizes["head"] + sizes["path"],) * 2 == lengths[path[0] & 0xF]
+
+
+TYPICAL = ((-310, 42, 1180), (1520, -2210, -930))
+"""Levels of a force of 1.2 N, and of a position 2 to 5 mm from the origin of a grid of 2 um."""
+EARLIER = ((-280, 30, 1050), (1490, -2190, -880))
 
 
 @pytest.mark.parametrize(
-    ("streams", "carries_credit", "plain", "paired"), [(1, False, 32, 46), (1, True, 34, 48), (2, False, 34, 48)]
+    ("predictor", "most"), [("zoh", 24), ("linear", 28), ("plane", 36), ("sphere", 36), ("surface", 34)]
 )
-def test_three_axis_update_fits_the_budget(streams: int, carries_credit: bool, plain: int, paired: int) -> None:
-    """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
-    acks = (1,) * (streams - 1)
-    for layout in DirectionLayout((forms(6),) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
-        assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6), 0, acks)) + PSK_TAG == plain
-        assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6, PreviousSample(6, (1,) * 6)), 0, acks)) + PSK_TAG == paired
-
-
-def test_one_axis_takes_24_bytes() -> None:
-    assert len(UpdateLayout(forms(2)).pack(1, 2, Update(9, 5, (1, 2)))) + PSK_TAG == 24
-    assert Checksum().tag_size < PSK_TAG
+def test_a_force_update_fits_the_budget(predictor: str, most: int) -> None:
+    """With authentication and acknowledgement."""
+    channel = force_channel(predictor=predictor)
+    (form,) = channel.forms
+    levels, previous = (sum(each[: len(form.newest)], ()) for each in (TYPICAL, EARLIER))
+    payload: PreviousSample | ModelParameters = PreviousSample(40, previous)
+    if form.previous is None:
+        payload = ModelParameters(bytes(6))
+    update = Update(9, 0, levels, None if predictor == "zoh" else payload)
+    layout = UpdateLayout(channel.forms)
+    layout.check(update)
+    assert layout.length(update) + PSK_TAG <= most
+    assert layout.length(update, acknowledges=False) == layout.length(update) - 2
+    assert Checksum().tag_size < PSK_TAG == 8
 
 
 LEVELS = st.lists(LEVEL, min_size=6, max_size=6).map(tuple)
@@ -98,95 +132,151 @@ PAYLOADS = st.one_of(
     st.builds(ModelParameters, st.binary(max_size=MOST_PARAMETER_BYTES)),
 )
 UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
+ACKS = st.lists(st.none() | st.integers(0, 2**16 - 1), min_size=2, max_size=2).map(tuple)
+ENVELOPES = st.builds(Envelope, st.integers(0, 2**16 - 1), st.integers(0, 2**24 - 1), st.integers(0, 255), ACKS)
+CREDITS = st.none() | st.integers(0, 2**40)
 
 
-@given(
-    st.integers(0, 2**24 - 1),
-    st.integers(0, 2**16 - 1),
-    st.integers(0, 2**24 - 1),
-    st.integers(0, 255),
-    UPDATES,
-    st.one_of(st.none(), st.integers(0, 2**40)),
-)
+@given(ENVELOPES, LEVEL, UPDATES, CREDITS, st.booleans())
 def test_an_update_survives_the_wire(
-    sequence: int, ack: int, sent: int, echo: int, update: Update, credit: int | None
+    envelope: Envelope, lag: int, update: Update, credit: int | None, second: bool
 ) -> None:
-    previous = None if isinstance(update.payload, ModelParameters) else (3, 3)
-    form = (UpdateForm((3, 3), previous),) * (MAX_SELECTOR + 1)
-    direction = DirectionLayout([form], carries_credit=credit is not None)
-    (layout,) = direction.updates
+    form = UpdateForm((3, 3), None if isinstance(update.payload, ModelParameters) else (3, 3))
+    stream = (form,) * (MAX_SELECTOR + 1)
+    direction = DirectionLayout([stream, stream], carries_credit=credit is not None, acks=2)
+    layout = direction.updates[second]
     layout.check(update)
-    data = layout.pack(sequence, wire.pack_word(ack, sent, echo, update.tick), update, credit or 0)
-    body = data[wire.CLEAR_BYTES :]
-    assert wire.kind_of(data) == Kind.UPDATE
-    assert wire.sequence_of(data) == sequence
-    head = wire.read_head(data[0], body)
-    assert head == wire.read_head(data[0] | wire.PHASE, body)
-    assert head == wire.Head(Kind.UPDATE, update.payload is not None, update.selector, ack, sent, update.tick, echo)
+    data = layout.pack(envelope, lag, update, credit or 0)
+    assert wire.kind_of(data) == (Kind.SECOND_UPDATE if second else Kind.UPDATE)
+    assert wire.sequence_of(data) == envelope.sequence
+    head, content = direction.read(data[0], data[CLEAR_BYTES:])
+    assert (head, content) == direction.read(data[0] | wire.PHASE, data[CLEAR_BYTES:])
+    assert head == wire.Head(
+        wire.kind_of(data), update.payload is not None, update.selector, envelope.sent, envelope.echo, envelope.acks
+    )
     assert head.is_encoding
-    assert layout.unpack(body, head, update.tick) == update
+    assert content == UpdateContent(lag, update.newest, update.payload, None if credit is None else credit % 2**16)
     assert wire.length_fault(data, direction.lengths(0)) is None
-    if credit is not None:
-        assert direction.read_credit(Kind.UPDATE, body) == (credit % 2**16, 16)
 
 
 @given(
-    st.integers(-(2**63), 2**63 - 1),
-    st.integers(0, 2**32 - 1),
-    st.integers(0, 2**32 - 1),
+    ENVELOPES,
     st.integers(0, 2**16 - 1),
-    st.one_of(st.none(), st.integers(0, 2**40)),
+    st.none()
+    | st.builds(
+        Report,
+        st.integers(-(2**63), 2**63 - 1),
+        st.integers(0, 2**32 - 1),
+        st.integers(0, 2**32 - 1),
+        st.integers(0, 2**16 - 1),
+    ),
+    CREDITS,
 )
-def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: int, credit: int | None) -> None:
-    report = Report(minimum, latest, late, loss)
-    word = wire.pack_word(6, 7, 8)
-    data = wire.pack_heartbeat(5, word, report, credit)
-    if credit is not None:
-        direction = DirectionLayout([forms(6)], carries_credit=True)
-        assert direction.read_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
-    assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
-    head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
-    assert head == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0, 8)
+def test_a_heartbeat_survives_the_wire(
+    envelope: Envelope, ticks: int, report: Report | None, credit: int | None
+) -> None:
+    direction = DirectionLayout([forms(3)], carries_credit=credit is not None, acks=2)
+    data = wire.pack_heartbeat(envelope, ticks, report, credit)
+    head, content = direction.read(data[0], data[CLEAR_BYTES:])
+    assert content == HeartbeatContent(ticks, None if credit is None else credit % 2**32, report)
+    assert (head.sent, head.echo, head.acks) == envelope[1:]
     assert not (head.asks or head.is_encoding)
-    asking = wire.pack_heartbeat(5, word, report, credit, asks=True, is_encoding=True)
-    head = wire.read_head(asking[0], asking[wire.CLEAR_BYTES :])
+    asking = wire.pack_heartbeat(envelope, ticks, report, credit, asks=True, is_encoding=True)
+    head, _ = direction.read(asking[0], asking[CLEAR_BYTES:])
     assert head.asks and head.is_encoding
     assert asking[1:] == data[1:]
 
 
 def test_a_report_saturates() -> None:
-    data = wire.pack_heartbeat(5, 6, Report(0, 2**40, 2**40, 0))
-    assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == Report(0, 2**32 - 1, 2**32 - 1, 0)
+    data = wire.pack_heartbeat(Envelope(5, 6, 7), 0, Report(0, 2**40, 2**40, 0))
+    _, content = DirectionLayout([forms(3)]).read(data[0], data[CLEAR_BYTES:])
+    assert content == HeartbeatContent(0, None, Report(0, 2**32 - 1, 2**32 - 1, 0))
 
 
-@given(st.text())
-def test_a_reason_is_cut_at_a_character(reason: str) -> None:
-    data = wire.pack_bye(5, 6, reason)
-    said = wire.unpack_bye(data[wire.CLEAR_BYTES :])
-    assert len(said.encode()) <= wire.LONGEST_REASON
-    assert reason.encode(errors="replace").decode().startswith(said)
+@given(ENVELOPES, st.text(), st.binary(min_size=1, max_size=300), st.integers(0, 2**32 - 1), st.integers(0, 7))
+def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: bytes, tick: int, number: int) -> None:
+    """A reason is cut at a character, a change at its limit."""
+    direction = DirectionLayout([forms(3)], acks=2)
+    said = direction.read((data := wire.pack_bye(envelope, reason))[0], data[CLEAR_BYTES:])[1]
+    assert isinstance(said, ByeContent)
+    assert len(said.reason.encode()) <= wire.LONGEST_REASON
+    assert reason.encode(errors="replace").decode().startswith(said.reason)
+    data = wire.pack_change(envelope, tick, number, body, is_answer=False)
+    head, content = direction.read(data[0], data[CLEAR_BYTES:])
+    assert (head.selector, content) == (number, ChangeContent(tick, body[: wire.LONGEST_CHANGE]))
+    data = wire.pack_path(envelope, body[:8].ljust(8), is_answer=True)
+    head, content = direction.read(data[0], data[CLEAR_BYTES:])
+    assert (head.mark, content) == (True, PathContent(body[:8].ljust(8)))
+
+
+@given(st.integers(0, 255), st.binary(max_size=120), st.booleans())
+def test_any_bytes_are_read_or_refused_and_what_is_read_has_one_form(
+    first: int, body: bytes, carries_credit: bool
+) -> None:
+    stream = (UpdateForm((3, 3), (3, 3)), UpdateForm((3,), (3,)), UpdateForm((3,), None))
+    direction = DirectionLayout([stream], carries_credit=carries_credit)
+    try:
+        head, content = direction.read(first, body)
+    except MalformedError:
+        return
+    if isinstance(content, UpdateContent):
+        update = Update(0, head.selector, content.newest, content.payload)
+        direction.updates[0].check(update)
+        packed = direction.updates[0].pack(
+            Envelope(0, head.sent, head.echo, head.acks), content.lag, update, content.credit or 0
+        )
+        assert len(packed) <= CLEAR_BYTES + len(body)
+        assert direction.read(packed[0], packed[CLEAR_BYTES:]) == (head, content)
+
+
+@pytest.mark.parametrize("harm", [lambda body: body[:-1], lambda body: body + b"\0", lambda body: body[:-1] + b"\xff"])
+@pytest.mark.parametrize("payload", [None, PreviousSample(3, (1, 2, 4))])
+def test_an_update_that_is_cut_or_goes_on_is_refused(payload: PreviousSample | None, harm: object) -> None:
+    direction = DirectionLayout([forms(3)])
+    data = direction.updates[0].pack(Envelope(1, 2, 3), 0, Update(1, 0, (1, 2, 3), payload))
+    direction.read(data[0], data[CLEAR_BYTES:])
+    with pytest.raises(MalformedError):
+        direction.read(data[0], harm(data[CLEAR_BYTES:]))  # type: ignore[operator]
+
+
+@given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS, st.integers(1, MAX_GAP)), max_size=6))
+def test_groups_and_counts_come_back_and_take_the_bits_they_need(parts: list[tuple[int, ...] | int]) -> None:
+    writer, bits = BitWriter(), 0
+    for part in parts:
+        if isinstance(part, int):
+            writer.put_count(part)
+            bits += 4 + part.bit_length() - 1
+        else:
+            writer.put_group(part)
+            bits += 4 + len(part) * max(max(part).bit_length() + 1, (~min(part)).bit_length() + 1, 1)
+    data = writer.to_bytes()
+    assert len(data) <= -(-bits // 8)
+    reader = BitReader(data)
+    assert [reader.take_count() if isinstance(part, int) else reader.take_group(len(part)) for part in parts] == parts
+    reader.end()
 
 
 @pytest.mark.parametrize(
     ("data", "fault"),
     [
-        (b"\x03" + bytes(25), None),
-        (b"\x03" + bytes(24), DropReason.TRUNCATED),
-        (b"\x03" + bytes(34), DropReason.WRONG_LENGTH),
-        (b"\x0b" + bytes(33), None),
-        (b"\x0b" + bytes(24), DropReason.TRUNCATED),
-        (b"\xfb" + bytes(33), None),
-        (b"\x04" + bytes(37), None),
-        (b"\x05" + bytes(19), None),
-        (b"\x05" + bytes(83), None),
-        (b"\x05" + bytes(84), DropReason.WRONG_LENGTH),
-        (b"\x0c" + bytes(37), None),
-        (b"\x0d" + bytes(19), DropReason.UNKNOWN_KIND),
-        (b"\x00" + bytes(27), None),
-        (b"\x08" + bytes(27), None),
-        (b"\x00" + bytes(28), DropReason.WRONG_LENGTH),
+        (b"\x03" + bytes(16), None),
+        (b"\x03" + bytes(15), DropReason.TRUNCATED),
+        (b"\x0b" + bytes(15), DropReason.TRUNCATED),
+        (b"\xfb" + bytes(16), None),
+        (b"\x03" + bytes(60), DropReason.WRONG_LENGTH),
+        (b"\x04" + bytes(17), None),
+        (b"\x04" + bytes(16), DropReason.TRUNCATED),
+        (b"\x0c" + bytes(60), DropReason.WRONG_LENGTH),
+        (b"\x05" + bytes(14), DropReason.TRUNCATED),
+        (b"\x05" + bytes(15), None),
+        (b"\x05" + bytes(82), DropReason.WRONG_LENGTH),
+        (b"\x0d" + bytes(15), DropReason.UNKNOWN_KIND),
+        (b"\x00" + bytes(23), None),
+        (b"\x08" + bytes(23), None),
+        (b"\x00" + bytes(26), DropReason.WRONG_LENGTH),
         (b"\x0a" + bytes(37), DropReason.UNKNOWN_KIND),
+        (b"\x07" + bytes(20), DropReason.UNKNOWN_KIND),
     ],
 )
-def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
+def test_each_shape_has_its_lengths(data: bytes, fault: DropReason | None) -> None:
     assert wire.length_fault(data, DirectionLayout([forms(3)]).lengths(8)) is fault

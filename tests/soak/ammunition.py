@@ -6,6 +6,7 @@ Pure, but for the key of the one kind that stands for a long recording. Knows no
 from collections.abc import Sequence
 from random import Random
 
+from weberlink.protocol.counters import SEQUENCE_MASK
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
@@ -16,7 +17,7 @@ from weberlink.protocol.handshake import (
     read_map,
 )
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of
+from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of, sequence_of
 
 KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
 """
@@ -50,7 +51,7 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
         raise ValueError(f"{kind}: nothing genuine was recorded to make it of")
     match kind:
         case "forged":
-            newest = int.from_bytes(sealed[-1][1:CLEAR_BYTES], "little")
+            newest = sequence_of(sealed[-1])
             return [_forge(random.choice(sealed), newest + random.randint(1, _AHEAD), random) for _ in range(ROUNDS)]
         case "replayed":
             return list(sealed[-ROUNDS:])
@@ -66,7 +67,7 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
 
 
 def _forge(like: bytes, sequence: int, random: Random) -> bytes:
-    head = like[:1] + (sequence & 0xFFFFFF).to_bytes(3, "little")
+    head = like[:1] + (sequence & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
     return head + random.randbytes(len(like) - len(head))
 
 

@@ -21,7 +21,7 @@ from weberlink.codec.deadband import (
 )
 from weberlink.geometry.vector import distance, norm
 from weberlink.protocol.states import State
-from weberlink.system.composition.channels import channels, measure_of
+from weberlink.system.composition.channels import channels, measures_of
 from weberlink.system.composition.link import agreement
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 from weberlink.system.simulate import build_simulation
@@ -101,7 +101,8 @@ def test_a_session_keeps_the_law_of_its_shape(shape: str) -> None:
         "codec.force.predictor=zoh",
         "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
     )
-    error = measure_of(loaded.system) or distance
+    measures = measures_of(loaded.system)
+    error = distance if measures is None else measures(loaded.system.codec.force.weber)
     held = sent = 0
     for step in steps(build_simulation(loaded), 2.0):
         if step.slave.state != State.ENGAGED.value or step.slave.ramping:

@@ -7,6 +7,7 @@ import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from signal import SIGINT
 from tempfile import TemporaryDirectory
@@ -19,9 +20,12 @@ import pytest
 
 from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
 from tests.system.processes import ENGAGED, PATIENCE, Program, until
-from tests.system.systems import Step, steps, system
+from tests.system.systems import Step, decoded, raw, steps, system
+from weberlink.codec import Decoder
+from weberlink.codec.deadband import Deadband
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
+from weberlink.geometry.vector import distance
 from weberlink.system import description
 from weberlink.system.control_socket import ControlSocket, LiveChangeError, ask, path_beside
 from weberlink.system.simulation import Simulation
@@ -61,6 +65,31 @@ def test_a_larger_weber_factor_widens_the_deadband_from_that_tick_on() -> None:
     ]
     assert {round(ratio, 6) for settings, ratio in ratios if settings == 0} <= {0.1}
     assert {round(ratio, 6) for settings, ratio in ratios if settings == 1} == {0.3}
+
+
+@pytest.mark.parametrize("asker", ["master", "slave"])
+def test_smooth_updates_keep_the_law_after_a_smaller_weber_factor(asker: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[float] = []
+    retune = Decoder.retune
+
+    def noted(self: Decoder, deadband: Deadband, since: float = -inf) -> None:
+        given.append(since)
+        retune(self, deadband, since)
+
+    monkeypatch.setattr(Decoder, "retune", noted)
+    overrides = (
+        "codec.force.smooth_ms=20", "codec.force.predictor=zoh", "codec.force.floor_n=0.002",
+        "slave.scene=[{shape: plane, stiffness_n_m: 500}]", "link.emulate={delay_ms: 5}",
+    )  # fmt: skip
+    seen = changed(system("codec.force.weber=0.3", *overrides), {"weber": 0.02}, asker, 4.0)
+    at_master, at_slave = sorted(given, reverse=True)
+    after = [step.slave for step in seen if step.slave.settings == 1]
+    assert at_slave == -inf, "its mirror, at once"
+    assert after[0].tick - 1 <= at_master <= after[0].tick
+    engaged = [each for each in after if each.state == ENGAGED]
+    assert all(distance(decoded(each), raw(each)) <= each.bound + 1e-3 for each in engaged)
+    always = list(steps(system("codec.force.weber=0.02", *overrides), 4.5))[-len(after) :]
+    assert sum(each.sent for each in after) < 1.5 * sum(step.slave.sent for step in always)
 
 
 def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> None:
@@ -125,7 +154,7 @@ class Unchanging:
     """A side that has settings, and takes no others."""
 
     def __init__(self) -> None:
-        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda _: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda *_: None)
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None:
         return self.tuning.complaint(change)

@@ -51,8 +51,8 @@ def evaluate(
         list[Path],
         typer.Argument(
             metavar="TRACE...",
-            help="Recorded signals: files (CSV or MCAP), or shipped ones: a recording such as tue_rigid_1, a source "
-            "such as tue, or recordings for all of them.",
+            help="Recorded signals: files (CSV or MCAP); or shipped ones: tue_rigid_1, tue for all that begin so, "
+            "recordings for all.",
         ),
     ],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
@@ -67,6 +67,9 @@ def evaluate(
     jnd: Annotated[
         float, typer.Option(metavar="J", help="Just noticeable difference, as a share of the force.")
     ] = 0.10,
+    max_updates: Annotated[
+        float | None, typer.Option(metavar="N", min=1.0, callback=finite, help="Largest rate of updates [1/s].")
+    ] = None,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
@@ -86,6 +89,7 @@ def evaluate(
             result = run(
                 traces, predictor, weber, floor,
                 jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                max_updates=max_updates,
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
@@ -247,7 +251,10 @@ def paper(
 
 def adaptive(
     traces: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; default: the shipped one.")
+        list[Path] | None,
+        typer.Argument(
+            metavar="[TRACE...]", help="Recordings: files, or shipped ones by name; default: all shipped ones."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
     workers: Workers = None,

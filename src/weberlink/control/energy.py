@@ -19,7 +19,8 @@ from weberlink.control.contract import CREDIT_STEP
 from weberlink.geometry.vector import Vector
 
 LONGEST = 0.05
-"""No energy is predicted later than this after the last increase of the credit [s]: a heartbeat is due by then."""
+"""No energy is predicted later than this after the last increase of the credit [s]. At the default silence limit
+`HeartbeatSchedule` tells energy sooner."""
 STRONGEST = 1.0
 """Largest drag force [N]."""
 STABLE_SHARE = 0.5

@@ -62,7 +62,8 @@ class Tuning:
         settings: the settings of the file, with which every session begins.
         permitted: settings that may be changed, each with the names allowed; `weber` may be any number from 0 to less
             than 1.
-        apply: makes a change on this side.
+        apply: makes a change on this side; its second argument is the tick of the peer at which the peer makes it, as
+            near as the clocks are known.
         choices: schemes that the master may choose on its own; none unless the scheme is "auto".
         use: uses one of them on this side.
         leads: whether this is the master.
@@ -86,7 +87,7 @@ class Tuning:
         self,
         settings: LiveSettings,
         permitted: Mapping[str, Sequence[str]],
-        apply: Callable[[LiveSettings], None],
+        apply: Callable[[LiveSettings, float], None],
         choices: Sequence[str] = (),
         use: Callable[[str], None] = lambda _: None,
         *,
@@ -127,7 +128,7 @@ class Tuning:
             self.result = ChangeResult(0, "the session ended")
         self._asked, self._agreed = None, []
         if self.settings != self._initial:
-            self._apply(self._initial)
+            self._apply(self._initial, -inf)
         self.settings, self.generation = self._initial, 0
 
     def complaint(self, change: Mapping[str, object]) -> str | None:
@@ -209,15 +210,16 @@ class Tuning:
         due = [agreed for agreed in self._agreed if agreed.tick <= (nearest if agreed.of_peer else tick)]
         for agreed in due:
             self._agreed.remove(agreed)
-            self._make(agreed.change)
+            # The peer makes a change of this side up to half a tick early, in the tick that was agreed or soon after.
+            self._make(agreed.change, agreed.tick if agreed.of_peer else nearest - 1.0 - (tick - agreed.tick))
 
-    def _make(self, change: Mapping[str, Any]) -> None:
+    def _make(self, change: Mapping[str, Any], peer_tick: float) -> None:
         if CHOICE in change:
             self._use(change[CHOICE])
             return
         self.settings = self.settings._replace(**change)
         self.generation += 1
-        self._apply(self.settings)
+        self._apply(self.settings, peer_tick)
 
 
 class _Agreed(NamedTuple):

@@ -4,7 +4,7 @@ The parts are built as the daemons build them; nothing is opened or sent.
 """
 
 from collections.abc import Iterator
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 from statistics import median
 from time import perf_counter
 from typing import Protocol, runtime_checkable
@@ -26,9 +26,16 @@ from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import lacks
 from weberlink.system.configuration import Configuration, System
-from weberlink.system.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings, MappingSettings
+from weberlink.system.configuration.model import (
+    PERCEPTUAL_WEBER_LIMIT,
+    EmulationSettings,
+    MappingSettings,
+    PredictedSettings,
+)
 
 UDP_IP_BYTES = 28
+NOISE_PEAK = 3.0
+"""Noise rarely exceeds this multiple of its standard deviation."""
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 
@@ -59,10 +66,11 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
         + ("" if shape == "isotropic" else f"; {shape}")
+        + _most(system.codec.force)
     )
     yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
-    bound_mm = 1e3 * system.codec.position.bound_m
-    yield f"position  {_coding(system.codec.position.predictor, forward)}; bound {bound_mm:g} mm"
+    position = system.codec.position
+    yield f"position  {_coding(position.predictor, forward)}; bound {1e3 * position.bound_m:g} mm{_most(position)}"
     yield f"          update of {_sizes(forward, security.tag_size, system)} bytes of UDP payload"
     yield from _rotation(system, security.tag_size)
     yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
@@ -76,6 +84,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     stiffness = None if device is None else device.spec.stiffness_n_m
     for warning in (
         *_warnings(system, stiffness),
+        *_noisy(system, device, robot),
         *lacks(system, device, robot),
         *beyond(configuration, device, robot),
     ):
@@ -135,6 +144,12 @@ def _coding(predictor: str, channel: Channel) -> str:
     return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
 
 
+def _most(settings: PredictedSettings) -> str:
+    """The bounded rate of updates, if there is one."""
+    most = settings.max_updates_per_s
+    return "" if most is None else f"; at most {most:g} updates/s"
+
+
 def _sizes(channel: Channel, tag: int, system: System) -> str:
     shortest, longest = (size + tag for size in _layout(channel, system).lengths)
     return f"{shortest} to {longest}"
@@ -144,7 +159,7 @@ def _layout(channel: Channel, system: System) -> UpdateLayout:
     return UpdateLayout(
         channel.forms,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
-        further_acks=0 if system.codec.rotation is None else 1,
+        acks=1 if system.codec.rotation is None else 2,
     )
 
 
@@ -156,10 +171,10 @@ def _rotation(system: System, tag: int) -> Iterator[str]:
     (_, orientation), (_, torque) = streams(system)
     yield (
         f"rotation  torque {_coding(coded.torque.predictor, torque)}; k = {coded.torque.weber:g}, "
-        f"floor {coded.torque.floor_nm:g} N m, reference {coded.torque.reference}"
+        f"floor {coded.torque.floor_nm:g} N m, reference {coded.torque.reference}{_most(coded.torque)}"
     )
     yield f"          update of {_sizes(torque, tag, system)} bytes of UDP payload"
-    bound = f"bound {coded.orientation.bound_rad:g} rad"
+    bound = f"bound {coded.orientation.bound_rad:g} rad{_most(coded.orientation)}"
     yield f"          orientation {_coding(coded.orientation.predictor, orientation)}; {bound}"
     yield f"          update of {_sizes(orientation, tag, system)} bytes of UDP payload"
 
@@ -218,6 +233,25 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
     if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
+
+
+def _noisy(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
+    """Deadbands at rest within the noise of a sensor, where its driver knows that.
+
+    The held sample has noise too: the difference of two samples of noise s on n axes exceeds 3 sqrt(2 n) s rarely.
+    """
+    peaks = NOISE_PEAK * sqrt(2.0 * len(system.axes))
+    for key, floor, unit, noise in (
+        ("force.floor_n", system.codec.force.floor_n, "N", 0.0 if robot is None else robot.spec.force_noise_n),
+        ("position.bound_m", system.codec.position.bound_m, "m", 0.0 if device is None else device.spec.noise_m),
+    ):
+        channel = system.codec.force if unit == "N" else system.codec.position
+        if floor < peaks * noise:
+            bounded = "" if channel.max_updates_per_s is not None else ", or bound the rate with max_updates_per_s"
+            yield (
+                f"codec.{key} {floor:g}: within the noise of the sensor, {noise:.2g} {unit} rms on each axis, which is "
+                f"sent at rest; use at least {peaks * noise:.2g}{bounded}"
+            )
 
 
 def _fits_a_surface(system: System) -> bool:

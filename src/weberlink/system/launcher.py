@@ -31,7 +31,7 @@ import numpy as np
 
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
-from weberlink.system.composition.channels import banks, measure_of
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.journal import Journal
@@ -163,7 +163,7 @@ class Session:
         system = self.configuration.system
         if system.link.security == "session":
             self._make_key()
-        self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
+        self.score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue

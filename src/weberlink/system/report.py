@@ -116,6 +116,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         )
     if len(force["selected"]) > 1:
         yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
+    yield from _widened(summary)
     if link["rtt_us"]["p50"] is not None:
         yield (
             f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
@@ -157,19 +158,27 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
         )
         yield (
             f"outside: {force['violation_s']:.2f} s in total, longest {force['violation_longest_s'] * 1e3:.0f} ms; "
-            f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
+            f"error in deadbands {_ratio(force['error_p99_deadbands'])} p99, {_ratio(force['error_max_deadbands'])} max"
         )
     else:
         yield "felt error: unknown; needs both sides (loopback, simulate, or info on two recordings)"
+
+
+def _widened(summary: dict[str, Any]) -> Iterator[str]:
+    """Channels whose rate of updates reached its bound, if any."""
+    for name, unit, factor, digits in CHANNELS:
+        if name in summary and summary[name]["widened_fraction"]:
+            share, most = summary[name]["widened_fraction"], _number(summary[name]["widened_max"], factor, unit, digits)
+            yield f"{name}: deadband widened in {_percent(share)} of ticks, to at most {most}"
 
 
 def _quality(force: dict[str, Any]) -> Iterator[str]:
     """Measures of the displayed force in JNDs of a person."""
     parts = []
     if force["error_rms_jnd"] is not None:
-        parts.append(f"error {_jnd(force['error_rms_jnd'])} RMS, log error {_jnd(force['log_error_rms_jnd'])}")
+        parts.append(f"error {_ratio(force['error_rms_jnd'])} RMS, log error {_ratio(force['log_error_rms_jnd'])}")
     if force["jump_median_jnd"] is not None:
-        jumps = (_jnd(force[f"jump_{which}_jnd"]) for which in ("median", "p99", "max"))
+        jumps = (_ratio(force[f"jump_{which}_jnd"]) for which in ("median", "p99", "max"))
         parts.append("jumps {} median, {} p99, {} max".format(*jumps))
     if parts:
         yield f"in JND: {'; '.join(parts)}"
@@ -226,7 +235,7 @@ def _number(value: float | None, factor: float, unit: str, digits: int = 3) -> s
     return "-" if value is None else f"{value * factor:.{digits}f} {unit}"
 
 
-def _jnd(value: float | None) -> str:
+def _ratio(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 

@@ -38,6 +38,7 @@ COLUMNS = {
     "raw": "outgoing[0].sensor.value",
     "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
     "bound": "outgoing[0].encoder.bound",
+    "weber": "tuning.settings.weber",
     "tick": "side.index",
     "ticks_missed": "missed",
     "datagrams_sent": "statistics.sent",
@@ -63,6 +64,7 @@ COLUMNS = {
     "fault": "faults.active",
     "control": "schemes[control.active]",
     "sent": "outgoing[0].update is not None",
+    "widened": "outgoing[0].encoder.widened",
     "received": "incoming[0].received",
     "settings": "tuning.generation & 0xFF",
 }
@@ -73,6 +75,7 @@ ROTATION_COLUMNS = {
     "rotation_raw": "rotation.sensor.value",
     "rotation_bound": "rotation.encoder.bound",
     "rotation_sent": "rotation.update is not None",
+    "rotation_widened": "rotation.encoder.widened",
 }
 """The same for the rotation, where there is one; `rotation` is the outgoing channel of its stream."""
 

@@ -5,7 +5,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from weberlink.system.composition.channels import banks, measure_of
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
@@ -77,7 +77,7 @@ def simulate(
     if record is not None:
         check_target(record)
     simulation = build_simulation(configuration)
-    score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
+    score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
     recorder = TraceRecorder()
     recording = None if record is None else VirtualRecording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]

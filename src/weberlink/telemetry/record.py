@@ -46,6 +46,7 @@ FIELDS = (
     ),
     Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
     Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
+    Field("weber", "<f8", 1, "", "Weber factor of the force channel, as a live change may have left it"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
     Field("slew_ticks", "<u8", 1, "", "ticks in which the slew limit held force or torque back, so far (master)"),
@@ -111,6 +112,8 @@ FIELDS = (
     Field("rotation_bound", "<f4", 1, "rad | N m", "deadband of this tick, of the rotation that this side encodes"),
     Field("rotation_selected", "u1", 1, "", "predictor in use on the torque channel, as its index in the bank"),
     Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
+    Field("widened", "u1", 1, "", "1 if the bounded rate of updates widened the deadband in this tick"),
+    Field("rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick"),
 )
 
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")

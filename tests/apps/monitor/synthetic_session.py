@@ -107,10 +107,11 @@ def rotation(side: str, begin: float, end: float) -> Message:
     return rows
 
 
-def felt(begin: float, end: float, jnd: float | None = 0.4) -> Message:
+def felt(begin: float, end: float, deadbands: float | None = 0.4) -> Message:
     """The felt error, constant."""
     t = [k / ROWS_PER_S for k in range(round(begin * ROWS_PER_S), round(end * ROWS_PER_S))]
-    return {"type": "felt", "t": t, "jnd": [jnd] * len(t), "error_n": [0.1] * len(t), "bound_n": [0.25] * len(t)}
+    columns = {"deadbands": deadbands, "error_n": 0.1, "bound_n": 0.25}
+    return {"type": "felt", "t": t} | {name: [value] * len(t) for name, value in columns.items()}
 
 
 def figures(report: Message, **other: Any) -> Message:

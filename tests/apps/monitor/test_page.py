@@ -30,7 +30,7 @@ REPORT: Message = {
         "reduction_all": 0.977,
         "error_rms": 0.0811,
         "violation_fraction": 0.0142,
-        "violation_p99_jnd": 1.11,
+        "error_p99_deadbands": 1.11,
     },
     "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
     "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
@@ -81,7 +81,7 @@ def test_session_is_shown_in_every_panel(page: Browser, server: ScriptedServer) 
     assert page.text("force-packets-now") == "12"
     assert page.text("force-reduction-now") == "98.8 %"
     assert page.number("rate") == 1000.0
-    assert page.text("felt-jnd-now") == "0.40"
+    assert page.text("felt-deadbands-now") == "0.40"
     assert page.text("faults") == "none"
     last = session.samples("master", 0.0, 6.0)["columns"]["rtt_us"][-1]
     assert page.number("rtt-now") == last
@@ -135,7 +135,7 @@ def test_deadband_is_green_and_packets_are_marks(page: Browser, server: Scripted
 
     page.wait(lambda: shares("force")[0] > 0.005 and shares("force")[1] > 0.005, "band and marks of the force")
     page.wait(lambda: shares("position")[1] > 0.002, "marks of the position")
-    page.wait(lambda: shares("felt")[0] > 0.2, "the zone below 1 JND")
+    page.wait(lambda: shares("felt")[0] > 0.2, "the zone below 1 deadband")
     assert shares("felt")[1] < 0.001
 
 
@@ -206,21 +206,21 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
     server.answer = answer
     visit(page, server, session.hello(), *told())
     page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")
-    assert page.text("weber-value") == "10 % = 1 JND"
+    assert page.text("weber-value") == "10 %"
     before = page.run("return document.querySelector('#panel-felt canvas').toDataURL()")
     page.choose("weber", "0.05")
     page.wait(lambda: page.data("answer") == "accepted", "the answer")
     assert server.asked == [{"type": "change", "weber": 0.05}]
     assert page.text("answer") == "from tick 12345 on, both ends"
-    assert page.text("weber-value") == "5 % = 1 JND"
+    assert page.text("weber-value") == "5 %"
     page.wait(lambda: page.run("return document.querySelector('#panel-felt canvas').toDataURL()") != before, "the mark")
     page.choose("weber", "0.15")  # agreed, but in force from a later tick on
-    page.wait(lambda: page.text("weber-value") == "15 % = 1 JND", "what was agreed")
+    page.wait(lambda: page.text("weber-value") == "15 %", "what was agreed")
     server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.05}, generation=1))
     page.wait(lambda: page.data("force-packets") == "24", "figures from before it")
-    assert page.text("weber-value") == "15 % = 1 JND"
+    assert page.text("weber-value") == "15 %"
     server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.16}, generation=2))
-    page.wait(lambda: page.text("weber-value") == "16 % = 1 JND", "what is in force")
+    page.wait(lambda: page.text("weber-value") == "16 %", "what is in force")
     page.choose("predictor", "zoh")
     page.wait(lambda: page.data("answer") == "refused", "the refusal")
     assert page.text("answer") == "not changed: the bank has no zoh"
@@ -252,7 +252,7 @@ def test_single_side_shows_its_data(page: Browser, server: ScriptedServer) -> No
     alone = session.hello(present=["slave"], sides={"master": None, "slave": session.description("slave")})
     visit(page, server, alone, session.samples("slave", 0.0, 3.0))
     page.wait(lambda: page.text("state-detail") == "slave only", "the side")
-    assert isnan(page.number("felt-jnd-now"))
+    assert isnan(page.number("felt-deadbands-now"))
     assert "both sides" in page.text("chart-felt")
     assert page.number("rtt-now") > 0.0
     clean(page, server)
@@ -304,7 +304,7 @@ def test_ended_session_keeps_figures_until_the_next(page: Browser, server: Scrip
     page.wait(lambda: page.data("state") == "ended", "the end")
     assert page.text("state-detail") == "these are the final figures"
     assert page.number("force-packets-now") == REPORT["force"]["packets_per_s"]
-    assert (page.text("felt-jnd-now"), page.text("felt-of")) == ("1.11", "JND, p99")
+    assert (page.text("felt-deadbands-now"), page.text("felt-of")) == ("1.11", "deadbands, p99")
     assert page.text("duration") == "6.0 s"
     assert page.run("return document.getElementById('weber').disabled")
     server.say(session.hello(session="5678"), session.samples("master", 0.0, 0.5), session.samples("slave", 0.0, 0.5))

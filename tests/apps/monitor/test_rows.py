@@ -104,16 +104,16 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
         told = felt_message(*felt.add(one, other), origin=10.0)
         errors += told["error_n"]
         assert told["t"] == sorted(told["t"])
-        assert told["jnd"] == pytest.approx([error / 1.5 for error in told["error_n"]], abs=1e-4)
+        assert told["deadbands"] == pytest.approx([error / 1.5 for error in told["error_n"]], abs=1e-4)
     force = score.summary()["force"]
     assert max(errors) == pytest.approx(force["error_max"], abs=1e-5)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(force["error_rms"], abs=1e-5)
     assert np.mean(np.array(errors) > 1.5) == pytest.approx(force["violation_fraction"], abs=2 / len(errors))
 
 
-def test_zero_bound_has_no_jnd() -> None:
+def test_zero_bound_has_no_error_in_deadbands() -> None:
     master, slave = records(10), records(10)
-    assert felt_message(*FeltErrorPairs(RATE).add(master, slave), origin=10.0)["jnd"] == [None] * 9
+    assert felt_message(*FeltErrorPairs(RATE).add(master, slave), origin=10.0)["deadbands"] == [None] * 9
 
 
 def test_rows_waiting_for_the_other_side_are_bounded() -> None:

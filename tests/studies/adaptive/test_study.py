@@ -1,112 +1,95 @@
-"""The `adaptive` command and the signals that it codes."""
+"""The study as a whole: rows, page, figure and the published ones."""
 
 import json
 import re
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import get_args
 
-import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
-from weberlink.master.trace import Trace, read_trace
+from weberlink.studies.adaptive.coding import COMPARED, RateRow
 from weberlink.studies.adaptive.command import NUMBERS, PAGE, study
-from weberlink.studies.adaptive.document import FIGURES
-from weberlink.studies.adaptive.signals import (
-    CHOSEN_RECORDINGS,
-    FULL,
-    NOISE_N,
-    QUICK,
-    AdaptiveScope,
-    Half,
-    recordings,
-    scenes,
-)
-from weberlink.studies.adaptive.work import ABLATION, EQUAL, RATES, TUNING, length, tasks
-from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.adaptive.comparison import by_group, ratios
+from weberlink.studies.adaptive.document import document
+from weberlink.studies.adaptive.signals import FULL, QUICK, signals, tasks
+from weberlink.studies.evaluate.traces import read_traces
 from weberlink.studies.result import StudyResult
+from weberlink.system.environment import footer
 
-OPERATOR = CONFIGS / "traces" / "operator.csv"
-TINY = QUICK._replace(duration_s=0.8, ticks=400, scenes=("plane_friction",))
-TWELVE = [f"omega3_{n}" for n in (1, 13, 19, 7)] + [
-    f"tue_{what}_{n}" for what in ("foam", "free", "rigid", "spring") for n in (1, 2)
-]
-
-
-def given(*names: str) -> list[NamedTrace]:
-    time = np.arange(50.0) * 1e-3
-    empty = np.zeros((50, 3))
-    return [NamedTrace(name, Trace(time, empty, empty, np.zeros((0, 2)))) for name in names]
+PUBLISHED = CONFIGS.parent / "docs" / "adaptive"
+GIVEN = read_traces([Path("tue_rigid_1"), Path("stroke_iiwa_teleop_1")])
+SCOPE = QUICK._replace(recording_s=0.5, scene_s=1.0, synthetic=("texture",))
 
 
 @pytest.fixture(scope="module")
-def tiny() -> StudyResult:
-    return study([NamedTrace("operator", read_trace(OPERATOR))], TINY, 1, lambda *_: None)
+def small() -> StudyResult:
+    return study(GIVEN, SCOPE, 1, lambda *_: None)
 
 
-def test_a_small_study_measures_every_part(tiny: StudyResult) -> None:
-    found = json.loads(json.dumps(tiny.document, allow_nan=False))
-    assert found["recordings"] == ["operator"]
-    assert {row["part"] for row in found["rates"]} == {"rates", "noise-free", "ablation", "tuning"}
-    assert not any(row["outside"] for row in found["rates"] + found["matches"])
-    assert [row["variant"] for row in found["costs"]] == ["hybrid", "adaptive"]
-    assert not any(row["differing"] for row in found["costs"])
-    assert len(found["targets"]) == 9
+def rows_in(result: StudyResult) -> list[RateRow]:
+    return [RateRow(**row) for row in result.document["rows"]]
 
 
-def test_the_page_shows_figures_that_exist(tiny: StudyResult, tmp_path: Path) -> None:
-    tiny.draw(tmp_path)
+def test_every_signal_is_coded_by_every_predictor_at_every_rate(small: StudyResult) -> None:
+    work = tasks(signals(GIVEN, SCOPE), SCOPE)
+    rows = rows_in(small)
+    assert len(rows) == len(work) * len(COMPARED)
+    assert {(row.signal, row.rate_hz, row.predictor) for row in rows} == {
+        (task.signal.name, task.rate_hz, predictor) for task in work for predictor in COMPARED
+    }
+    for row in rows:
+        assert row.outside == 0
+        assert row.bytes > 0 or row.packets == 0
+    json.dumps(small.document, allow_nan=False)
+
+
+def test_rows_do_not_depend_on_the_number_of_processes(small: StudyResult) -> None:
+    def timeless(result: StudyResult) -> list[RateRow]:
+        return [replace(row, tick_us=0.0) for row in rows_in(result)]
+
+    assert timeless(study(GIVEN, SCOPE, 2, lambda *_: None)) == timeless(small)
+
+
+def test_the_printed_table_names_the_groups(small: StudyResult, capsys: pytest.CaptureFixture[str]) -> None:
+    Console(width=80).print(small.table)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for group in ("tue_rigid", "stroke_iiwa_teleop", "texture", "all 2 sources"):
+        assert any(line.startswith(group) for line in lines)
+    assert not any("…" in line for line in lines)
+
+
+def test_page_figure_and_rows_are_written(small: StudyResult, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    small.draw(tmp_path)
     page = (tmp_path / PAGE).read_text(encoding="utf-8")
-    pictures = re.findall(r"\]\(([\w/]+\.png)\)", page)
-    assert sorted(pictures) == sorted(f"{name}.png" for name in FIGURES)
-    for picture in pictures:
-        assert (tmp_path / picture).stat().st_size > 10_000
-        assert (tmp_path / picture).with_suffix(".svg").is_file()
-    assert json.loads((tmp_path / NUMBERS).read_text(encoding="utf-8"))["rates"]
-    assert "nan" not in page
+    for name in re.findall(r"\]\((\w+\.\w+)\)", page):
+        assert (tmp_path / name).stat().st_size > 1000
+    assert json.loads((tmp_path / NUMBERS).read_text()) == json.loads(json.dumps(small.document))
 
 
-def test_wrong_traces_are_refused_before_any_work(tmp_path: Path) -> None:
-    wrong = tmp_path / "wrong.csv"
-    wrong.write_text("a,b\n1,2\n", encoding="utf-8")
-    result = CliRunner().invoke(app, ["adaptive", str(wrong)])
-    assert result.exit_code == 2
-    assert "wrong.csv: row 1: missing column" in result.stderr
+def test_a_broken_deadband_is_reported(small: StudyResult) -> None:
+    rows = rows_in(small)
+    assert f"No tick of {len(rows)} runs was outside" in document(rows, SCOPE, "", 1.0, drawn=False)
+    rows[3] = replace(rows[3], outside=2)
+    assert f"**Ticks outside their deadband in 1 of {len(rows)} runs**" in document(rows, SCOPE, "", 1.0, drawn=False)
 
 
-def test_halves_are_disjoint_and_complete() -> None:
-    found = recordings(given(*TWELVE), FULL) + scenes(FULL, NOISE_N)
-    names = {half: {source.key.name for source in found if source.key.half == half} for half in get_args(Half)}
-    assert not names["chosen"] & names["reported"]
-    assert names["chosen"] | names["reported"] == {source.key.name for source in found}
-    assert names["chosen"] & set(TWELVE) == CHOSEN_RECORDINGS
-    seeds = {half: {source.seed for source in found if source.key.half == half} - {0} for half in get_args(Half)}
-    assert seeds == {"chosen": {1}, "reported": {2, 3}}
-    (other,) = recordings(given("mine"), FULL)
-    assert other.key.half == "reported"
+def test_the_published_page_is_that_of_its_rows() -> None:
+    found = json.loads((PUBLISHED / NUMBERS).read_text(encoding="utf-8"))
+    rows = [RateRow(**row) for row in found["rows"]]
+    assert found["scope"] == json.loads(json.dumps(FULL._asdict())), "publish it again: make figures"
+    caption = footer(found["environment"], found["seed"])
+    page = document(rows, FULL, caption, found["run_time_s"], drawn=True)
+    assert (PUBLISHED / PAGE).read_text(encoding="utf-8") == page
+    assert found["groups"] == json.loads(json.dumps([asdict(one) for one in by_group(ratios(rows))]))
 
 
-def test_groups_are_scenes_and_single_recordings() -> None:
-    assert {source.key.group for source in scenes(FULL, 0.0)} == set(FULL.scenes)
-    assert len({source.key.group for source in recordings(given(*TWELVE), FULL)}) == 12
-
-
-@pytest.mark.parametrize("scope", [FULL, QUICK])
-def test_constants_are_judged_on_the_other_half(scope: AdaptiveScope) -> None:
-    for task in tasks(given(*TWELVE), scope):
-        if task.source.key.half == "chosen":
-            assert not {ABLATION, EQUAL} & set(task.parts)
-        else:
-            assert TUNING not in task.parts
-        assert length(task) > 0.0
-    rated = [task.source.key.name for task in tasks(given(*TWELVE), scope) if RATES in task.parts]
-    assert len(rated) == len(set(rated)) == 12 + len(scope.scenes) * len(scope.seeds)
-
-
-def test_noise_is_added_to_the_force_alone() -> None:
-    scope = QUICK._replace(duration_s=0.2)
-    clean, noisy = (scenes(scope, noise, [3])[0].signal() for noise in (0.0, NOISE_N))
-    assert np.array_equal(clean.position_m, noisy.position_m)
-    assert np.std(noisy.force_n - clean.force_n) == pytest.approx(NOISE_N, rel=0.2)
+def test_the_command_refuses_what_is_not_there() -> None:
+    ended = CliRunner().invoke(app, ["adaptive", "absent.csv"])
+    assert (ended.exit_code, ended.stdout) == (2, "")
+    assert "absent.csv: not found; shipped recordings: " in ended.stderr

@@ -14,15 +14,17 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.system.processes import Program, until
-from tests.system.systems import CONFIGS
+from tests.system.processes import ENGAGED, Program, until
+from tests.system.systems import CONFIGS, raw, steps
 from weberlink.cli import app
+from weberlink.geometry.vector import ZERO, distance
 from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import RATED, read
-from weberlink.studies.experiment.plan import CodingCondition, order
+from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, order
 from weberlink.studies.experiment.trial_runner import TrialSignals
 from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 from weberlink.system.configuration import load
+from weberlink.system.simulate import build_simulation
 
 FILE = CONFIGS / "loopback.yaml"
 SHORT = 0.6
@@ -170,8 +172,25 @@ def test_conditions_become_overrides() -> None:
         for weber in WEBERS:
             force = load(FILE, signals.with_condition(CodingCondition(predictor, weber))).system.codec.force
             assert (force.predictor, force.weber, force.floor_n) == (predictor, weber, 0.02)
-    force = load(FILE, signals.with_condition(CodingCondition("zoh", 0.0))).system.codec.force
-    assert (force.weber, force.floor_n) == (0.0, 0.0)  # every sample is sent
+
+
+@pytest.mark.parametrize(
+    ("file", "force"),
+    [("loopback.yaml", "deadband={shape: level_crossing}"), ("rotation.yaml", "smooth_ms=20")],
+)
+def test_the_best_reference_disturbs_no_channel(file: str, force: str) -> None:
+    signals = TrialSignals(CONFIGS / file, (f"codec.force.{force}", "codec.position.weber=0.5"))
+    simulation = build_simulation(load(CONFIGS / file, signals.with_condition(REFERENCES[0].condition)))
+    bounds, apart, before = [], [], ZERO
+    for step in list(steps(simulation, 2.0)):
+        if step.master.state == step.slave.state == ENGAGED and not step.slave.ramping:
+            bounds += [step.master.bound, step.slave.bound, step.master.rotation_bound, step.slave.rotation_bound]
+            commanded = (step.slave.position_x, step.slave.position_y, step.slave.position_z)
+            apart.append(min(distance(commanded, raw(step.master)), distance(commanded, before)))
+        before = raw(step.master)
+    assert len(apart) > 1000
+    assert max(bounds) == 0.0
+    assert max(apart) <= 0.5 * 3**0.5 * 1e-5 * 1.001, "half a wire step on each axis"
 
 
 @pytest.mark.parametrize(

@@ -125,8 +125,8 @@ def test_errors_are_reported_in_units_of_the_bound() -> None:
     slave["raw"][700, 2] = 0.7
     slave["bound"][800:] = 0.0
     force = score(master, slave)["force"]
-    assert force["violation_max_jnd"] == pytest.approx(3.5)
-    assert force["violation_p99_jnd"] == pytest.approx(2.5, rel=0.01)
+    assert force["error_max_deadbands"] == pytest.approx(3.5)
+    assert force["error_p99_deadbands"] == pytest.approx(2.5, rel=0.01)
 
 
 def test_the_master_alone_has_no_felt_error() -> None:
@@ -134,7 +134,7 @@ def test_the_master_alone_has_no_felt_error() -> None:
     assert summary["ticks"]["master"]["count"] == 100
     assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None
     assert summary["force"]["error_rms"] is None
-    assert summary["force"]["violation_max_jnd"] is summary["force"]["violation_longest_s"] is None
+    assert summary["force"]["error_max_deadbands"] is summary["force"]["violation_longest_s"] is None
     assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0, "link_generated_j": None}
 
 
@@ -265,7 +265,7 @@ def test_torque_and_orientation_have_their_figures() -> None:
     torque, orientation = summary["torque"], summary["orientation"]
     assert torque["error_rms"] == pytest.approx(0.03, rel=1e-5)
     assert torque["violation_fraction"] == 1.0
-    assert torque["violation_max_jnd"] == pytest.approx(1.2, rel=1e-3)
+    assert torque["error_max_deadbands"] == pytest.approx(1.2, rel=1e-3)
     assert torque["coding"]["error_rms"] == pytest.approx(0.01, rel=1e-5)
     assert torque["coding"]["violation_fraction"] == 0.0
     assert (torque["packets"], orientation["packets"]) == (49, 9)

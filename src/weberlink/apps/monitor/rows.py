@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from weberlink.apps.monitor.rings import joined
 from weberlink.protocol.states import State
-from weberlink.system.scoring.channel import in_session
+from weberlink.system.scoring.channel import Measures, deviations_of, in_session
 from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 
@@ -143,16 +143,17 @@ class FeltErrorPairs:
         return matched[counts], now[counts]
 
 
-def felt_message(master: Records, slave: Records, origin: float) -> dict[str, Any]:
-    """Felt error of pairs: the operator's force against the robot's, in N and JND (None where the bound is 0)."""
+def felt_message(master: Records, slave: Records, origin: float, measures: Measures | None = None) -> dict[str, Any]:
+    """Felt error of pairs: the operator's force against the robot's, in N and deadbands (None where that is 0)."""
     error = np.linalg.norm(master["output"] - slave["raw"], axis=1)
+    deviation = error if measures is None else deviations_of(master["output"], slave, measures)
     bound = slave["bound"]
     with np.errstate(divide="ignore", invalid="ignore"):
-        jnd = np.where(bound > 0.0, error / bound, np.nan)
+        deadbands = np.where(bound > 0.0, deviation / bound, np.nan)
     return {
         "type": "felt",
         "t": listed(slave["at"] - origin, 6),
-        "jnd": listed(jnd, 4),
+        "deadbands": listed(deadbands, 4),
         "error_n": listed(error, 5),
         "bound_n": listed(bound, 5),
     }

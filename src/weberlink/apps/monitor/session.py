@@ -1,6 +1,7 @@
 """A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +10,9 @@ import numpy as np
 from weberlink.apps.monitor.hello import hello
 from weberlink.apps.monitor.rings import Feed, joined
 from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
+from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.channel import Measures
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
@@ -70,7 +73,8 @@ class WatchedSession:
         torque = description.get("torque_bank")
         self._rotates = torque is not None
         bank = tuple(description.get("bank", ())) or UNNAMED
-        self._score = SessionScore(first.rate_hz, bank, None if torque is None else tuple(torque))
+        self._measures = _measures(description)
+        self._score = SessionScore(first.rate_hz, bank, None if torque is None else tuple(torque), self._measures)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
@@ -200,7 +204,7 @@ class WatchedSession:
 
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
-            return felt_message(first, second, self.origin)
+            return felt_message(first, second, self.origin, self._measures)
         return samples_message(kind, first, self.origin, rotation=self._rotates)
 
     def _remember(self, shown: list[_Shown]) -> None:
@@ -208,6 +212,14 @@ class WatchedSession:
         newest = max((float(side.last["at"]) for side in self._sides.values() if side.last is not None), default=0.0)
         while self._backlog and float(self._backlog[0].first["at"][-1]) < newest - BACKLOG_S:
             self._backlog.popleft()
+
+
+def _measures(description: Mapping[str, Any]) -> Measures | None:
+    """How the deadband of a session measures; None for the distance, or where nothing is known of the deadband."""
+    try:
+        return measures_in(description.get("system", {}))
+    except ValueError:
+        return None
 
 
 def _fault(record: Any) -> str | None:

@@ -1,1 +1,1 @@
-"""Study of the `adaptive` predictor: packets, felt force, the worth of each part, and run time."""
+"""Study of the `adaptive` predictor: packets against the paper's hybrid and the best single predictor, by source."""

@@ -1,19 +1,18 @@
-"""The `adaptive` command: runs the study in parallel and writes its page, figures and rows."""
+"""The `adaptive` command: runs the study in parallel and writes its page, figure and rows."""
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 
-from weberlink.codec.predictors import ADAPTIVE, HYBRID
-from weberlink.studies.adaptive.coding import cost
-from weberlink.studies.adaptive.comparison import AdaptiveResults, CostRow, MatchRow, RateRow
-from weberlink.studies.adaptive.document import document
-from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, AdaptiveScope, recordings, scenes
-from weberlink.studies.adaptive.tables import MET
-from weberlink.studies.adaptive.targets import targets
-from weberlink.studies.adaptive.work import SignalTask, done, length, tasks
-from weberlink.studies.evaluate.traces import SHIPPED, NamedTrace, read_traces
+from weberlink.codec.predictors import ADAPTIVE_BANK
+from weberlink.studies import recordings
+from weberlink.studies.adaptive.coding import FLOOR_N, WEBER, length, rows_of
+from weberlink.studies.adaptive.comparison import SEED, by_group, ratios
+from weberlink.studies.adaptive.document import CHOSEN_BY, band, document, summary
+from weberlink.studies.adaptive.signals import BASE_HZ, FULL, QUICK, AdaptiveScope, signals, tasks
+from weberlink.studies.evaluate.traces import ALL, NamedTrace, read_traces
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.environment import environment, footer
@@ -34,9 +33,9 @@ def run(
     """Measure everything; only run times depend on the number of workers.
 
     Args:
-        traces: recordings of people; the shipped one if there are none.
+        traces: recordings, files or shipped ones by name; every shipped one if there are none.
         quick: a small part of the study.
-        docs: whether page and figures will be drawn.
+        docs: whether page and figure will be drawn.
         workers: processes; None for one per processor.
         progress: receives the number of finished pieces, of all pieces, and their name.
 
@@ -45,57 +44,48 @@ def run(
     """
     if docs:
         need("matplotlib", "plots", "--docs")
-    given = read_traces(traces or [SHIPPED])
-    return study(given, QUICK if quick else FULL, workers, progress)
+    return study(read_traces(traces or [Path(ALL)]), QUICK if quick else FULL, workers, progress)
 
 
 def study(
     given: Sequence[NamedTrace], scope: AdaptiveScope, workers: int | None, progress: Callable[[int, int, str], None]
 ) -> StudyResult:
-    """Measure recordings and scenes; arguments as of `run`."""
+    """Measure recordings, scenes and synthetic signals; arguments as of `run`."""
     began = perf_counter()
-    results = _measured(tasks(list(given), scope), workers, progress)
-    progress(0, 1, "run time of a tick")
-    results.costs.extend(_costs(given, scope))
-    facts = environment()
-    caption = footer(facts)
+    work = tasks(signals(given, scope), scope)
+    coded = parallel_map(rows_of, work, workers, length, lambda done, total: progress(done, total, "signals"))
+    rows = [row for each in coded for row in each]
+    run_time, facts = perf_counter() - began, environment()
+    caption = footer(facts, SEED)
     content = {
-        "quick": scope is QUICK,
+        "weber": WEBER,
+        "floor_n": FLOOR_N,
+        "bank": ADAPTIVE_BANK,
         "scope": scope._asdict(),
-        "recordings": [recording.name for recording in given],
-        "targets": [vars(target) for target in targets(results)],
-        **results.as_json(),
-        "run_time_s": perf_counter() - began,
+        "chosen_by": CHOSEN_BY,
+        "chose": {name: source.chose for name, source in recordings.SOURCES.items()},
+        "groups": [asdict(one) for one in by_group(ratios(rows))],
+        "rows": [asdict(row) for row in rows],
+        "seed": SEED,
+        "run_time_s": run_time,
         "environment": facts,
     }
 
     def draw(folder: Path) -> None:
-        from weberlink.studies.adaptive.figures import draw as draw_figures  # noqa: PLC0415 - slow import
+        from weberlink.studies.adaptive.figures import draw as draw_figure  # noqa: PLC0415 - slow import
 
         (folder / NUMBERS).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        draw_figures(results, scope, folder, caption)
-        (folder / PAGE).write_text(document(results, scope, caption, drawn=True), encoding="utf-8")
+        draw_figure(rows, folder, caption)
+        (folder / PAGE).write_text(document(rows, scope, caption, run_time, drawn=True), encoding="utf-8")
 
-    others = ("limit", "measured", "")
-    table = plain_table("target", *others, left=others, wrap=True, caption=caption)
-    for one in targets(results):
-        table.add_row(one.what, one.asked, one.found, MET[one.met].strip("*"))
+    rate = BASE_HZ if BASE_HZ in scope.rates_hz else scope.rates_hz[0]
+    table = plain_table(
+        f"{rate} Hz", "n", "packets/s", "over hybrid", "over best", "lost", padding=(0, 1, 0, 0),
+        caption=f"packets of adaptive; lost: 1.05 of the best single predictor and 1/s more\n{caption}",
+    )  # fmt: skip
+    for one in summary(rows, rate):
+        table.add_row(
+            one.name, str(one.signals), f"{one.per_s:.1f}", band(one.over_hybrid), f"{one.over_best.mean:.2f}",
+            f"{100 * one.lost:.0f} %",
+        )  # fmt: skip
     return StudyResult(content, table, draw)
-
-
-def _measured(
-    work: Sequence[SignalTask], workers: int | None, progress: Callable[[int, int, str], None]
-) -> AdaptiveResults:
-    """Rows in the order of the tasks."""
-    found = parallel_map(done, work, workers, length, lambda count, total: progress(count, total, "signals"))
-    rows = [row for part in found for row in part]
-    return AdaptiveResults(
-        [row for row in rows if isinstance(row, RateRow)], [row for row in rows if isinstance(row, MatchRow)]
-    )
-
-
-def _costs(given: Sequence[NamedTrace], scope: AdaptiveScope) -> list[CostRow]:
-    """Run times, measured after all other work."""
-    sources = recordings(given, scope) + scenes(scope, NOISE_N, [seed for seed in scope.seeds if seed == 2])
-    signals = [source.signal().middle(scope.cost_ticks) for source in sources if source.key.half == "reported"]
-    return [cost(variant, signals) for variant in (HYBRID, ADAPTIVE)]

@@ -1,184 +1,162 @@
-"""Rows of the study, and how often one encoder sends against another: ratios, geometric means, worst cases."""
+"""Ratios of packets by group and source: geometric means with intervals over recordings, worst cases, losses."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
-from math import exp, log
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import log
+from statistics import fmean, median
 
-from weberlink.codec.predictors import HYBRID
-from weberlink.studies.adaptive.signals import Half, Kind
-from weberlink.studies.curves import Band, Observation, curves
+import numpy as np
 
-MOST_RATIO = 1.05
-"""Limit of the packets, relative to the best single predictor."""
-FEW_PER_S = 10.0
-"""Below this packet rate of the best single predictor, the difference [1/s] counts instead of the ratio."""
-MOST_MORE_PER_S = 1.0
+from weberlink.codec.predictors import ADAPTIVE, HYBRID
+from weberlink.studies.adaptive.coding import SINGLES, RateRow
+from weberlink.studies.curves import CONFIDENCE, RESAMPLES, Band
+from weberlink.studies.evaluate.by_source import MOST, loses
 
-
-@dataclass(frozen=True)
-class RateRow:
-    """How often one signal was sent in one part of the study."""
-
-    part: str
-    signal: str
-    group: str
-    half: Half
-    kind: Kind
-    noise_n: float
-    variant: str
-    floor_n: float
-    packets: int
-    packets_per_s: float
-    outside: int = 0
-    """Ticks outside their deadband; must be 0."""
+SEED = 1
+"""Of the bootstrap."""
 
 
 @dataclass(frozen=True)
-class MatchRow:
-    """The felt force of one signal at the packet rate of the hybrid."""
+class SignalRatios:
+    """`adaptive` on one signal at one rate; packets of 0 count as 1.
 
-    signal: str
-    group: str
-    half: Half
-    kind: Kind
-    variant: str
-    weber: float
-    packets: int
-    packets_per_s: float
-    error_rms_n: float
-    error_rms_jnd: float
-    largest_step_n: float
-    step_jnd: float
-    """99.9th percentile."""
-    outside: int = 0
-
-
-@dataclass(frozen=True)
-class CostRow:
-    """Run time of encode plus decode per tick."""
-
-    variant: str
-    ticks: int
-    median_us: float
-    mean_us: float
-    p99_us: float
-    worst_us: float
-    differing: int = 0
-    """Ticks after which the states of encoder and decoder were not bit-identical; must be 0."""
-
-
-@dataclass(frozen=True)
-class AdaptiveResults:
-    """All rows of the study."""
-
-    rates: list[RateRow] = field(default_factory=list)
-    matches: list[MatchRow] = field(default_factory=list)
-    costs: list[CostRow] = field(default_factory=list)
-
-    def of(self, part: str, **fields: object) -> list[RateRow]:
-        """Rows of a part of the study whose fields have these values."""
-        return chosen(self.rates, part=part, **fields)
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
-
-
-def chosen(rows: Iterable[RateRow], **fields: object) -> list[RateRow]:
-    """Rows whose fields have these values."""
-    return [row for row in rows if all(getattr(row, name) == value for name, value in fields.items())]
-
-
-@dataclass(frozen=True)
-class SignalRatio:
-    """A figure of one encoder over that of another, on one signal."""
-
-    signal: str
-    group: str
-    value: float
-
-
-def ratios(rows: Iterable[RateRow], variant: str, reference: str) -> list[SignalRatio]:
-    """Packets of `variant` over those of `reference`, for every signal that both send."""
-    return _ratios(list(rows), variant, reference, "packets")
-
-
-def felt_ratios(
-    matches: Iterable[MatchRow],
-    variant: str,
-    figure: str,
-    reference: str = HYBRID,
-    signals: Iterable[str] | None = None,
-) -> list[SignalRatio]:
-    """A figure of `variant` over that of `reference` at equal packets, for every signal (of `signals`) with both."""
-    wanted = None if signals is None else set(signals)
-    listed = [row for row in matches if wanted is None or row.signal in wanted]
-    return _ratios(listed, variant, reference, figure)
-
-
-def _ratios(
-    rows: Sequence[RateRow] | Sequence[MatchRow], variant: str, reference: str, figure: str
-) -> list[SignalRatio]:
-    under = {row.signal: getattr(row, figure) for row in rows if row.variant == reference}
-    return [
-        SignalRatio(row.signal, row.group, getattr(row, figure) / under[row.signal])
-        for row in rows
-        if row.variant == variant and under.get(row.signal, 0) > 0 and getattr(row, figure) > 0
-    ]
-
-
-def geometric_mean(found: Sequence[SignalRatio]) -> Band | None:
-    """Geometric mean over groups with its 95 % bootstrap interval; None without ratios.
-
-    The ratios of a group are averaged first.
+    Args:
+        per_s: packets per second of `adaptive`; `hybrid_per_s` and `best_per_s` of the others.
+        best: the best single predictor of the paper on this signal.
     """
-    if not found:
-        return None
-    logs = [Observation(one.group, "", 0.0, one.value, log(one.value)) for one in found]
-    ((point,),) = curves(logs).values()
-    mean, low, high = point.quality
-    return Band(exp(mean), exp(low), exp(high))
-
-
-@dataclass(frozen=True)
-class BestSingle:
-    """The packet rate of one signal beside that of its best single predictor."""
 
     signal: str
     group: str
+    source: str
+    kind: str
+    rate_hz: int
     per_s: float
-    single: str
-    single_per_s: float
+    hybrid_per_s: float
+    best_per_s: float
+    best: str
+    bytes_over_hybrid: float
 
     @property
-    def ratio(self) -> float | None:
-        return self.per_s / self.single_per_s if self.single_per_s > 0.0 else None
+    def over_hybrid(self) -> float:
+        return self.per_s / self.hybrid_per_s
 
     @property
-    def within(self) -> bool:
-        """Whether it is at most 1.05 times the best or, where that is below 10/s, at most 1/s more."""
-        if self.single_per_s < FEW_PER_S:
-            return self.per_s <= self.single_per_s + MOST_MORE_PER_S
-        return self.per_s <= MOST_RATIO * self.single_per_s
+    def over_best(self) -> float:
+        return self.per_s / self.best_per_s
+
+    @property
+    def lost(self) -> bool:
+        return loses(self.per_s, self.best_per_s)
 
 
-def against_best(rows: Iterable[RateRow], variant: str, singles: Sequence[str]) -> list[BestSingle]:
-    """Every signal that has rows of all `singles`; the first of equal ones is the best."""
-    listed = list(rows)
-    rates = packet_rates(listed)
-    found = []
-    for row in chosen(listed, variant=variant):
-        if all((row.signal, name) in rates for name in singles):
-            best = min(singles, key=lambda name: rates[row.signal, name])
-            found.append(BestSingle(row.signal, row.group, row.packets_per_s, best, rates[row.signal, best]))
-    return found
+@dataclass(frozen=True)
+class GroupFigures:
+    """`adaptive` on the signals of one group at one rate.
+
+    Args:
+        name: of the group.
+        rate_hz: of the ticks.
+        signals: number of them.
+        per_s: geometric mean of the packets per second.
+        over_hybrid: geometric mean of the ratios with its 95 % interval over signals; so is `over_best`.
+        bytes_over_hybrid: geometric mean.
+        worst: largest ratio to the best single predictor, and the signal.
+        above: share of signals above 1.05 of the best.
+        lost: share of those that also send more than 1 packet per second more.
+    """
+
+    name: str
+    rate_hz: int
+    signals: int
+    per_s: float
+    over_hybrid: Band
+    over_best: Band
+    bytes_over_hybrid: float
+    worst: tuple[float, str]
+    above: float
+    lost: float
 
 
-def against_best_ratios(found: Iterable[BestSingle]) -> list[SignalRatio]:
-    """The ratios of the signals that both send."""
-    return [SignalRatio(one.signal, one.group, one.ratio) for one in found if one.ratio]
+def ratios(rows: Iterable[RateRow]) -> list[SignalRatios]:
+    """One for each signal and rate."""
+    table: dict[tuple[str, int], dict[str, RateRow]] = {}
+    for row in rows:
+        table.setdefault((row.signal, row.rate_hz), {})[row.predictor] = row
+    return [_ratios_of(each) for each in table.values()]
 
 
-def packet_rates(rows: Iterable[RateRow]) -> dict[tuple[str, str], float]:
-    """Packets per second by signal and variant."""
-    return {(row.signal, row.variant): row.packets_per_s for row in rows}
+def _ratios_of(each: dict[str, RateRow]) -> SignalRatios:
+    def per_s(name: str) -> float:
+        return max(each[name].packets, 1) / each[name].duration_s
+
+    ours, hybrid = each[ADAPTIVE], each[HYBRID]
+    best = min(SINGLES, key=per_s)
+    return SignalRatios(
+        ours.signal, ours.group, ours.source, ours.kind, ours.rate_hz,
+        per_s(ADAPTIVE), per_s(HYBRID), per_s(best), best, max(ours.bytes, 1) / max(hybrid.bytes, 1),
+    )  # fmt: skip
+
+
+def by_group(found: Iterable[SignalRatios]) -> list[GroupFigures]:
+    """Figures of every group at every rate, in the order of their first signals."""
+    groups: dict[tuple[int, str], list[SignalRatios]] = {}
+    for one in found:
+        groups.setdefault((one.rate_hz, one.group), []).append(one)
+    return [_figures(name, rate, [mine]) for (rate, name), mine in groups.items()]
+
+
+def over_sources(found: Iterable[SignalRatios], name: str, rate_hz: int, sources: Sequence[str]) -> GroupFigures | None:
+    """Figures of several sources, each of which counts once; None without signals of any of them."""
+    listed = [one for one in found if one.rate_hz == rate_hz]
+    each = [mine for source in sources if (mine := [one for one in listed if one.source == source])]
+    return _figures(name, rate_hz, each) if each else None
+
+
+def _figures(name: str, rate_hz: int, sources: Sequence[Sequence[SignalRatios]]) -> GroupFigures:
+    everything = [one for mine in sources for one in mine]
+
+    def mean(of: Callable[[SignalRatios], float]) -> float:
+        return float(np.exp(fmean(fmean(log(of(one)) for one in mine) for mine in sources)))
+
+    def share(of: Callable[[SignalRatios], bool]) -> float:
+        return fmean(fmean(of(one) for one in mine) for mine in sources)
+
+    worst = max(everything, key=lambda one: one.over_best)
+    return GroupFigures(
+        name,
+        rate_hz,
+        len(everything),
+        mean(lambda one: one.per_s),
+        interval([[one.over_hybrid for one in mine] for mine in sources]),
+        interval([[one.over_best for one in mine] for mine in sources]),
+        mean(lambda one: one.bytes_over_hybrid),
+        (worst.over_best, worst.signal),
+        share(lambda one: one.over_best > MOST),
+        share(lambda one: one.lost),
+    )
+
+
+def interval(sources: Sequence[Sequence[float]]) -> Band:
+    """Geometric mean over the ratios of each source, then over sources, and its 95 % bootstrap interval.
+
+    The recordings of every source are drawn anew; the sources are not, because they are all there is to report.
+    """
+    random = np.random.default_rng(SEED)
+    means, drawn = [], np.zeros(RESAMPLES)
+    for values in sources:
+        logs = np.log(values)
+        means.append(logs.mean())
+        drawn += logs[random.integers(len(logs), size=(RESAMPLES, len(logs)))].mean(axis=1) / len(sources)
+    mean = float(np.mean(means))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(drawn, [tail, 100.0 - tail])
+    return Band(*(float(value) for value in np.exp([mean, min(low, mean), max(high, mean)])))
+
+
+def run_times(rows: Iterable[RateRow], rate_hz: int) -> dict[str, float]:
+    """Median over the signals of the median run time of a tick [us], by predictor."""
+    found: dict[str, list[float]] = {}
+    for row in rows:
+        if row.rate_hz == rate_hz:
+            found.setdefault(row.predictor, []).append(row.tick_us)
+    return {name: median(values) for name, values in found.items()}

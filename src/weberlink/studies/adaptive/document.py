@@ -1,223 +1,185 @@
-"""The page of the study as Markdown: its order and its wording."""
+"""The page of the study as Markdown; every number comes from a row."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from textwrap import wrap
 
-from weberlink.codec.adaptive import MEMORY, PRESENT
-from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PREDICTORS
-from weberlink.studies.adaptive import tables
-from weberlink.studies.adaptive.comparison import AdaptiveResults, RateRow
-from weberlink.studies.adaptive.signals import CHOSEN_RECORDINGS, AdaptiveScope, Half
-from weberlink.studies.adaptive.tables import PUBLISHED_FLOOR_N
-from weberlink.studies.adaptive.targets import targets
-from weberlink.studies.adaptive.variants import ALL_SINGLES, FLOOR_N, SINGLES
-from weberlink.studies.adaptive.work import LIMITS, QUIET, RATES, UNSEEN, smoothed_name
+from weberlink.codec.predictors import ADAPTIVE_BANK
+from weberlink.studies import recordings
+from weberlink.studies.adaptive.coding import COMPARED, FLOOR_N, SINGLES, WEBER, RateRow
+from weberlink.studies.adaptive.comparison import GroupFigures, SignalRatios, by_group, over_sources, ratios, run_times
+from weberlink.studies.adaptive.signals import BASE_HZ, SYNTHETIC, AdaptiveScope
+from weberlink.studies.curves import Band
+from weberlink.studies.evaluate.by_source import MORE_PER_S, MOST
 
-BUSY_PER_S = 5.0
-HALVES: dict[Half, str] = {"reported": "held-out", "chosen": "tuning"}
-"""Names of the halves of the signals: parameters were chosen on the tuning half alone."""
-FIGURES = {
-    "packets": "Packets of adaptive over those of the hybrid, by signal",
-    "ablation": "Packets without a part over those with all parts",
-    "felt": "Error and steps at equal packets",
-}
-"""Figures beside the page, and their captions."""
+TITLE = "The adaptive predictor"
+NAMED = 8
+"""Most losses that are named."""
+WIDTH = 118
 
-HEAD = f"""# `{ADAPTIVE}` against the paper's hybrid
-
-`weberlink adaptive` made these measurements and wrote this page; all rows are in [adaptive.json](adaptive.json).
-Unless stated otherwise, k = 0.10 and the floor is {FLOOR_N:g} N. The reference of the deadband is the measured force;
-the wire steps are the default ones (1 mN, 10 um). The link has no loss and no delay. No person took part: the
-felt force is judged by its error.
-
-## Method
-
-When the paper's `{HYBRID}` must send, it chooses the predictor (of {", ".join(SINGLES)}) with the smallest error at
-that instant, and fits each to the two samples sent last. `{ADAPTIVE}` runs a *shadow encoder* for every way to
-make a model: a deadband loop of its own, which sends when its own prediction leaves the deadband. It chooses the
-way whose shadow sent least often recently. The receiver does not need to know this, since choice and parameters
-travel in the update. The bank:
-
-- `trend`: a line through the expected course of the signal, by fixed linear filters of the latest samples.
-- `affine`: stiffness matrix and drift by ridge least squares over the latest samples.
-- `surface`: a patch with stiffness, curvature, Coulomb friction and motion along its normal, estimated from the
-  samples of a contact tick by tick. Three hypotheses compete: frictionless and still, frictional and still, moving.
-- {", ".join(f"`{name}`" for name in ADAPTIVE_BANK if name in SINGLES)}: as in the paper.
-
-A ratio is packets over packets on the same signal. A mean of ratios is geometric over groups, with the 95 %
-interval of a bootstrap over groups (10,000 resamples): all seeds of a scene are one group, every recording is one.
-With so few groups the interval is somewhat narrow.
-"""
-
-RECORDED = """`tue_*`: a person teleoperating a robot of one degree of freedom that taps aluminium (rigid), foam, a
-spring or nothing (free); position and contact force at the robot, 2 kHz averaged to 1 kHz. `omega3_*`: a person
-moving a 3-DoF omega.3 in a guidance field, which is no contact and has no surface; 500 Hz interpolated to 1 kHz.
-Both are converted from public recordings under the MIT licence
-(github.com/Ohara124c41/Haptics-Bilateral_Teleoperation-1DOF_Experiments and
-github.com/xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control), nothing filtered.
-"""
-
-CHOSEN = f"""These parameters come from the tuning half: the time constant of the record ({MEMORY:g} ticks), the
-weight of the present error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend"].doubt:g}), and
-the filters of `codec/predictors/trend.py`, which are least squares of the mean of the next 20 samples, and of the line
-through the next 40, on differences of the latest ones (`src/weberlink/studies/adaptive/filters.py` computes them again
-from the recordings). The form of the candidates was developed on signals of both halves, and the packets of the
-held-out half were visible meanwhile. Neighbours of the constants, on the tuning half:"""
-
-PACKETS = f"""Ratios of `{ADAPTIVE}`, below 1 where it sends less. The best of four is the best of {", ".join(SINGLES)}
-on each signal by itself, which is known only afterwards; the best of seven is that of {", ".join(ALL_SINGLES)}."""
-
-EQUAL = f"""For each signal, bisection finds the Weber factor at which `{ADAPTIVE}` sends as often as the hybrid does at
-0.10, to 2 % where the counts allow it (packets do not fall with the factor everywhere), in doubt with fewer packets;
-the floor shrinks with it, so that the whole deadband does. One JND is 10 % of the force, at least 0.04 N.
-A step is the change of the displayed force from one tick to the next, which includes changes of the contact itself.
-In each cell first the hybrid, then `{ADAPTIVE}`."""
-
-SMOOTH = """Smooth updates spread the change of a new model over a ramp. The lag is the length of the ramp (a tick
-is 1 ms); the share is the part of the deadband that the ramp may use; the rest of a change is applied at once.
-Ratios at the same packets, on the recordings and one seed of each scene:"""
-
-PARTS = """Packets without the part over those with all parts, on the held-out half: above 1 where the part saves
-packets, with the signals on which it saves most and least."""
-
-LIMIT = f"""No encoder of these families could send less than this, in packets per second, even if it knew the
-future (`src/weberlink/studies/evaluate/clairvoyant/`); the limit is loose in three dimensions. The limit of `trend`,
-`affine` and `surface` is not known, so `{ADAPTIVE}` may be below the limit of the hybrid's bank."""
-
-COST = """Encode plus decode of a tick in CPython on the machine of the last line, on parts of the held-out
-signals, after all other work. The worst tick includes whatever else the machine did."""
+CHOSEN_BY = (
+    "Which data chose the constants: those of `path`, `elastic` and `adaptive` (`codec/predictors/learning.py`, "
+    "`codec/predictors/path.py`, `codec/adaptive.py`) were chosen with the recordings `tue` and `omega3`; those of "
+    "`surface` and `affine` with recordings of the same two sources and with seed 1 of the still, rubbing and moving "
+    "scenes, which share the model of contact of `surface`. No constant was chosen with `ochoa_polish`, "
+    "`panda_comanip` or `stroke_iiwa_teleop`, which are test data, nor with the last three groups of scenes or the "
+    "synthetic signals."
+)
 
 
-def document(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, drawn: bool) -> str:
-    """The whole page.
+def document(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool) -> str:
+    """The page.
 
     Args:
-        results: of the study.
+        rows: of all signals, rates and predictors.
         scope: of the study.
-        caption: the environment in which the numbers were made.
-        drawn: whether figures lie beside the page.
+        caption: machine, versions and commit.
+        run_time_s: of the study.
+        drawn: whether the figure is beside the page.
     """
-    return "\n".join(_lines(results, scope, caption, drawn=drawn)) + "\n"
+    return "\n".join(_lines(rows, scope, caption, run_time_s, drawn)) + "\n"
 
 
-def _lines(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, drawn: bool) -> Iterator[str]:
-    yield HEAD
-    yield from _signals(results, scope)
-    yield "\n## Targets\n\nOn the held-out half of the signals; intervals are 95 %."
-    yield from tables.target_table(targets(results))
-    yield from _packets(results, scope, drawn=drawn)
-    yield from _felt(results, scope, drawn=drawn)
-    yield f"\n## What each part is worth\n\n{PARTS}"
-    yield from tables.ablation_table(results)
-    yield from _figure("ablation", drawn=drawn)
-    yield "\n## Friction and motion\n"
-    yield f"Packets of `{ADAPTIVE}` over those of the hybrid, for each held-out seed."
-    yield from tables.friction_table(results)
-    yield from _losses(results)
-    limits = results.of(LIMITS)
-    if limits:
-        yield f"\n## The clairvoyant limit\n\n{LIMIT}"
-        yield from tables.limit_table(limits, results.of(RATES, floor_n=FLOOR_N))
-    yield f"\n## Cost\n\n{COST}"
-    yield from tables.cost_table(results.costs)
-    yield f"\n---\n{caption}"
+def summary(rows: Sequence[RateRow], rate_hz: int) -> list[GroupFigures]:
+    """The groups at one rate, and the sources of recordings together, each counting once: all, and the test data."""
+    found = ratios(rows)
+    groups = [one for one in by_group(found) if one.rate_hz == rate_hz]
+    sources = list(dict.fromkeys(one.source for one in found if one.kind == "recording"))
+    tests = [name for name in sources if name in recordings.SOURCES and recordings.SOURCES[name].chose == "none"]
+    together = [(f"all {len(sources)} sources", sources), (f"the {len(tests)} sources of test data", tests)]
+    extra = [over_sources(found, name, rate_hz, which) for name, which in together if len(which) > 1]
+    return groups + [one for one in extra if one is not None]
 
 
-def _signals(results: AdaptiveResults, scope: AdaptiveScope) -> Iterator[str]:
-    main = results.of(RATES, variant=ADAPTIVE, floor_n=FLOOR_N)
-    people = {half: [row.signal for row in main if (row.kind, row.half) == ("recording", half)] for half in HALVES}
-    others = [str(seed) for seed in scope.seeds if seed != 1]
-    yield "## Signals, and how parameters were chosen\n"
-    if people["chosen"] and set(people["chosen"]) <= CHOSEN_RECORDINGS:
-        yield RECORDED
-    yield f"""Scenes: {", ".join(scope.scenes)}. Each was explored for {scope.duration_s:g} s by a modelled hand
-(`src/weberlink/studies/evaluate/scenes.py`), with 2 mN rms of sensor noise on each axis unless stated otherwise; a
-seed is another motion.
-"""
-    yield f"- Tuning half, on which parameters were chosen: {_listed(people['chosen'])}, and scene seed 1."
-    yield f"- Held-out half, which judges them: {_listed(people['reported'])}, and scene seeds {_listed(others)}.\n"
-    yield CHOSEN
-    yield from tables.tuning_table(results)
-
-
-def _packets(results: AdaptiveResults, scope: AdaptiveScope, *, drawn: bool) -> Iterator[str]:
-    yield f"\n## Packets\n\n{PACKETS}"
-    yield from tables.summary_table(list(_groups(results, scope)))
-    yield from _figure("packets", drawn=drawn)
-    for half, name in HALVES.items():
-        rows = results.of(RATES, half=half, floor_n=FLOOR_N)
-        if rows:
-            yield f"\n### {name.capitalize()} half\n\nPackets per second at a floor of {FLOOR_N:g} N."
-            yield from tables.rate_table(rows, (HYBRID, ADAPTIVE, *ALL_SINGLES))
-    few = (HYBRID, ADAPTIVE, *SINGLES)
-    known = results.of(RATES, kind="recording", floor_n=PUBLISHED_FLOOR_N)
-    if known:
-        yield f"\n### Floor {PUBLISHED_FLOOR_N:g} N\n"
-        yield "Recordings beside the counts of an independent implementation of the paper's hybrid (without wire"
-        yield "steps), then the scenes."
-        yield from tables.published_table(known)
-        scenes = results.of(RATES, kind="scene", half="reported", floor_n=PUBLISHED_FLOOR_N)
-        yield from tables.rate_table(scenes, few)
-    for part, title, text in (
-        (UNSEEN, "Further seeds", "Scenes with two more seeds, which were not used while the codec was developed."),
-        (QUIET, "Scenes without noise", "No sensor is like that: geometry and fits of two samples are exact then."),
-    ):
-        rows = results.of(part, half="reported")
-        if rows:
-            yield f"\n### {title}\n\n{text}"
-            yield from tables.rate_table(rows, few)
-
-
-def _groups(results: AdaptiveResults, scope: AdaptiveScope) -> Iterator[tuple[str, Sequence[RateRow]]]:
-    for floor in scope.floors_n:
-        for half, name in HALVES.items():
-            rows = results.of(RATES, half=half, floor_n=floor)
-            yield f"{name} half, floor {floor:g} N", rows
-            if half == "reported":
-                yield "of these, recordings", [row for row in rows if row.kind == "recording"]
-                yield "of these, scenes", [row for row in rows if row.kind == "scene"]
-                yield f"of these, where hybrid sends {BUSY_PER_S:g}/s or more", busy(rows)
-    yield "scenes, further seeds", results.of(UNSEEN)
-    yield "scenes without noise, held-out half", results.of(QUIET, half="reported")
-
-
-def busy(rows: Sequence[RateRow]) -> list[RateRow]:
-    """Rows of the signals that the hybrid sends often; a ratio of few packets says little."""
-    often = {row.signal for row in rows if row.variant == HYBRID and row.packets_per_s >= BUSY_PER_S}
-    return [row for row in rows if row.signal in often]
-
-
-def _felt(results: AdaptiveResults, scope: AdaptiveScope, *, drawn: bool) -> Iterator[str]:
-    yield f"\n## At equal packets\n\n{EQUAL}"
-    yield from tables.match_table(results.matches)
-    yield from _figure("felt", drawn=drawn)
-    yield f"\n{SMOOTH}"
-    smoothed = [smoothed_name(ticks, share) for ticks, share in scope.smoothings]
-    pairs = [(ADAPTIVE, HYBRID), *((name, HYBRID) for name in smoothed), *((name, ADAPTIVE) for name in smoothed)]
-    yield from tables.felt_means(results.matches, pairs)
-
-
-def _losses(results: AdaptiveResults) -> Iterator[str]:
-    yield "\n## Where it loses"
-    for half, name in HALVES.items():
-        rows = results.of(RATES, half=half, floor_n=FLOOR_N)
-        if rows:
-            yield f"\nOn the {name} half:\n"
-            yield from tables.losses(rows, [match for match in results.matches if match.half == half])
-    known = results.of(RATES, half="reported", floor_n=PUBLISHED_FLOOR_N)
-    for title, rows in (
-        (f"On the held-out half, floor {PUBLISHED_FLOOR_N:g} N", known),
-        ("On scenes with further seeds", results.of(UNSEEN)),
-        ("On scenes without noise", results.of(QUIET, half="reported")),
-    ):
-        if rows:
-            yield f"\n{title}:\n"
-            yield from tables.losses(rows, [])
-
-
-def _figure(name: str, *, drawn: bool) -> Iterator[str]:
+def _lines(
+    rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool
+) -> Iterator[str]:
+    found = ratios(rows)
+    base = BASE_HZ if BASE_HZ in scope.rates_hz else scope.rates_hz[0]
+    yield f"# {TITLE}"
+    yield from paragraph(
+        f"`adaptive` (bank {', '.join(ADAPTIVE_BANK)}) against the paper's `hybrid` and against the best of its single "
+        f"predictors ({', '.join(SINGLES)}) on each signal, at k = {WEBER:g}, floor {FLOOR_N:g} N, quantised as on the "
+        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in {run_time_s:.0f} s; the "
+        "rows are in [adaptive.json](adaptive.json)."
+    )
     if drawn:
-        yield f"\n![{FIGURES[name]}]({name}.png)"
+        yield ""
+        yield "![Packets of adaptive over those of the hybrid and of the best single predictor](packets.png)"
+    for rate in (base, *(rate for rate in scope.rates_hz if rate != base)):
+        yield from _rate(summary(rows, rate), rate, scope)
+    yield from paragraph(
+        "Geometric means over the signals of a group, with 95 % bootstrap intervals over signals (of two signals the "
+        f"interval is their range). *above*: signals with more than {MOST:g} of the best single predictor; *lost*: "
+        f"those that also send more than {MORE_PER_S:g} packet per second more. Over several sources each source "
+        "counts once."
+    )
+    yield from _provenance(scope)
+    yield from _losses(found, scope)
+    yield from _synthetic(found, scope.rates_hz)
+    yield from _checks(rows, base)
+    yield ""
+    yield "---"
+    yield caption
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "none"
+def _rate(groups: Sequence[GroupFigures], rate_hz: int, scope: AdaptiveScope) -> Iterator[str]:
+    yield ""
+    yield f"## {rate_hz} Hz"
+    if rate_hz > BASE_HZ:
+        recorded, seeds = scope.fast_signals
+        yield from paragraph(
+            f"At most {scope.fast_s:g} s from the middle of each signal, {recorded} recordings of each group and "
+            f"{seeds} seed of each scene."
+        )
+    head = ("", "signals", "packets/s", "over hybrid", "bytes", "over best", "worst", "above", "lost")
+    yield from table(head, map(_cells, groups))
+
+
+def _cells(one: GroupFigures) -> tuple[str, ...]:
+    return (
+        one.name,
+        str(one.signals),
+        f"{one.per_s:.1f}",
+        band(one.over_hybrid),
+        f"{one.bytes_over_hybrid:.2f}",
+        band(one.over_best),
+        f"{one.worst[0]:.2f} {one.worst[1]}",
+        f"{100 * one.above:.0f} %",
+        f"{100 * one.lost:.0f} %",
+    )
+
+
+def _provenance(scope: AdaptiveScope) -> Iterator[str]:
+    yield ""
+    yield "## Signals and what they chose"
+    yield from paragraph(
+        "Recordings are those of the package ([evaluate](../evaluate.md#shipped-recordings)), scenes and synthetic "
+        "signals those of [scenes](../scenes.md#signals-of-scenes), with sensor noise of 2 mN where nothing else is "
+        "said. At another rate than their own, recordings and scenes are interpolated, and noise is drawn for every "
+        f"sample. Seeds of the scenes: {', '.join(map(str, scope.seeds))}; of the synthetic signals: 1."
+    )
+    yield from paragraph(CHOSEN_BY)
+
+
+def _losses(found: Sequence[SignalRatios], scope: AdaptiveScope) -> Iterator[str]:
+    yield ""
+    yield "## Where it loses"
+    yield ""
+    for rate in scope.rates_hz:
+        at = [one for one in found if one.rate_hz == rate]
+        lost = sorted((one for one in at if one.lost), key=lambda one: -one.over_best)
+        behind = sum(one.over_hybrid > 1.0 for one in at)
+        named = [f"{one.signal} ({one.per_s:.1f} against {one.best_per_s:.1f}/s of {one.best})" for one in lost[:NAMED]]
+        if len(lost) > NAMED:
+            named.append(f"and {len(lost) - NAMED} more")
+        yield f"- {rate} Hz: more packets than the hybrid on {behind} of {len(at)} signals;"
+        yield f"  lost to the best single predictor on {len(lost)}{': ' if named else ''}{'; '.join(named)}."
+
+
+def _synthetic(found: Sequence[SignalRatios], rates: Sequence[int]) -> Iterator[str]:
+    names = dict.fromkeys(one.signal for one in found if one.group == SYNTHETIC)
+    if not names:
+        return
+    at = {(one.signal, one.rate_hz): one for one in found}
+    yield ""
+    yield "## Synthetic signals"
+    yield ""
+    yield "Packets of `adaptive` over the hybrid, and over the best single predictor."
+    cells = (
+        (name, *(f"{at[name, rate].over_hybrid:.2f}, {at[name, rate].over_best:.2f}" for rate in rates))
+        for name in names
+    )
+    yield from table(("", *(f"{rate} Hz" for rate in rates)), cells)
+
+
+def _checks(rows: Sequence[RateRow], base: int) -> Iterator[str]:
+    broken = [row for row in rows if row.outside]
+    yield ""
+    yield "## Deadband and run time"
+    yield ""
+    if broken:
+        first = f"the first {broken[0].signal} with {broken[0].predictor} at {broken[0].rate_hz} Hz"
+        yield f"**Ticks outside their deadband in {len(broken)} of {len(rows)} runs**, {first}."
+    else:
+        yield f"No tick of {len(rows)} runs was outside its deadband."
+    times = run_times(rows, base)
+    told = ", ".join(f"{name} {times[name]:.0f} us" for name in COMPARED)
+    yield f"Median run time of encode plus decode at {base} Hz, while other signals were coded beside: {told}."
+
+
+def paragraph(text: str) -> Iterator[str]:
+    """Lines of a paragraph after a blank line."""
+    yield ""
+    yield from wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """A Markdown table after a blank line."""
+    yield ""
+    yield "| " + " | ".join(head) + " |"
+    yield "|---" * len(head) + "|"
+    yield from ("| " + " | ".join(row) + " |" for row in rows)
+
+
+def band(one: Band) -> str:
+    return f"{one.mean:.2f} ({one.low:.2f} to {one.high:.2f})"

@@ -1,124 +1,65 @@
-"""Figures beside the page. Needs matplotlib (extra: plots)."""
+"""The figure beside the page. Needs matplotlib (extra: plots)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from weberlink.codec.predictors import ADAPTIVE, HYBRID
-from weberlink.studies.adaptive.comparison import AdaptiveResults, MatchRow, felt_ratios, geometric_mean, ratios
-from weberlink.studies.adaptive.document import FIGURES
-from weberlink.studies.adaptive.signals import AdaptiveScope
-from weberlink.studies.adaptive.tables import ablations
-from weberlink.studies.adaptive.targets import MOST
-from weberlink.studies.adaptive.variants import FLOOR_N
-from weberlink.studies.adaptive.work import RATES, smoothed_name
+from weberlink.studies.adaptive.coding import RateRow
+from weberlink.studies.adaptive.comparison import GroupFigures, SignalRatios, ratios
+from weberlink.studies.adaptive.document import summary
+from weberlink.studies.adaptive.signals import BASE_HZ
 from weberlink.studies.curves import Band
+from weberlink.studies.evaluate.by_source import MOST
 from weberlink.studies.sheet import dot, legend, save, sheet
 
-OURS, OTHER, FAINT = "#0072B2", "#D55E00", "0.6"
-ROW_CM = 0.48
+MEAN, SIGNAL, LOST, LIMIT = "#0072B2", "0.55", "#D55E00", "0.3"
+ROW_CM = 0.62
+TICKS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 2.0)
+PANELS: tuple[tuple[str, Callable[[SignalRatios], float], Callable[[GroupFigures], Band], float], ...] = (
+    ("over the hybrid", lambda one: one.over_hybrid, lambda one: one.over_hybrid, 1.0),
+    ("over the best single predictor", lambda one: one.over_best, lambda one: one.over_best, MOST),
+)
 
 
-def draw(results: AdaptiveResults, scope: AdaptiveScope, folder: Path, caption: str) -> None:
-    """Write all of `FIGURES`.
+def draw(rows: Sequence[RateRow], folder: Path, caption: str) -> None:
+    """Write `packets.png` and `packets.svg`.
 
     Raises:
         OSError: if a file cannot be written.
     """
-    drawn = {
-        "packets": packets(results, caption),
-        "ablation": ablation(results, caption),
-        "felt": felt(results.matches, scope, caption),
-    }
-    for name, figure in drawn.items():
-        save(figure, folder / name)
+    save(packets(rows, caption), folder / "packets")
 
 
-def packets(results: AdaptiveResults, caption: str) -> Figure:
-    """A row for each recording and scene, a dot for each seed."""
-    halves = {
-        half: ratios(results.of(RATES, half=half, floor_n=FLOOR_N), ADAPTIVE, HYBRID) for half in ("reported", "chosen")
-    }
-    there = {one.group for found in halves.values() for one in found}
-    groups = [group for group in dict.fromkeys(row.group for row in results.of(RATES)) if group in there]
-    figure, axes = _rows(FIGURES["packets"], groups, caption)
-    place = {group: row for row, group in enumerate(groups)}
-    for half, face in (("chosen", "none"), ("reported", OURS)):
-        found = halves[half]
-        axes.plot(
-            [one.value for one in found], [place[one.group] for one in found], "o", color=OURS, markersize=5,
-            markerfacecolor=face, linestyle="",
-        )  # fmt: skip
-    _band(axes, geometric_mean(halves["reported"]))
-    axes.axvline(MOST, color=OTHER, linewidth=1.0, linestyle="--")
-    handles = [dot("held-out half", "o", OURS), dot("tuning half", "o", OURS)]
-    handles[1].set_markerfacecolor("none")
-    legend(axes, handles)
-    axes.set_xlabel(
-        fontsize=9, xlabel="a dot for each signal; line and band: mean and 95 % of the filled; dashed: target"
-    )
+def packets(rows: Sequence[RateRow], caption: str) -> Figure:
+    """A row for each group, a grey dot for each signal, the mean with its interval."""
+    rates = {row.rate_hz for row in rows}
+    rate = BASE_HZ if BASE_HZ in rates else min(rates)
+    groups = summary(rows, rate)
+    place = {one.name: row for row, one in enumerate(groups)}
+    found = [one for one in ratios(rows) if one.rate_hz == rate]
+    figure = sheet(2.6 + ROW_CM * len(groups), f"Packets of adaptive, tick by tick at {rate} Hz", caption)
+    axes = figure.subplots(1, len(PANELS), sharey=True)
+    for each, (name, of_signal, of_group, limit) in zip(axes, PANELS, strict=True):
+        for one in found:
+            face = LOST if one.lost and limit > 1.0 else SIGNAL
+            each.plot(of_signal(one), place[one.group], "o", color=face, markersize=3.0, markeredgewidth=0.0)
+        for group in groups:
+            mean, low, high = of_group(group)
+            each.plot([low, high], [place[group.name]] * 2, "-", color=MEAN, linewidth=1.6)
+            each.plot(mean, place[group.name], "D", color=MEAN, markersize=5.0)
+        each.axvline(limit, color=LIMIT, linewidth=0.9, linestyle="--")
+        each.set_xscale("log")
+        each.xaxis.set_major_locator(FixedLocator(TICKS))
+        each.xaxis.set_minor_locator(NullLocator())
+        each.xaxis.set_major_formatter(ScalarFormatter())
+        each.tick_params(labelsize=8)
+        each.grid(axis="x", color="0.9", linewidth=0.6)
+        each.set_axisbelow(True)
+        each.set_xlabel(f"packets {name}", fontsize=9)
+    axes[0].set_yticks(range(len(groups)), [f"{one.name} ({one.signals})" for one in groups], fontsize=8.5)
+    axes[0].set_ylim(len(groups) - 0.4, -0.6)
+    handles = [dot("mean and 95 %", "D", MEAN), dot("a signal", "o", SIGNAL), dot("a signal that loses", "o", LOST)]
+    legend(axes[0], handles, columns=3)
     return figure
-
-
-def ablation(results: AdaptiveResults, caption: str) -> Figure:
-    """A row for each part that is off."""
-    found = [(name, geometric_mean(each)) for name, each in ablations(results) if each]
-    figure, axes = _rows(FIGURES["ablation"], [name for name, _ in found], caption)
-    for row, (_, mean) in enumerate(found):
-        _mean(axes, mean, row, OURS, "o")
-    axes.set_xlabel(fontsize=9, xlabel="packets / those of adaptive; geometric mean and 95 %")
-    return figure
-
-
-def felt(matches: Sequence[MatchRow], scope: AdaptiveScope, caption: str) -> Figure:
-    """Error and steps over those of the hybrid, without and with ramps, for the signals that have all."""
-    variants = [ADAPTIVE, *(smoothed_name(ticks, share) for ticks, share in scope.smoothings)]
-    names = ["adaptive", *(f"ramp {ticks} ticks, {share:g}" for ticks, share in scope.smoothings)]
-    smoothed = {row.signal for row in matches if row.variant == variants[-1]}
-    figure, axes = _rows(FIGURES["felt"], names, caption, 3.0 * ROW_CM)
-    shown = (
-        ("error_rms_n", "RMS error", OURS, "o", -0.2),
-        ("largest_step_n", "largest step", OTHER, "s", 0.0),
-        ("step_jnd", "99.9th percentile of steps", "#009E73", "D", 0.2),
-    )
-    for figure_of, _, colour, marker, offset in shown:
-        for row, variant in enumerate(variants):
-            found = felt_ratios(matches, variant, figure_of, signals=smoothed)
-            values = [one.value for one in found]
-            axes.plot(values, [row + offset] * len(found), marker, color=FAINT, markersize=2.5, alpha=0.7)
-            _mean(axes, geometric_mean(found), row + offset, colour, marker)
-    legend(axes, [dot(label, marker, colour) for _, label, colour, marker, _ in shown])
-    axes.set_xlabel(fontsize=9, xlabel="over that of the hybrid at the same packets; grey: single signals")
-    return figure
-
-
-def _rows(title: str, names: Sequence[str], caption: str, row_cm: float = ROW_CM) -> tuple[Figure, Any]:
-    """A page with a row for each name, and a logarithmic axis of ratios."""
-    figure = sheet(2.8 + max(row_cm * len(names), 3.0), title, caption)
-    axes = figure.add_subplot()
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(names)), names, fontsize=8)
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.grid(axis="both", alpha=0.3, linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.axvline(1.0, color="black", linewidth=0.8)
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xticks([0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0])
-    axes.tick_params(axis="x", labelsize=8)
-    return figure, axes
-
-
-def _band(axes: Any, mean: Band | None) -> None:
-    if mean is not None:
-        axes.axvspan(mean.low, mean.high, color=OURS, alpha=0.15, linewidth=0.0)
-        axes.axvline(mean.mean, color=OURS, linewidth=1.0)
-
-
-def _mean(axes: Any, mean: Band | None, place: float, colour: str, marker: str) -> None:
-    if mean is not None:
-        axes.plot([mean.low, mean.high], [place] * 2, color=colour, linewidth=1.6)
-        axes.plot(mean.mean, place, marker, color=colour, markersize=5)

@@ -60,6 +60,7 @@ def run(
     wire: bool = True,
     plots: bool = False,
     deadbands: str = ISOTROPIC,
+    max_updates: float | None = None,
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -74,6 +75,7 @@ def run(
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.
+        max_updates: largest rate of updates [1/s]; None for no limit.
         workers: where the work is done.
         progress: called after every task.
 
@@ -96,6 +98,7 @@ def run(
         floor,
         jnd=jnd,
         deadbands=_deadbands(deadbands, floor, plots=plots),
+        max_updates_per_s=max_updates,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces)
@@ -106,6 +109,7 @@ def run(
         "floor_n": floor,
         "jnd": jnd,
         "wire": wire,
+        "max_updates_per_s": max_updates,
         "sources": [one.as_json() for one in by_source(rows)],
         "rows": [row.as_json() for row in rows],
         "run_time_s": run_time,

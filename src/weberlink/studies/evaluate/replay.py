@@ -17,6 +17,7 @@ from weberlink.protocol.wire import UpdateLayout
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class ReplayResult:
         error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
         bound_n: the deadband at each tick, shape (n,) [N].
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
+        widened: whether the bounded rate of updates widened the deadband at each tick, shape (n,).
         displayed_n: magnitude of the decoded force at each tick, shape (n,) [N].
         jump_n: change of the decoded force from the tick before, in each tick with an update but the first, [N].
         before_n: magnitude of the decoded force before each jump, in the same shape [N].
@@ -72,6 +74,7 @@ class ReplayResult:
     error_n: Array
     bound_n: Array
     deviation_n: Array
+    widened: Flags
     displayed_n: Array
     jump_n: Array
     before_n: Array
@@ -94,6 +97,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
     measure = channel.deadband.error
     errors: list[float] = []
     bounds: list[float] = []
+    widened: list[bool] = []
     deviations: list[float] = errors if measure is distance else []
     displayed: list[float] = []
     jumps: list[float] = []
@@ -106,6 +110,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         times.append(tick.seconds)
         errors.append(tick.error)
         bounds.append(tick.bound)
+        widened.append(tick.widened)
         if deviations is not errors:
             deviations.append(measure(tick.displayed, force))
         if tick.update is not None:
@@ -119,6 +124,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         np.array(errors),
         np.array(bounds),
         np.array(deviations),
+        np.array(widened),
         np.array(displayed),
         np.array(jumps),
         np.array(before),

@@ -4,7 +4,7 @@ A task is one trace at one Weber factor and one deadband with all predictors: th
 the perception threshold and most of the work of the clairvoyant bound.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
+from weberlink.codec.rate import UpdateRate
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.traces import FILES, NamedTrace
@@ -64,6 +65,10 @@ class EvaluationRow:
     """Of the trace: a source of shipped recordings, or `FILES`."""
     clairvoyant_packets: int | None = None
     """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
+    widened_fraction: float | None = None
+    """Share of ticks in which the bounded rate of updates widened the deadband; None without one."""
+    widened_max_n: float | None = None
+    """Largest deadband then."""
 
     @property
     def excess(self) -> float | None:
@@ -94,6 +99,8 @@ class EvaluationStudy:
         saturates: whether the int16 range applies.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
+        max_updates_per_s: largest rate of updates; None for no limit. With one, no lower bound is computed: it is that
+            of a deadband that is not widened.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -104,18 +111,21 @@ class EvaluationStudy:
     saturates: bool = True
     jnd: float = WEBER_FRACTION
     deadbands: Sequence[str] = (ISOTROPIC,)
+    max_updates_per_s: float | None = None
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
     ) -> Channel:
         """A force channel for a signal of this period, with the first deadband unless another is named."""
-        shape = DEADBANDS[deadband or self.deadbands[0]]
+        shape, most = DEADBANDS[deadband or self.deadbands[0]], self.max_updates_per_s
+        rate = None if most is None else UpdateRate.limited_to(most, period_s)
         return force_channel(
             predictor=predictor,
             deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.defaults())),
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,
+            rate=rate,
             tick_period=period_s,
         )
 
@@ -162,8 +172,10 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     """The rows of one task, one for each predictor."""
     (name, trace, source), (study, weber, deadband) = task
     signal = signal_of(trace)
-    hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
-    fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
+    fewest: Mapping[str, int | None] = {}
+    if study.max_updates_per_s is None:
+        hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
+        fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
     return [
         evaluate(
             name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
@@ -228,4 +240,6 @@ def evaluate(
         deadband=deadband,
         source=source,
         clairvoyant_packets=clairvoyant_packets,
+        widened_fraction=None if channel.rate is None else float(run.widened.mean()),
+        widened_max_n=float(run.bound_n[run.widened].max()) if run.widened.any() else None,
     )

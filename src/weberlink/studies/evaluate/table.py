@@ -35,6 +35,9 @@ def tables_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer
     """The tables of at least one row; the run time is that of all rows [s]."""
     many = len({row.trace for row in rows}) > 1
     notes = [f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}", footer]
+    if widened := max((row.widened_fraction or 0.0 for row in rows), default=0.0):
+        most = max(row.widened_max_n or 0.0 for row in rows)
+        notes.insert(0, f"deadband widened in up to {100 * widened:.1f} % of ticks, to at most {most:.3f} N")
     parts: list[Table] = []
     if len(rows) <= FEW or not many:
         parts.append(_single(rows, jnd, [] if many else notes))
@@ -48,7 +51,7 @@ def _single(rows: Sequence[EvaluationRow], jnd: float, notes: Sequence[str]) -> 
     limited = all(row.clairvoyant_packets is not None for row in rows)
     heads = [name for name in _HEADS if name != "deadband" or shaped]
     figures = [name for name in _FIGURES if limited or name != LIMIT]
-    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %"]
+    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"]
     if limited:
         caption.append("limit: no encoder can send fewer, even knowing the future")
     table = plain_table(

@@ -30,7 +30,8 @@ def read_traces(given: Sequence[Path]) -> list[NamedTrace]:
     """Read traces and give each a different name.
 
     Args:
-        given: files; or names of shipped recordings, of their sources, or `ALL`, where there is no such file.
+        given: files; or, where there is no such file, names of shipped recordings, the first words of such names
+            (`tue_rigid` for `tue_rigid_1` and others, `tue` for all of that source), or `ALL`.
 
     Raises:
         ConfigurationError: a trace cannot be used, or is listed twice.
@@ -69,11 +70,9 @@ def _shipped(path: Path) -> Sequence[str] | None:
     text = str(path)
     if path.exists():
         return None
-    if text in recordings.SOURCES:
-        return recordings.names(text)
     if text == ALL:
         return recordings.names()
-    return (text,) if text in recordings.names() else None
+    return [name for name in recordings.names() if name == text or name.startswith(f"{text}_")] or None
 
 
 def names(paths: Sequence[Path]) -> list[str]:

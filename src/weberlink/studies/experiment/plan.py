@@ -21,7 +21,7 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class CodingCondition:
-    """Predictor and Weber factor of a trial; a Weber factor of 0 sends every sample."""
+    """Predictor and Weber factor of a trial; a Weber factor of 0 sends every sample of every channel."""
 
     predictor: str
     weber: float

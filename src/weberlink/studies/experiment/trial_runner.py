@@ -10,7 +10,7 @@ from typing import Any
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.composition.channels import channels
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
@@ -30,6 +30,25 @@ WHERE = ("listen", "slave", "key_file")
 """Keys of the link that do not change the felt signal."""
 PER_TRIAL = ("predictor", "weber")
 """Keys of `codec.force` that each trial sets."""
+UNDISTURBED = (
+    "codec.force.floor_n=0",
+    "codec.force.deadband={shape: isotropic}",
+    "codec.force.smooth_ms=0",
+    "codec.force.max_updates_per_s=null",
+    "codec.position.weber=0",
+    "codec.position.bound_m=0",
+    "codec.position.max_updates_per_s=null",
+)
+"""Overrides with which every sample of force and position is sent, beside a Weber factor of 0."""
+UNDISTURBED_ROTATION = (
+    "codec.rotation.torque.weber=0",
+    "codec.rotation.torque.floor_nm=0",
+    "codec.rotation.torque.max_updates_per_s=null",
+    "codec.rotation.orientation.weber=0",
+    "codec.rotation.orientation.bound_rad=0",
+    "codec.rotation.orientation.max_updates_per_s=null",
+)
+"""The same of a file with six degrees of freedom."""
 
 Ports = Callable[[], Sequence[str]]
 """Returns overrides with a free port, if the file leaves it open."""
@@ -70,7 +89,8 @@ class TrialSignals:
         """Overrides for a condition."""
         coding = [f"codec.force.predictor={condition.predictor}", f"codec.force.weber={condition.weber:g}"]
         if condition.weber == 0.0:
-            coding.append("codec.force.floor_n=0")  # every sample is sent
+            rotates = load(self.file, self.overrides).system.codec.rotation is not None
+            coding += UNDISTURBED + (UNDISTURBED_ROTATION if rotates else ())
         return [*self.overrides, *coding, *further]
 
     def check(self, plan: TrialPlan) -> None:
@@ -131,7 +151,7 @@ class VirtualRunner:
         configuration = load(self.signals.file, overrides)
         system = configuration.system
         simulation = build_simulation(configuration)
-        score = SessionScore(system.rate_hz, channels(system)[1].bank)
+        score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
         simulation.run(self.plan.duration_s, [score])
         master, slave = simulation.master, simulation.slave
         failures = [side.failure for side in (master, slave) if side.failure is not None]

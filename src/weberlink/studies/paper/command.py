@@ -19,7 +19,7 @@ from weberlink.studies.paper.deviations import ReadingResult, packets_of, result
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.system.composition.channels import channels
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
@@ -194,7 +194,8 @@ def _explore(exploration: tuple[PaperScene, float]) -> Trace:
 def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
-    score = SessionScore(configuration.system.rate_hz, channels(configuration.system)[1].bank)
+    system = configuration.system
+    score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
     build_simulation(configuration).run(session.duration_s, [score])
     force = score.summary()["force"]
     return Observation(

@@ -1,29 +1,54 @@
 """The coded channels and the force deadband of a configuration, as both sides build them."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.predictors import FitLimits
+from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
 from weberlink.control.table import SCHEMES
-from weberlink.geometry.vector import Vector
 from weberlink.system.configuration import System
+from weberlink.system.configuration.model import ForceCodecSettings, PredictedSettings
+from weberlink.system.scoring.channel import Measures
 
 
 def force_deadband(system: System, weber: float) -> Deadband:
     """The shape that the file asks for, at a Weber factor that a session may have changed."""
-    force = system.codec.force
+    return _force_deadband(system.codec.force, system.tick_period, weber)
+
+
+def _force_deadband(force: ForceCodecSettings, tick_period: float, weber: float) -> Deadband:
     settings = force.deadband
     return settings.deadband.configured(
-        DeadbandSetup(weber, force.floor_n, force.reference, system.tick_period, settings.options)
+        DeadbandSetup(weber, force.floor_n, force.reference, tick_period, settings.options)
     )
 
 
-def measure_of(system: System) -> Callable[[Vector, Vector], float] | None:
-    """How the deadband of the file measures an error; None where that is the distance, which is quicker without."""
-    deadband = force_deadband(system, system.codec.force.weber)
-    return None if deadband.is_ball else deadband.error
+def measures_of(system: System) -> Measures | None:
+    """How the deadband of the force measures an error; None where that is the distance, which is quicker without."""
+    return _measures(system.codec.force, system.tick_period)
+
+
+def measures_in(dump: Mapping[str, Any]) -> Measures | None:
+    """The same of the dump of a `System`, as descriptions and recordings hold it.
+
+    Raises:
+        ValueError: it holds no deadband that this installation knows.
+    """
+    try:
+        given, tick_period = dump["codec"]["force"], 1.0 / dump["rate_hz"]
+        force = ForceCodecSettings(**{key: given[key] for key in ("weber", "floor_n", "reference", "deadband")})
+    except (KeyError, TypeError, ZeroDivisionError) as error:
+        raise ValueError(f"no settings of a deadband ({error!r})") from None
+    return _measures(force, tick_period)
+
+
+def _measures(force: ForceCodecSettings, tick_period: float) -> Measures | None:
+    if force.deadband.deadband.is_ball:
+        return None
+    return lambda weber: _force_deadband(force, tick_period, weber).error
 
 
 def channels(system: System) -> tuple[Channel, Channel]:
@@ -36,6 +61,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
+        rate=_rate(position, system),
         tick_period=system.tick_period,
     )
     backward = force_channel(
@@ -47,10 +73,16 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
+        rate=_rate(force, system),
         tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
     )
     return forward, backward
+
+
+def _rate(settings: PredictedSettings, system: System) -> UpdateRate | None:
+    per_s = settings.max_updates_per_s
+    return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
 
 
 def _smoothing(system: System) -> Smoothing | None:
@@ -74,6 +106,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
+        rate=_rate(orientation, system),
         tick_period=system.tick_period,
     )
     twisting = force_channel(
@@ -84,6 +117,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
+        rate=_rate(torque, system),
         tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)

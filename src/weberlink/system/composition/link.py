@@ -5,7 +5,7 @@ from functools import wraps
 from secrets import token_bytes
 from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
-from weberlink.codec import Channel, Encoder
+from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Control, SchemeParameters, Switchable
 from weberlink.control.table import SCHEMES
@@ -218,14 +218,17 @@ def _choices(system: System) -> tuple[str, ...]:
     return ORDER
 
 
-def build_tuning(system: System, control: Control, force_encoder: Encoder | None = None) -> Tuning:
-    """The tuning of a side. The end that encodes the force gives its encoder; a decoder needs no tuning."""
+def build_tuning(system: System, control: Control, coder: Encoder | Decoder) -> Tuning:
+    """The tuning of a side, which encodes or decodes the force."""
     force = system.codec.force
 
-    def apply(settings: LiveSettings) -> None:
-        if force_encoder is not None:
+    def apply(settings: LiveSettings, peer_tick: float) -> None:
+        deadband = force_deadband(system, settings.weber)
+        if isinstance(coder, Decoder):
+            coder.retune(deadband, peer_tick)
+        else:
             chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
-            force_encoder.retune(force_deadband(system, settings.weber), chosen if force.predictor in BANKS else [0])
+            coder.retune(deadband, chosen if force.predictor in BANKS else [0])
         if settings.scheme != AUTO:
             use(settings.scheme)
 
@@ -233,7 +236,7 @@ def build_tuning(system: System, control: Control, force_encoder: Encoder | None
         if isinstance(control, Switchable):
             control.use(scheme)
 
-    leads = force_encoder is None
+    leads = isinstance(coder, Decoder)
     return Tuning(_of_file(system), permitted(system), apply, _choices(system), use, leads=leads)
 
 

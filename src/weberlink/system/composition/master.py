@@ -55,7 +55,8 @@ def build_master(
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
     control = build_control(configuration, build_master_control, force_limit, coupling(configuration, device))
-    tuning = build_tuning(system, control)
+    force_decoder = Decoder(backward[0])
+    tuning = build_tuning(system, control, force_decoder)
 
     def force_bound(force: float) -> float:
         return max(tuning.settings.weber * force, system.codec.force.floor_n)
@@ -75,7 +76,7 @@ def build_master(
         button=None if engage is None else engage.button,
     )
     outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), port.hand)]
-    incoming = [IncomingChannel("force", 0, Decoder(backward[0]), port.hand, control)]
+    incoming = [IncomingChannel("force", 0, force_decoder, port.hand, control)]
     if system.codec.rotation is not None:
         from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - for six degrees of freedom alone
 

@@ -95,6 +95,10 @@ class PredictedSettings(Settings):
 
     predictor: str
     bank: tuple[str, ...]
+    max_updates_per_s: float | None = Field(default=None, ge=1, le=10_000)
+    """Largest rate of updates in the long run, after a burst of half a second's worth (at least 16): a signal that
+    would send more widens the deadband smoothly. None for no limit. Updates that the link loses are sent again beside
+    it."""
 
     @model_validator(mode="before")
     @classmethod

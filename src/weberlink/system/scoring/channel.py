@@ -15,6 +15,8 @@ from weberlink.system.scoring.energy import Records, Series
 
 Measure = Callable[[Vector, Vector], float]
 """How a deadband measures the error of the displayed value against the actual one."""
+Measures = Callable[[float], Measure]
+"""The measure at a Weber factor, which may change in a session."""
 
 
 @dataclass
@@ -26,7 +28,7 @@ class ErrorStatistics:
     square_sum: float = 0.0
     largest: float = 0.0
     longest_run: int = 0
-    jnd: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
+    deadbands: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
     _run: int = 0
 
     def add(self, errors: Series, bounds: Series, deviations: Series) -> None:
@@ -44,13 +46,13 @@ class ErrorStatistics:
         if len(errors):
             self.largest = max(self.largest, float(errors.max()))
         bounded = bounds > 0.0
-        self.jnd.add(deviations[bounded] / bounds[bounded] * 1e6)
+        self.deadbands.add(deviations[bounded] / bounds[bounded] * 1e6)
         for value in outside.tolist():
             self._run = self._run + 1 if value else 0
             self.longest_run = max(self.longest_run, self._run)
 
     def summary(self, period: float) -> dict[str, float | None]:
-        jnd = none_for_nan({"max": self.jnd.max * 1e-6, "p99": self.jnd.percentile(99.0) * 1e-6})
+        in_deadbands = none_for_nan({"max": self.deadbands.max * 1e-6, "p99": self.deadbands.percentile(99.0) * 1e-6})
         return {
             "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
             "error_max": self.largest if self.count else None,
@@ -58,8 +60,8 @@ class ErrorStatistics:
             "violation_longest_ticks": self.longest_run,
             "violation_longest_s": self.longest_run * period if self.count else None,
             "violation_s": self.violations * period if self.count else None,
-            "violation_max_jnd": jnd["max"],
-            "violation_p99_jnd": jnd["p99"],
+            "error_max_deadbands": in_deadbands["max"],
+            "error_p99_deadbands": in_deadbands["p99"],
         }
 
 
@@ -71,7 +73,7 @@ class ChannelScore:
         period: of a tick [s].
         bank: names of the predictors in the order of selectors, for a channel whose coding error is reported.
         error: of displayed and actual values row by row, shape (n, 3) each.
-        measure: of the deadband; None if it measures `error`.
+        measures: of the deadband; None if it measures `error`.
     """
 
     def __init__(
@@ -80,16 +82,23 @@ class ChannelScore:
         period: float,
         bank: Sequence[str] | None = None,
         error: Callable[[Series, Series], Series] | None = None,
-        measure: Measure | None = None,
+        measures: Measures | None = None,
     ) -> None:
         self._prefix, self._period, self._bank = prefix, period, bank
         self._error = error or distances
-        self._measure = measure
+        self._measures = measures
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._selected: dict[int, int] = {}
+        self._ticks = self._widened = 0
+        self._widest: float | None = None
 
     def add_sender(self, records: Records, in_session: Records) -> None:
         """Take the next records of the sender, and those of them that are in session and not in a ramp."""
+        widened = in_session[f"{self._prefix}bound"][in_session[f"{self._prefix}widened"] > 0]
+        self._ticks += len(in_session)
+        self._widened += len(widened)
+        if len(widened):
+            self._widest = max(self._widest or 0.0, float(widened.max()))
         if self._bank is None or not len(records):
             return
         tally(self._selected, records[f"{self._prefix}selected"][records[f"{self._prefix}sent"] > 0])
@@ -101,6 +110,8 @@ class ChannelScore:
 
     def summary(self) -> dict[str, Any]:
         summary: dict[str, Any] = self.felt.summary(self._period)
+        summary["widened_fraction"] = self._widened / self._ticks if self._ticks else None
+        summary["widened_max"] = self._widest
         if self._bank is not None:
             summary["coding"] = self._coding.summary(self._period)
             summary["selected"] = {self._bank[i]: count for i, count in sorted(self._selected.items())}
@@ -109,9 +120,8 @@ class ChannelScore:
     def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records) -> None:
         actual = sender[f"{self._prefix}raw"]
         errors = deviations = self._error(displayed, actual)
-        if self._measure is not None:
-            pairs = zip(displayed.tolist(), actual.tolist(), strict=True)
-            deviations = np.array([self._measure(tuple(one), tuple(other)) for one, other in pairs], dtype=np.float64)
+        if self._measures is not None:
+            deviations = deviations_of(displayed, sender, self._measures)
         statistics.add(errors, np.asarray(sender[f"{self._prefix}bound"], dtype=np.float64), deviations)
 
 
@@ -142,6 +152,21 @@ def _quaternions(rotations: Series) -> tuple[Series, Series]:
     """Scalar and vector parts."""
     half = 0.5 * np.linalg.norm(rotations, axis=1)
     return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
+
+
+def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Series:
+    """Errors of displayed forces against those measured, shape (n,), in the measure of the deadband of each record.
+
+    The distance where the Weber factor of a record is none.
+    """
+    webers = sender["weber"]
+    deviations = distances(displayed, sender["raw"])
+    for weber in np.unique(webers[(webers >= 0.0) & (webers <= 1.0)]).tolist():
+        chosen = np.flatnonzero(webers == weber)
+        measure, actual = measures(weber), sender["raw"][chosen].tolist()
+        pairs = zip(displayed[chosen].tolist(), actual, strict=True)
+        deviations[chosen] = [measure((a, b, c), (x, y, z)) for (a, b, c), (x, y, z) in pairs]
+    return deviations
 
 
 def distances(a: Series, b: Series) -> Series:

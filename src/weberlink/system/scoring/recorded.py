@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
+from yaml import YAMLError
 
 from weberlink.control.table import SCHEMES
+from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.scoring.channel import Measures
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
@@ -22,6 +26,8 @@ LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""
 TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
+CONFIGURATION = "configuration"
+"""The fact with the configuration, as YAML."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -36,6 +42,7 @@ class RecordedSession:
         rate_hz: of the ticks.
         bank: names of the predictors of the force channel.
         torque_bank: of the torque channel; None for a session of three degrees of freedom.
+        measures: how the deadband of the force measures an error; None for the distance.
     """
 
     master: Records
@@ -43,6 +50,7 @@ class RecordedSession:
     rate_hz: float
     bank: tuple[str, ...]
     torque_bank: tuple[str, ...] | None = None
+    measures: Measures | None = None
 
     @property
     def sides(self) -> dict[str, Records]:
@@ -51,7 +59,7 @@ class RecordedSession:
 
     def summary(self) -> dict[str, Any]:
         """The figures of the session, as those of a live one, with faults and drops by side."""
-        score = SessionScore(self.rate_hz, self.bank, self.torque_bank)
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -107,7 +115,19 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         rate_hz=rate,
         bank=tuple(reference.facts.get("bank", "").split()),
         torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
+        measures=_measures(reference),
     )
+
+
+def _measures(recording: Recording) -> Measures | None:
+    """How the deadband of the recorded configuration measures; None for the distance, or without a configuration."""
+    if CONFIGURATION not in recording.facts:
+        return None
+    try:
+        return measures_in(yaml.safe_load(recording.facts[CONFIGURATION]))
+    except (ValueError, YAMLError, RecursionError) as error:
+        why = " ".join(str(error).split())
+        raise RecordingError(f"{recording.path}: its configuration has no deadband known here: {why}") from None
 
 
 def _predictors(recording: Recording) -> str:
@@ -143,6 +163,7 @@ def _check_numbers(recording: Recording, side: str, records: Records) -> None:
         "number of a control scheme": bool((records["control"] >= len(SCHEMES)).any()),
         "number of a fault": bool((records["fault"] > max(Fault)).any()),
         "position or force": not vectors,
+        "Weber factor": not ((records["weber"] >= 0.0) & (records["weber"] <= 1.0)).all(),
     }
     for what, is_wrong in wrong.items():
         if is_wrong:

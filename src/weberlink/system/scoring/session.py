@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from weberlink.control.table import SCHEMES
 from weberlink.system.scoring.channel import (
     ChannelScore,
-    Measure,
+    Measures,
     angles_between,
     distances,
     engaged,
@@ -97,8 +97,11 @@ class SessionScore:
 
     The felt error of a slave tick is the force commanded to the device of the operator at the master tick nearest in
     time, against the force that the robot measured. Ticks count while both sides are engaged, except for the ramps at
-    the beginning and the end of a session; a force that fades because the link is silent counts. `violation_max_jnd`
-    and `violation_p99_jnd` are that error in units of its bound: the largest, and the 99th percentile.
+    the beginning and the end of a session; a force that fades because the link is silent counts. `error_max_deadbands`
+    and `error_p99_deadbands` are that error in units of its bound: the largest, and the 99th percentile.
+
+    `widened_fraction` is the share of the sender's ticks in which a bounded rate of updates widened the deadband, and
+    `widened_max` the largest deadband then.
 
     The measures in JND are of the force that the operator felt, for a person of the default threshold
     (`weberlink.system.scoring.perception`). Jumps need the records of the master only.
@@ -112,7 +115,7 @@ class SessionScore:
         rate_hz: tick rate of both sides [Hz].
         bank: names of the predictors of the force channel, in the order of selectors.
         torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
-        measure: how the deadband of the force measures an error; None for the distance.
+        measures: how the deadband of the force measures an error; None for the distance.
     """
 
     def __init__(
@@ -120,13 +123,13 @@ class SessionScore:
         rate_hz: float,
         bank: tuple[str, ...],
         torque_bank: tuple[str, ...] | None = None,
-        measure: Measure | None = None,
+        measures: Measures | None = None,
     ) -> None:
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._sides = (_SideScore(), _SideScore())
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
-        self._force = ChannelScore("", self._period, bank, measure=measure)
+        self._force = ChannelScore("", self._period, bank, measures=measures)
         self._quality, self._jumps = QualityStatistics(self._period), JumpsOfRecords()
         self._from_slave = {"force": self._force}
         self._from_master = {"position": ChannelScore("", self._period)}
@@ -158,10 +161,11 @@ class SessionScore:
                 self._until = max(self._until, float(records["at"][-1]))
         if len(master):
             self._quality.add_jumps(*self._jumps.of(master))
-        if len(slave):  # the coding error needs no records of the master
-            counted = slave[in_session(slave)]
-            for channel in self._from_slave.values():
-                channel.add_sender(slave, counted)
+        for records, channels in ((master, self._from_master), (slave, self._from_slave)):
+            if len(records):  # these figures need no records of the other side
+                counted = records[in_session(records)]
+                for channel in channels.values():
+                    channel.add_sender(records, counted)
         self._join()
 
     @property

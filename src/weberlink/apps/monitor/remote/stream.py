@@ -16,7 +16,7 @@ from weberlink.protocol.sealed_stream import (
 from weberlink.telemetry.record import RECORD
 from weberlink.telemetry.ring import SCHEMA
 
-VERSION = 2
+VERSION = 3
 LENGTH_BYTES = 2
 CLOSE_S = 1.0
 

@@ -70,7 +70,7 @@ export class Controls {
   }
 
   #label(k) {
-    show(by("weber-value"), `${Math.round(1000 * k) / 10} % = 1 JND`, k);
+    show(by("weber-value"), `${Math.round(1000 * k) / 10} %`, k);
   }
 
   #say(text, kind, tick) {

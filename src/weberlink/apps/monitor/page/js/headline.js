@@ -64,12 +64,12 @@ export class Headline {
 
   #felt() {
     const { store } = this;
-    const jnd = store.ended ? (store.figures.figures?.force?.violation_p99_jnd ?? NaN) : store.feltNow();
-    show(by("felt-of"), store.ended ? "JND, p99" : "of 1 JND", null);
-    show(by("felt-jnd-now"), Number.isFinite(jnd) ? jnd.toFixed(2) : "–", jnd);
+    const deadbands = store.ended ? (store.figures.figures?.force?.error_p99_deadbands ?? NaN) : store.feltNow();
+    show(by("felt-of"), store.ended ? "deadbands, p99" : "deadbands", null);
+    show(by("felt-deadbands-now"), Number.isFinite(deadbands) ? deadbands.toFixed(2) : "–", deadbands);
     const bar = by("felt-bar");
-    bar.style.transform = `scaleX(${Number.isFinite(jnd) ? Math.min(1, jnd / 2) : 0})`;
-    bar.classList.toggle("over", jnd > 1);
+    bar.style.transform = `scaleX(${Number.isFinite(deadbands) ? Math.min(1, deadbands / 2) : 0})`;
+    bar.classList.toggle("over", deadbands > 1);
   }
 
   #delay() {

@@ -127,17 +127,17 @@ export const PANELS = [
   {
     name: "felt",
     title: "Felt error",
-    unit: "JND",
+    unit: "deadbands",
     help:
-      "Difference between the felt force and the force that the robot measured, in units of the deadband, which is " +
-      "one just-noticeable difference (JND). In the green zone it should not be noticed.",
+      "Difference between the felt force and the force that the robot measured, in units of the deadband: in " +
+      "the green zone it is within.",
     empty: "needs both sides of the session on this host",
     sources: () => [
-      { ring: "felt", series: [{ name: "error", colour: "third", width: 1.5, of: column("jnd"), unit: "JND" }] },
+      { ring: "felt", series: [{ name: "error", colour: "third", width: 1.5, of: column("deadbands"), unit: "deadbands" }] },
     ],
     zone: [0, 1],
     range: () => (low, high) => [0, Math.min(6, roundUp(Math.max(2, 1.04 * high)))],
-    axis: (v) => `${v} JND`,
+    axis: (v) => `${v}`,
   },
   {
     name: "position",

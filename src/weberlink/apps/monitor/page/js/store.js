@@ -74,7 +74,7 @@ export class Store {
         this.#samples(message);
         break;
       case "felt":
-        this.rings.felt.push(message.t, { jnd: message.jnd, error_n: message.error_n, bound_n: message.bound_n });
+        this.rings.felt.push(message.t, { deadbands: message.deadbands, error_n: message.error_n, bound_n: message.bound_n });
         break;
       case "figures":
         this.figures = message;
@@ -163,16 +163,16 @@ export class Store {
     this.changes.push({ t: exact ? this.switched : this.newest, label, exact });
   }
 
-  // Root mean square of the felt error over the last second, in JND; NaN while unknown.
+  // Root mean square of the felt error over the last second, in deadbands; NaN while unknown.
   feltNow(span = 1) {
     const { felt } = this.rings;
     if (felt.empty || felt.newest < this.newest - 2 * span) return NaN;
-    const { jnd } = felt.columns;
+    const { deadbands } = felt.columns;
     let sum = 0;
     let count = 0;
     for (let i = felt.at(felt.newest - span); i < felt.end; i += 1) {
-      if (jnd[i] === jnd[i]) {
-        sum += jnd[i] * jnd[i];
+      if (deadbands[i] === deadbands[i]) {
+        sum += deadbands[i] * deadbands[i];
         count += 1;
       }
     }

@@ -1,0 +1,108 @@
+"""A bounded rate of updates in a session: every channel keeps it, and the report, the recording and `check` say so."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from tests.system.systems import CONFIGS, configuration
+from weberlink.apps.recordings import describe
+from weberlink.cli import app
+from weberlink.codec.rate import LEAST_BURST
+from weberlink.system import check
+from weberlink.system.report import session_report
+from weberlink.system.simulate import simulate
+
+FILE = "rotation.yaml"
+MOST = 5.0
+SECONDS = 8.0
+CHANNELS = {
+    "force": "force",
+    "position": "position",
+    "torque": "rotation.torque",
+    "orientation": "rotation.orientation",
+}
+NARROW = (
+    "codec.force.weber=0", "codec.force.floor_n=0.001", "codec.position.weber=0", "codec.position.bound_m=0.00001",
+    "codec.rotation.torque.weber=0", "codec.rotation.torque.floor_nm=0.0001", "codec.rotation.orientation.weber=0",
+    "codec.rotation.orientation.bound_rad=0.0001",
+)  # fmt: skip
+BOUNDED = tuple(
+    f"codec.{key}.max_updates_per_s={MOST:g}"
+    for key in ("force", "position", "rotation.torque", "rotation.orientation")
+)
+
+
+def text_of(summary: dict[str, Any]) -> str:
+    shown = StringIO()
+    session_report(summary, "title", Console(width=80, file=shown))
+    return shown.getvalue()
+
+
+def test_every_channel_keeps_its_rate_and_the_report_says_so(tmp_path: Path) -> None:
+    free, _ = simulate(configuration(*NARROW, file=FILE), SECONDS)
+    path = tmp_path / "r.mcap"
+    bounded, _ = simulate(configuration(*NARROW, *BOUNDED, file=FILE), SECONDS, path)
+    recorded, told = describe([path]).document, text_of(bounded)
+    assert bounded["outcome"] == "completed"
+    for name in CHANNELS:
+        assert free[name]["packets"] > 2 * (MOST * SECONDS + LEAST_BURST)
+        assert free[name]["widened_fraction"] == 0.0
+        assert free[name]["widened_max"] is None
+        assert bounded[name]["packets"] <= MOST * SECONDS + LEAST_BURST + 2, "and one forced at the beginning"
+        assert 0.2 < bounded[name]["widened_fraction"] <= 1.0
+        assert bounded[name]["widened_max"] > 0.0
+        assert f"{name}: deadband widened in " in told
+        for figure in ("widened_fraction", "widened_max"):
+            assert recorded[name][figure] == bounded[name][figure]
+    assert bounded["force"]["coding"]["violation_fraction"] == 0.0
+    assert "widened" not in text_of(free)
+
+
+def test_check_says_the_rate_and_warns_of_a_floor_within_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    def described(*overrides: str, force: float = 0.0, position: float = 0.0) -> str:
+        loaded = configuration(*overrides)
+        device, robot = check.build_device(loaded), check.build_robot(loaded)
+
+        class Noisy:
+            def __init__(self, part: Any, **noise: float) -> None:
+                self.spec = replace(part.spec, **noise)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(check, "build_device", lambda _: Noisy(device, noise_m=position))
+            patch.setattr(check, "build_robot", lambda _: Noisy(robot, force_noise_n=force))
+            return "\n".join(check.describe(loaded))
+
+    assert "noise" not in described(), "nothing is known"
+    assert "at most 100 updates/s" in described("codec.position.max_updates_per_s=100")
+    assert "codec.force.floor_n 0.02: within the noise" in described(force=0.05)
+    assert "max_updates_per_s" in described(force=0.05)
+    assert "max_updates_per_s" not in described("codec.force.max_updates_per_s=100", force=0.05)
+    assert "codec.position.bound_m 0.0002: within the noise" in described(position=1e-4)
+    advice = described(force=0.05).split("use at least ")[1].split(",")[0]
+    assert "noise" not in described(f"codec.force.floor_n={float(advice) * 1.05}", force=0.05)
+
+
+def test_a_study_bounds_the_rate_of_a_recorded_signal(tmp_path: Path) -> None:
+    trace = CONFIGS / "traces" / "operator.csv"
+    arguments = ["evaluate", str(trace), "--predictor", "zoh", "--floor", "0.002", "--weber", "0.01"]
+    rows = []
+    for further in ([], ["--max-updates", "40"]):
+        out = tmp_path / "rows.json"
+        result = CliRunner().invoke(app, [*arguments, *further, "--json", str(out)])
+        assert result.exit_code == 0, result.output
+        rows.append(json.loads(out.read_text())["rows"][0])
+    free, bounded = rows
+    duration = bounded["packets"] / bounded["packets_per_s"]
+    assert bounded["packets"] <= 40 * duration + 20 < free["packets"]
+    assert bounded["violation_fraction"] == 0.0
+    assert 0.0 < bounded["widened_fraction"] <= 1.0
+    assert bounded["widened_max_n"] > 0.002
+    assert "clairvoyant_packets" not in bounded
+    assert "widened_fraction" not in free
+    assert "deadband widened in up to" in result.output
