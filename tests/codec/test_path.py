@@ -215,5 +215,5 @@ def test_after_its_last_knot_an_update_holds() -> None:
     newest = encoder.mirror.newest
     assert newest is not None
     assert isinstance(encoder.mirror.model, Path)
-    ends = [encoder.mirror.value(newest.tick + ahead) for ahead in (64, 65, 10**6)]
+    ends = [encoder.mirror.value(newest.tick + ahead) for ahead in (horizons_of(1e-3)[-1], 10**4, 10**6)]
     assert ends[0] == ends[1] == ends[2]
