@@ -122,7 +122,7 @@ class PathLearner:
         """Take in the newest sample. A gap in the samples ends the past, not the estimates."""
         if not history.follows:
             self._begin()
-        bound = history.bound
+        square = history.bound * history.bound  # 0 for a tiny deadband too
         rows, last = self._rows, self._last
         if last < 0:
             total = np.zeros(3)
@@ -134,7 +134,6 @@ class PathLearner:
         else:
             total = rows[last, _SUM] + rows[last, _VALUE]
         self._last = last = last + 1
-        square = bound * bound
         weight = 1.0 / square if square > SMALLEST else 0.0
         rows[last] = (*history.values[-1], *history.places[-1], *total, weight)
         phase = self._ticks % self._step
@@ -232,7 +231,7 @@ class PathLearner:
         if self._has_positions:
             own, moved = sums[:, size, size].sum(), sums[:, size + 1, size + 1].sum()
             scale = moved / own if own > 0.0 else 0.0
-            ridge[2 * self._lags - 1 : -1] *= scale
+            ridge[2 * self._lags - 1 : -1] *= scale if scale > 0.0 else 1.0  # not singular for a hand at rest
         left[:, np.arange(size), np.arange(size)] += ridge
         try:
             found = np.linalg.solve(left, right)

@@ -12,8 +12,8 @@ from weberlink.geometry.vector import Vector, distance
 FITTED = tuple(name for name, predictor in PREDICTORS.items() if not predictor.estimated)
 ESTIMATED = tuple(name for name, predictor in PREDICTORS.items() if predictor.estimated)
 FORCE_PREDICTORS = (*FITTED, "hybrid", *ESTIMATED, "adaptive")
-POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "trend", "adaptive")
-POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "trend")}
+POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "path", "adaptive")
+POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "path")}
 
 
 class Tick(NamedTuple):
@@ -48,8 +48,7 @@ def coded(
 
     `limits` are of the errors that may stay unsent, one per tick; infinite where there are none left.
 
-    A sample that is sent is displayed within the rounding of the wire. A line of `trend` begins within the deadband
-    around it instead, or within the rounding if that is more.
+    A sample that is sent is displayed within the rounding of the wire.
     """
     encoder, decoder = encoder or Encoder(channel), Decoder(channel)
     near = half_step(channel)
@@ -63,8 +62,7 @@ def coded(
         # Evaluated once per tick, as in a session: a surface with friction remembers the position.
         assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
         error = distance(shown, channel.value_quantizer.confine(value))
-        aside = update is not None and channel.bank[update.selector] == "trend" and update.payload is not None
-        assert error <= (max(encoder.bound * (1.0 + 1e-12), near) if update is None or aside else near)
+        assert error <= (max(encoder.bound * (1.0 + 1e-12), near) if update is None else near)
         yield Tick(update, shown, encoder.bound, error)
 
 
