@@ -41,9 +41,11 @@ class Channel:
         rate: largest rate of updates; None for no limit. The receiver does not need it.
         every_position: whether every update carries the position, because somebody beside the predictors reads it.
         tick_period: time between ticks [s], > 0.
+        lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
 
     Raises:
-        ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
+        ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
+            the channel.
     """
 
     bank: tuple[str, ...]
@@ -57,8 +59,11 @@ class Channel:
     rate: UpdateRate | None = None
     every_position: bool = False
     tick_period: float = 1e-3
+    lookahead: int = 0
 
     def __post_init__(self) -> None:
+        if self.lookahead < 0:
+            raise ValueError(f"lookahead must be >= 0 ticks, not {self.lookahead!r}")
         if len(self.bank) > MAX_SELECTOR + 1:
             raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
@@ -133,6 +138,7 @@ def force_channel(
     rate: UpdateRate | None = None,
     every_position: bool = False,
     tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -152,6 +158,7 @@ def force_channel(
         rate: largest rate of updates; None for no limit.
         every_position: whether every update carries the position, whatever its predictor reads.
         tick_period: time between ticks [s], > 0.
+        lookahead: number of ticks that the encoder looks ahead.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -170,6 +177,7 @@ def force_channel(
         rate=rate,
         every_position=every_position,
         tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 
@@ -184,6 +192,7 @@ def position_channel(
     saturates: bool = True,
     rate: UpdateRate | None = None,
     tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -197,6 +206,7 @@ def position_channel(
         adaptive=predictor == ADAPTIVE,
         rate=rate,
         tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 

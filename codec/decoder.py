@@ -17,6 +17,7 @@ class Decoder:
 
     Its state depends only on the newest update that arrived and on the positions since. So after a loss, a reordering
     or a late start it agrees with the encoder from the next update on (with smoothing, from the end of the ramp on).
+    With look-ahead a model is played as many ticks late as the encoder looks ahead.
 
     Attributes:
         newest: the newest sample received; None before the first.
@@ -31,6 +32,7 @@ class Decoder:
         self._predictors = channel.predictors
         self._deadband = channel.deadband
         self._sizes = [sum(form.newest) for form in channel.forms]
+        self._late = channel.lookahead
         self.reset()
 
     def reset(self) -> None:
@@ -92,7 +94,7 @@ class Decoder:
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
-        """The predicted value, finite and within the range of the wire.
+        """The value to display, finite and within the range of the wire.
 
         Args:
             tick: the present time on the sender's tick clock; fractional between its ticks.
@@ -102,6 +104,10 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
+        return self._value(tick - self._late, position)
+
+    def _value(self, tick: float, position: Vector) -> Vector | None:
+        """The prediction for a tick of the signal."""
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return channel.rest
@@ -127,7 +133,7 @@ class Decoder:
         """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
         if self._noted is not None and self._noted[0] == tick:
             self._memory = self._noted[1]
-        return self.value(tick, position)
+        return self._value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
@@ -135,7 +141,7 @@ class Decoder:
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value
-        deadband = self._deadband if newest.tick >= self._since else self._former
+        deadband = self._deadband if newest.tick + self._late >= self._since else self._former
         kept = channel.smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
         ramp = subtract(add(sample, kept), first)
         return ramp if ramp != ZERO else None

@@ -7,6 +7,8 @@ from weberlink.codec.adaptive import AdaptiveChoice
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
+from weberlink.codec.lookahead import Taken, Window
+from weberlink.codec.predictors.contract import NOTHING, Ahead
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
@@ -26,8 +28,12 @@ class Encoder:
 
     If the channel bounds the rate of updates, a busy signal widens the deadband (`weberlink.codec.rate`).
 
+    With look-ahead the sample of L ticks ago is coded in a tick (`weberlink.codec.lookahead`), and the law holds for
+    the signal delayed by L: the mirror is evaluated at the tick and at the commanded position of the coded sample.
+
     Attributes:
         mirror: the state of the other end if no update was lost.
+        coded: the last coded sample as measured; before the first, what the other end starts from.
         bound: the deadband of the last coded sample, in the unit of the values, as widened; at least its error, if
             that was not sent for want of tokens.
         widened: whether the rate of updates widened it.
@@ -50,11 +56,17 @@ class Encoder:
             self._bucket = TokenBucket(channel.rate, max(at_rest, channel.value_quantizer.step))
         self._measure_with(channel.deadband)
         self._selectors = tuple(range(len(self._predictors)))
+        self._window = Window(channel.lookahead)
         self.rejected = 0
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal, because the other end started anew. Deadband, predictors selected and tokens stay."""
+        self._window.clear()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget what was sent, and what was estimated."""
         self.mirror.reset()
         if self._choice is not None:
             self._choice.reset()
@@ -62,14 +74,19 @@ class Encoder:
         self._previous: Sample | None = None
         self._levels: tuple[int, ...] = ()
         self._last: Vector | None = None
+        self._arrived: Vector | None = None
         self.bound = 0.0
         self.widened = False
+        self.coded: Vector = self._channel.rest or ZERO
         self.predicted: Vector | None = None
         self._forced = False
 
     def restart(self) -> None:
-        """Forget the signal and send the next sample unconditionally, because the other end's state is unknown."""
-        self.reset()
+        """Forget what was sent and send the next sample unconditionally, because the other end's state is unknown.
+
+        The samples that wait for their decision are of the same signal, and stay.
+        """
+        self._forget()
         self._forced = True
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
@@ -90,12 +107,12 @@ class Encoder:
         self._measure_with(deadband)
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
-            self._last = None
+            self._last = self._arrived = None
         self._selectors = tuple(sorted(set(selectors)))
         self._forced = self._newest is not None and self.mirror.selected not in self._selectors
 
     def encode(self, tick: int, value: Vector, position: Vector = ZERO, most: float = inf) -> Update | None:
-        """Code the sample of one tick.
+        """Take the sample of one tick, and code the one of L ticks ago.
 
         Args:
             tick: the sender's tick number, higher in every call.
@@ -104,26 +121,49 @@ class Encoder:
             most: largest error that may stay unsent, where the deadband allows more; a bounded rate widens this too.
 
         Returns:
-            The update to send; None if the prediction is good enough, or if the sample is not finite (counted in
-            `rejected`).
+            The update to send; None if the prediction is good enough, if there is no sample of L ticks ago, or if that
+            was not finite (counted in `rejected`).
         """
-        if not (is_finite(value) and is_finite(position)):
+        if is_finite(value) and is_finite(position):
+            self._window.take(self._taken(Taken(tick, value, self._confine(value), position, most)))
+        else:
             self.rejected += 1
-            return None
-        actual = self._confine(value)
+        return self.decide(tick)
+
+    def _taken(self, sample: Taken) -> Taken:
+        """A sample with its deadband if the encoder looks ahead; what learns from all samples learns from it."""
+        if not self._window.length:
+            return sample
+        actual, moved = sample.actual, 0.0
+        if self._reads_motion:
+            place = self._moving(sample)
+            moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
+        sample = sample._replace(bound=min(self._allowed(actual, actual, actual, moved), sample.most))
+        if self._choice is not None:
+            self._choice.learn(sample.tick, actual, self._channel.place(sample.position), sample.bound)
+        return sample
+
+    def decide(self, tick: int) -> Update | None:
+        """Code the sample of L ticks ago in a tick that has none itself, as `encode` does."""
+        sample = self._window.due(tick)
+        return None if sample is None else self._code(tick, sample)
+
+    def _code(self, now: int, coming: Taken) -> Update | None:
+        tick, self.coded, actual, position, most, _ = coming
         moved = 0.0
         if self._reads_motion:
-            place = position if self._channel.position_quantizer is not None else actual
+            place = self._moving(coming)
             moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = self.predicted = self._mirrored(tick, position)
+        displayed = self.predicted = self._mirrored(now, position)
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
         bucket, allowed = self._bucket, min(self._allowed(actual, compared, sent, moved), most)
         self.bound = allowed if bucket is None else bucket.widened(tick, allowed)
         self.widened = self.bound > allowed
+        ahead = self._ahead(coming) if self._window.length else NOTHING
         if self._choice is not None:
-            self._choice.follow(tick, actual, self._channel.place(position), self.bound)
+            self._choice.follow(tick, actual, self._channel.place(position), self.bound, ahead)
         forced = displayed is None or self._forced
         error = inf if displayed is None or forced else self._measure(displayed, actual)
         if error <= self.bound:
@@ -135,7 +175,7 @@ class Encoder:
         if bucket is not None and not bucket.take(forced=forced):
             self.bound = error
             return None
-        update = self._update(sample, levels, tick, actual, position)
+        update = self._update(sample, levels, coming, ahead)
         self._levels, self._forced = levels, False
         self._newest, self._previous = sample, self._usable(tick)
         self.mirror.apply(update)
@@ -149,27 +189,49 @@ class Encoder:
         if self._choice is not None:
             self._choice.measure_with(deadband.error)
 
-    def _update(self, sample: Sample, levels: tuple[int, ...], tick: int, actual: Vector, position: Vector) -> Update:
-        earlier = self._usable(tick)
+    def _moving(self, sample: Taken) -> Vector:
+        """The position whose motion the deadband reads [m]."""
+        return sample.position if self._channel.position_quantizer is not None else sample.actual
+
+    def _ahead(self, coming: Taken) -> Ahead:
+        """The samples that follow without a gap."""
+        following, place = self._window.following(coming.tick), self._channel.place
+        return Ahead(
+            tuple(sample.actual for sample in following),
+            tuple(place(sample.position) for sample in following),
+            tuple(sample.bound for sample in following),
+        )
+
+    def _update(self, sample: Sample, levels: tuple[int, ...], coming: Taken, ahead: Ahead) -> Update:
+        earlier = self._usable(sample.tick)
         if self._choice is None:
-            selector, model = self._choose(tick, actual, position), None
+            selector, model = self._choose(sample, coming, earlier, ahead), None
         else:
-            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound)
+            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
         payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        return Update(tick, selector, levels[: self._sizes[selector]], payload)
+        return Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
 
     def _usable(self, tick: int) -> Sample | None:
         """The sample sent before; None if it is more than `MAX_GAP` ticks old."""
         earlier = self._newest
         return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
-    def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
-        """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out."""
+    def _choose(self, sample: Sample, coming: Taken, earlier: Sample | None, ahead: Ahead) -> int:
+        """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
+
+        With look-ahead it is made among the predictors whose new models last longest in the known signal.
+        """
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
         channel, predictors = self._channel, self._predictors
-        place, limits = channel.place(position), channel.fit_limits
+        place, limits = channel.place(coming.position), channel.fit_limits
+        if ahead.values:
+            new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
+            lasts = [ahead.lasts(model, sample.tick, self._measure) for model in new]
+            selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
         models = [predictors[selector].model(newest, previous, limits) for selector in selectors]
-        errors = [distance(channel.displayable(model.at(tick, place), newest), actual) for model in models]
+        errors = [
+            distance(channel.displayable(model.at(coming.tick, place), newest), coming.actual) for model in models
+        ]
         return selectors[errors.index(min(errors))]

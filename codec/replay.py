@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, repeat
 from typing import NamedTuple
 
 from weberlink.codec.channel import Channel
@@ -13,7 +14,7 @@ from weberlink.update import Update
 
 
 class CodedTick(NamedTuple):
-    """What happened in one tick.
+    """What happened in the tick in which one sample was coded: with look-ahead, that many ticks after its own.
 
     Args:
         update: the update sent in this tick; None if the prediction was good enough.
@@ -51,22 +52,31 @@ def code(
 
     Args:
         channel: the channel of both ends.
-        samples: value and position of each tick, from tick 0; the position is not read on a position channel.
+        samples: value and position of each tick, from tick 0; the position is not read on a position channel. With
+            look-ahead the ticks go on after the last sample until all are coded.
         delay_ticks: one-way delay of an update [ticks], >= 0.
         stopwatch: returns the time from any origin [s], to measure run time; by default none is measured.
         encoder: a new one of the channel by default; likewise `decoder`. Both may be read between ticks.
 
     Yields:
-        One `CodedTick` for each sample.
+        One `CodedTick` for each sample; the models are evaluated at its position.
     """
     encoder, decoder = encoder or Encoder(channel), decoder or Decoder(channel)
-    encode, apply, value = encoder.encode, decoder.apply, decoder.value
+    encode, decide, apply, value = encoder.encode, encoder.decide, decoder.apply, decoder.value
     under_way: deque[tuple[int, Update]] = deque()
-    for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(samples):
-        # New tuples, as in a daemon, which has just made them: the measured run time includes no cache misses for them.
-        sample, position = (fx, fy, fz), (px, py, pz)
+    waiting: deque[tuple[Vector, Vector]] = deque()
+    late = channel.lookahead
+    coming: Iterator[tuple[Vector, Vector] | None] = chain(samples, repeat(None, late))
+    for tick, new in enumerate(coming):
+        if new is not None:
+            (fx, fy, fz), (px, py, pz) = new
+            # New tuples, as in a daemon, which has just made them: the measured run time includes no cache misses.
+            waiting.append(((fx, fy, fz), (px, py, pz)))
         began = stopwatch()
-        update = encode(tick, sample, position)
+        update = decide(tick) if new is None else encode(tick, *waiting[-1])
+        if tick < late or not waiting:
+            continue
+        sample, position = waiting.popleft()
         if update is not None:
             if delay_ticks:
                 under_way.append((tick + delay_ticks, update))

@@ -81,19 +81,25 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
 
 
 class LocalAffine:
-    """Ridge least squares over the latest samples, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
+    """Ridge least squares over the latest samples that are known, each axis separately.
+
+    f_i - f_1 = K (p_i - p_1) + g (t_i - t_1).
+    """
 
     def __init__(self, signal: Signal) -> None:
         self._step = max(1, round(STEP_S / signal.grid.period))
         self._steps = max(LEAST_STEPS, round(WINDOW_S / (self._step * signal.grid.period)))
 
     def model(self, context: EncodeContext) -> Affine | None:
-        history, newest, step = context.history, context.newest, self._step
-        count = min(self._steps, (len(history) - 1) // step)
+        history, newest, ahead, step = context.history, context.newest, context.ahead, self._step
+        longest = self._steps * step + 1
+        values = [*history.values[-longest:], *ahead.values]
+        places = [*history.places[-longest:], *ahead.places]
+        count = min(self._steps, (len(values) - 1) // step)
         if count < 2:
             return None
         window = slice(-count * step - 1, None, step)
-        solution = _solve(*_system(history.values[window], history.places[window]))
+        solution = _solve(*_system(values[window], places[window]))
         if solution is None:
             return None
         *by_place, (a, b, c) = solution
@@ -109,7 +115,7 @@ class LocalAffine:
 class AffinePredictor(Predictor):
     name = "affine"
     geometric = True
-    estimated = True
+    estimated = looks_ahead = True
     doubt = 1.1
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:

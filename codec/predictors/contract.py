@@ -102,6 +102,41 @@ class Signal:
         return found
 
 
+class Ahead(NamedTuple):
+    """The samples that follow the one to code, tick by tick, up to the first gap; empty without look-ahead.
+
+    Args:
+        values: within the range of the wire.
+        places: where models are evaluated [m].
+        bounds: the deadband of each, where its Weber factor refers to the measured value; otherwise near it.
+    """
+
+    values: tuple[Vector, ...] = ()
+    places: tuple[Vector, ...] = ()
+    bounds: tuple[float, ...] = ()
+
+    def lasts(self, model: Model, tick: int, measure: Callable[[Vector, Vector], float]) -> int:
+        """For how many of these ticks a new model of the sample of a tick stays within the deadband.
+
+        Args:
+            model: as it is sent.
+            tick: of the sample to code.
+            measure: the error of a displayed value, as a deadband measures it.
+        """
+        memory = model.memory
+        for index, (value, place, bound) in enumerate(zip(*self, strict=True)):
+            if memory is None:
+                predicted = model.at(tick + 1 + index, place)
+            else:
+                predicted, memory = model.advance(tick + 1 + index, place, memory)
+            if not measure(predicted, value) <= bound:
+                return index
+        return len(self.values)
+
+
+NOTHING = Ahead()
+
+
 class EncodeContext(NamedTuple):
     """What the sender knows when it makes a model to send.
 
@@ -109,13 +144,16 @@ class EncodeContext(NamedTuple):
         newest: the sample to send, quantized.
         earlier: the sample sent before; None if there is none, or if it is too old.
         bound: the deadband at the newest sample, in the unit of the values.
-        history: the measured samples, the newest included.
+        history: the measured samples, the newest included and last.
+        ahead: the samples that follow it, as far as they are known; none without look-ahead. Estimators have taken
+            them in.
     """
 
     newest: Sample
     earlier: Sample | None
     bound: float
     history: History
+    ahead: Ahead = NOTHING
 
 
 class Candidate(Protocol):
@@ -139,6 +177,7 @@ class Predictor(ABC):
             position channel.
         describes_contact: whether its model is a contact surface; then it is for forces only.
         estimated: whether its parameters are sent.
+        looks_ahead: whether its candidates read the samples that are known ahead.
         doubt: factor >= 1 on its number of sends when `adaptive` compares predictors, so that a model that may fit
             noise must be clearly better than a simpler one.
     """
@@ -149,6 +188,7 @@ class Predictor(ABC):
     geometric: ClassVar[bool] = False
     describes_contact: ClassVar[bool] = False
     estimated: ClassVar[bool] = False
+    looks_ahead: ClassVar[bool] = False
     doubt: ClassVar[float] = 1.0
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model | None:  # noqa: ARG002

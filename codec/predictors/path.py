@@ -10,26 +10,37 @@ position, as in a contact; it is a contact surface too, and does not pull.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import frexp, ldexp
 from typing import Any
 
 from weberlink.codec.parameters import Float, pack, unpack
+from weberlink.codec.predictors.chords import Chords
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
 from weberlink.codec.predictors.learning import HORIZONS, PathLearner, horizons_of
 from weberlink.codec.predictors.model import EXTRAPOLATION, FitLimits, Model, ModelRecord
 from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 
-FINENESS = 8.0
-"""A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband."""
-LEAST_CHANGE = 0.25
-"""The path ends before a last part that changes it by less [deadbands]."""
+FINENESS, FINENESS_AHEAD = 8.0, 16.0
+"""A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband; with
+look-ahead finer ones."""
+LEAST_CHANGE, LEAST_CHANGE_AHEAD = 0.25, 0.1
+"""The path ends before a last part that changes it by less [deadbands]; the second one with look-ahead."""
+SOON = 2
+"""Number of horizons of the second candidate of `path`, which holds what it reaches then."""
 _HEAD = (3, 4, 6)
 """Bits of the number of knots, of the width of a component and of the exponent of its step."""
 _HEAD_BYTES = 2
+_LOOKS_AHEAD = 7
+"""In place of the number of knots, if the sender looked ahead. Then there follow the number of known ticks, the numbers
+of knots within them and beyond, and the ticks of the former. The path begins at a knot at 0."""
+_AHEAD = (7, 3, 3)
+_AHEAD_BYTES = 2
+_TICKS = 7
 _LARGEST_EXPONENT = (1 << _HEAD[2]) - 1
 _LARGEST = (1 << (1 << _HEAD[1]) - 2) - 1
 """Largest level of a component."""
@@ -41,16 +52,21 @@ _STIFFNESS = Float(2.0**-6, 4, 6, signed=True)
 class Path(Model):
     newest: Sample
     knots: tuple[int, ...]
-    """Ticks after the sample, increasing."""
+    """Ticks after the sample, increasing; the first one may be 0, for a path that does not begin at the sample."""
     displacements: tuple[Vector, ...]
     """At the knots, from the sample."""
     exponent: int = 0
     """A displacement is a multiple of two to this power, in wire steps."""
     stiffness: tuple[float, float] = (0.0, 0.0)
     """K_1 and K_2 [N/m]; negative where the force opposes the motion."""
+    known: int = 0
+    """Ticks after the sample that were known: the horizons of what is expected count from there."""
+
+    def first(self, newest: Sample) -> Vector:
+        return add(newest.value, self.displacements[0]) if self.knots and self.knots[0] == 0 else newest.value
 
     def at(self, tick: float, position: Vector) -> Vector:
-        newest_tick, value, place = self.newest
+        newest_tick, value, _ = self.newest
         x, y, z = value
         ahead = tick - newest_tick
         before, start = 0, ZERO
@@ -64,15 +80,11 @@ class Path(Model):
             before, start = knot, end
         else:
             x, y, z = x + start[0], y + start[1], z + start[2]
-        along, normal = self.stiffness
-        if along == normal == 0.0:
+        if self.stiffness == (0.0, 0.0):
             return (x, y, z)
-        a, b, c = position[0] - place[0], position[1] - place[1], position[2] - place[2]
+        a, b, c = _yielded(self.newest, self.stiffness, position)
+        x, y, z = x + a, y + b, z + c
         square = value[0] * value[0] + value[1] * value[1] + value[2] * value[2]
-        pressed = normal * (a * value[0] + b * value[1] + c * value[2]) / square
-        x += along * a + pressed * value[0]
-        y += along * b + pressed * value[1]
-        z += along * c + pressed * value[2]
         pull = (x * value[0] + y * value[1] + z * value[2]) / square
         if pull < 0.0:
             return (x - pull * value[0], y - pull * value[1], z - pull * value[2])
@@ -95,12 +107,12 @@ class Path(Model):
 class LearnedCandidate:
     """Makes the path that is expected, rounded as it travels."""
 
-    def __init__(self, signal: Signal, *, elastic: bool) -> None:
+    def __init__(self, signal: Signal, *, elastic: bool, reach: int = len(HORIZONS)) -> None:
         self._learner = signal.estimator(PathLearner)
         self._elastic = elastic
         self._limits = signal.limits
         self._grid = signal.grid
-        self._horizons = horizons_of(signal.grid.period)
+        self._horizons = horizons_of(signal.grid.period)[:reach]
 
     def model(self, context: EncodeContext) -> Path | None:
         newest, bound, grid = context.newest, context.bound, self._grid
@@ -110,29 +122,47 @@ class LearnedCandidate:
             stiffness = _stiffness(grid, _stiffness_levels(grid, learned.stiffness))
             if newest.value == ZERO or not _is_accepted(stiffness, self._limits):
                 return None
-        exponent = _exponent(bound / (FINENESS * grid.value.step))
+        fineness, least = (FINENESS_AHEAD, LEAST_CHANGE_AHEAD) if context.ahead.values else (FINENESS, LEAST_CHANGE)
+        exponent = _exponent(bound / (fineness * grid.value.step))
         digit = ldexp(grid.value.step, exponent)
-        path = [_rounded(each, digit) for each in learned.displacements]
-        while path and distance(path[-1], path[-2] if len(path) > 1 else ZERO) <= LEAST_CHANGE * bound:
-            del path[-1]
-        if not path and not self._elastic:
+        tail = [_rounded(each, digit) for each in learned.displacements[: len(self._horizons)]]
+        while tail and distance(tail[-1], tail[-2] if len(tail) > 1 else ZERO) <= least * bound:
+            del tail[-1]
+        if context.ahead.values:
+            return self._through(context, stiffness, tail, exponent)
+        if not tail and not self._elastic:
             return None
-        return Path(newest, self._horizons[: len(path)], tuple(path), exponent, stiffness)
+        return Path(newest, self._horizons[: len(tail)], tuple(tail), exponent, stiffness)
+
+    def _through(
+        self, context: EncodeContext, stiffness: tuple[float, float], tail: Sequence[Vector], exponent: int
+    ) -> Path:
+        """The path through the known samples to what is expected after them."""
+        newest, ahead = context.newest, context.ahead
+        values = [subtract(context.history.values[-1], newest.value)]
+        for value, place in zip(ahead.values, ahead.places, strict=True):
+            values.append(subtract(subtract(value, newest.value), _yielded(newest, stiffness, place)))
+        horizons = self._horizons[: len(tail)]
+        knots, vertices = Chords(values, (context.bound, *ahead.bounds), tail, horizons).path()
+        digit = ldexp(self._grid.value.step, exponent)
+        rounded = tuple(_rounded(each, digit) for each in vertices)
+        path = Path(newest, tuple(knots), rounded, exponent, stiffness, len(ahead.values))
+        while (
+            sum(_layout(path, self._grid)[1]) + 2 * _STIFFNESS.width > 8 * MOST_PARAMETER_BYTES
+        ):  # an end that does not fit is held
+            path = replace(path, knots=path.knots[:-1], displacements=path.displacements[:-1])
+        return path
 
 
 class PathPredictor(Predictor):
     name = "path"
-    estimated = True
+    estimated = looks_ahead = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [LearnedCandidate(signal, elastic=self.geometric)]
+        return [LearnedCandidate(signal, elastic=False), LearnedCandidate(signal, elastic=False, reach=SOON)]
 
     def packed(self, model: Any, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
-        digit = ldexp(grid.value.step, model.exponent)
-        levels = [round(each / digit) for vector in model.displacements for each in grid.value.components(vector)]
-        width = max([each.bit_length() for each in levels], default=0) + 1
-        fields = [len(model.displacements), width, model.exponent, *(each + (1 << width - 1) for each in levels)]
-        widths = [*_HEAD, *[width] * len(levels)]
+        fields, widths = _layout(model, grid)
         if self.geometric:
             fields += _stiffness_levels(grid, model.stiffness)
             widths += [_STIFFNESS.width] * 2
@@ -140,11 +170,23 @@ class PathPredictor(Predictor):
 
     def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Path | None:
         count, width, exponent = unpack(data[:_HEAD_BYTES], _HEAD)
-        numbers = count * grid.value.size
-        widths = [*_HEAD, *[width] * numbers, *[_STIFFNESS.width] * (2 * self.geometric)]
-        if count > len(HORIZONS) or width == 0 or sum(widths) > 8 * MOST_PARAMETER_BYTES:
+        known, widths, knots = 0, [*_HEAD], horizons_of(grid.period)
+        if count == _LOOKS_AHEAD:
+            widths += _AHEAD
+            *_, known, inner, count = unpack(data[: _HEAD_BYTES + _AHEAD_BYTES], widths)
+            widths += [_TICKS] * inner
+            chords = unpack(data[: (sum(widths) + 7) // 8], widths)[len(widths) - inner :]
+            knots = (0, *chords, *(known + knot for knot in knots[:count]))
+            if known == 0 or not all(before < after for before, after in pairwise(knots)):
+                return None
+            count += 1 + inner
+        if count > len(knots) or width == 0:
             return None
-        _, _, _, *fields = unpack(data, widths)
+        numbers, first = count * grid.value.size, len(widths)
+        widths += [*[width] * numbers, *[_STIFFNESS.width] * (2 * self.geometric)]
+        if sum(widths) > 8 * MOST_PARAMETER_BYTES:
+            return None
+        fields = unpack(data, widths)[first:]
         middle, digit = 1 << width - 1, ldexp(grid.value.step, exponent)
         path = [(level - middle) * digit for level in fields[:numbers]]
         stiffness = (0.0, 0.0)
@@ -154,16 +196,45 @@ class PathPredictor(Predictor):
                 return None
         size, vector = grid.value.size, grid.value.vector
         displacements = tuple(vector(path[start : start + size]) for start in range(0, numbers, size))
-        return Path(newest, horizons_of(grid.period)[:count], displacements, exponent, stiffness)
+        return Path(newest, knots[:count], displacements, exponent, stiffness, known)
 
 
 class ElasticPredictor(PathPredictor):
     name = "elastic"
     geometric = True
 
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [LearnedCandidate(signal, elastic=True)]
+
 
 PATH = PathPredictor()
 ELASTIC = ElasticPredictor()
+
+
+def _layout(model: Path, grid: SampleGrid) -> tuple[list[int], list[int]]:
+    """The fields of a path and their widths, without the stiffness."""
+    digit = ldexp(grid.value.step, model.exponent)
+    levels = [round(each / digit) for vector in model.displacements for each in grid.value.components(vector)]
+    width = max([each.bit_length() for each in levels], default=0) + 1
+    fields, widths = [len(model.knots), width, model.exponent], [*_HEAD]
+    if model.known:
+        inner = [knot for knot in model.knots[1:] if knot <= model.known]
+        fields = [_LOOKS_AHEAD, width, model.exponent, model.known, len(inner), len(model.knots) - 1 - len(inner)]
+        widths += [*_AHEAD, *[_TICKS] * len(inner)]
+        fields += inner
+    fields += [each + (1 << width - 1) for each in levels]
+    return fields, widths + [width] * len(levels)
+
+
+def _yielded(newest: Sample, stiffness: tuple[float, float], position: Vector) -> Vector:
+    """The change of the force by the motion of the hand since the sample: K_1 d + K_2 u (u d)."""
+    along, normal = stiffness
+    if along == normal == 0.0:
+        return ZERO
+    _, (u, v, w), (x, y, z) = newest
+    a, b, c = position[0] - x, position[1] - y, position[2] - z
+    pressed = normal * (a * u + b * v + c * w) / (u * u + v * v + w * w)
+    return (along * a + pressed * u, along * b + pressed * v, along * c + pressed * w)
 
 
 def _exponent(ratio: float) -> int:

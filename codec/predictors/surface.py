@@ -194,7 +194,7 @@ class MovingHypothesis(SurfaceHypothesis):
         if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
             return None
         normal, motion = unit(newest.value), {}
-        window = min(self._window, contact.age - 1, len(context.history) - 1)
+        window = min(self._window, contact.age - 1 - len(context.ahead.values), len(context.history) - 1)
         if window > self._least:
             motion = _motion(context.history, normal, compliance, frequency, range(window, 0, -self._step))
             motion["frequency"] = frequency

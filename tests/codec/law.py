@@ -12,8 +12,8 @@ from weberlink.geometry.vector import Vector, distance
 FITTED = tuple(name for name, predictor in PREDICTORS.items() if not predictor.estimated)
 ESTIMATED = tuple(name for name, predictor in PREDICTORS.items() if predictor.estimated)
 FORCE_PREDICTORS = (*FITTED, "hybrid", *ESTIMATED, "adaptive")
-POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "trend", "adaptive")
-POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "trend")}
+POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "path", "adaptive")
+POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "path")}
 
 
 class Tick(NamedTuple):
@@ -48,23 +48,31 @@ def coded(
 
     `limits` are of the errors that may stay unsent, one per tick; infinite where there are none left.
 
-    A sample that is sent is displayed within the rounding of the wire. A line of `trend` begins within the deadband
-    around it instead, or within the rounding if that is more.
+    A sample that is sent is displayed within the rounding of the wire. With look-ahead a path may begin anywhere in the
+    deadband around it; after the last sample the ticks go on until all are coded.
     """
     encoder, decoder = encoder or Encoder(channel), Decoder(channel)
-    near = half_step(channel)
-    for tick, ((value, position), most) in enumerate(zip(samples, chain(limits, repeat(inf)), strict=False), start):
-        update = encoder.encode(tick, value, position, most)
+    near, late = half_step(channel), channel.lookahead
+    taken = [(*sample, most) for sample, most in zip(samples, chain(limits, repeat(inf)), strict=False)]
+    for index in range(len(taken) + late):
+        tick = start + index
+        update = encoder.encode(tick, *taken[index]) if index < len(taken) else encoder.decide(tick)
+        if not 0 <= index - late < len(taken):
+            assert update is None
+            continue
+        value, position, _ = taken[index - late]
         if update is not None:
+            assert update.tick == tick - late
             decoder.apply(update)
         shown = decoder.value(tick, position)
         assert shown is not None
         assert decoder.state == encoder.mirror.state
         # Evaluated once per tick, as in a session: a surface with friction remembers the position.
         assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
-        error = distance(shown, channel.value_quantizer.confine(value))
-        aside = update is not None and channel.bank[update.selector] == "trend" and update.payload is not None
-        assert error <= (max(encoder.bound * (1.0 + 1e-12), near) if update is None or aside else near)
+        actual = channel.value_quantizer.confine(value)
+        error, deviation = distance(shown, actual), channel.deadband.error(shown, actual)
+        sent = update is not None and not (late and update.payload is not None)
+        assert error <= near if sent else deviation <= max(encoder.bound * (1.0 + 1e-12), near)
         yield Tick(update, shown, encoder.bound, error)
 
 

@@ -46,7 +46,7 @@ def export(
     typer.echo("\n".join(lines))
 
 
-def evaluate(
+def evaluate(  # noqa: PLR0917 - an argument for each option
     traces: Annotated[
         list[Path],
         typer.Argument(
@@ -64,6 +64,9 @@ def evaluate(
         str,
         typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive."),
     ] = "isotropic",
+    lookahead: Annotated[
+        float, typer.Option(metavar="MS", callback=finite, help="How far the encoder looks ahead [ms].")
+    ] = 0.0,
     jnd: Annotated[
         float, typer.Option(metavar="J", help="Just noticeable difference, as a share of the force.")
     ] = 0.10,
@@ -88,7 +91,7 @@ def evaluate(
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
                 max_updates=max_updates,
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip

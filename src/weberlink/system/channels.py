@@ -18,6 +18,7 @@ class OutgoingChannel:
         sensor: gives the samples.
 
     Attributes:
+        coded: the sample that this tick decided on; without one, the newest measurement.
         update: made in this tick, if any.
         held: what the decoder of the peer holds after this tick if nothing was lost; None for nothing.
         model: the contact model of the newest update.
@@ -26,6 +27,7 @@ class OutgoingChannel:
     def __init__(self, name: str, stream: int, encoder: Encoder, sensor: Sensor) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
         self._sample = sensor.sample
+        self.coded: Vector = sensor.value
         self.update: Update | None = None
         self.held: Vector | None = None
         self.model: ModelRecord = UNFITTED
@@ -39,17 +41,17 @@ class OutgoingChannel:
         encoder = self.encoder
         value, position, most = self._sample()
         self.update = update = encoder.encode(tick, value, position, most)
+        self.coded = encoder.coded
         if update is None:
             self.held = encoder.predicted
             return
         mirror = encoder.mirror
-        assert mirror.newest is not None
-        self.held = mirror.newest.value
+        self.held = mirror.first
         self.model = mirror.record
 
     def idle(self, tick: int) -> None:
         """A tick in which nothing is encoded."""
-        self.update = None
+        self.update, self.coded = None, self.sensor.value
         self.held = self.encoder.mirror.value(tick, self.sensor.sample()[1])
 
 

@@ -229,10 +229,30 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
             f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device; "
             "use at most that"
         )
+    yield from _lookahead_warnings(system)
     if system.codec.force.floor_n == 0.0:
         yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
     if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
+
+
+def _lookahead_warnings(system: System) -> Iterator[str]:
+    force, position = system.codec.force, system.codec.position
+    for name, settings, least in (("force", force, force.floor_n), ("position", position, position.bound_m)):
+        field = f"codec.{name}.lookahead_ms {settings.lookahead_ms:g}"
+        if settings.lookahead_ms == 0.0:
+            continue
+        if settings.weber == least == 0.0:
+            yield f"{field}: without a deadband every sample is sent, and each only later; use 0"
+        elif not (settings.predictor in BANKS or PREDICTORS[settings.predictor].looks_ahead):
+            yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
+    if system.control.scheme == "none" and force.lookahead_ms + position.lookahead_ms > 0.0:
+        yield (
+            "codec.*.lookahead_ms: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; "
+            "use tdpa or auto"
+        )
+    if system.control.scheme == "mmt" and force.lookahead_ms > 0.0:
+        yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
 
 
 def _noisy(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:

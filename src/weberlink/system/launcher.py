@@ -31,7 +31,7 @@ import numpy as np
 
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
-from weberlink.system.composition.channels import banks, measures_of
+from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.journal import Journal
@@ -255,6 +255,7 @@ class Session:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
         asked = summaries[self._first.side]["outcome"]
         return self.score.summary() | {
+            "lookahead_ms": lookahead_ms(self.configuration.system),
             "faults": {side: summary["faults"] for side, summary in summaries.items()},
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},

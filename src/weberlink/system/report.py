@@ -117,11 +117,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
     if len(force["selected"]) > 1:
         yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
     yield from _widened(summary)
-    if link["rtt_us"]["p50"] is not None:
-        yield (
-            f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
-            f"one way {link['one_way_us']['p50'] / 1e3:.2f} ms"
-        )
+    yield from _delays(summary)
     yield (
         f"datagrams: {link['sent']} sent, {link['received']} received, {link['lost']} lost, "
         f"{link['dropped']} dropped, {link['repeats']} repeats"
@@ -182,6 +178,17 @@ def _quality(force: dict[str, Any]) -> Iterator[str]:
         parts.append("jumps {} median, {} p99, {} max".format(*jumps))
     if parts:
         yield f"in JND: {'; '.join(parts)}"
+
+
+def _delays(summary: dict[str, Any]) -> Iterator[str]:
+    link = summary["link"]
+    if link["rtt_us"]["p50"] is not None:
+        yield (
+            f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
+            f"one way {link['one_way_us']['p50'] / 1e3:.2f} ms"
+        )
+    if any((late := summary.get("lookahead_ms", {})).values()):
+        yield "look-ahead, on top of the way: " + ", ".join(f"{name} {ms:g} ms" for name, ms in late.items())
 
 
 def _recording(facts: dict[str, Any]) -> str:

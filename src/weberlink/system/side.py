@@ -37,6 +37,7 @@ COLUMNS = {
     "peer_at": "nan if (peer_at := endpoint.peer_time(side.deadline)) is None else peer_at",
     "raw": "outgoing[0].sensor.value",
     "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
+    "coded": "outgoing[0].coded",
     "bound": "outgoing[0].encoder.bound",
     "weber": "tuning.settings.weber",
     "tick": "side.index",

@@ -5,7 +5,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from weberlink.system.composition.channels import banks, measures_of
+from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
@@ -87,6 +87,7 @@ def simulate(
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
     summary = score.summary() | {
+        "lookahead_ms": lookahead_ms(system),
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {"master": master.drops, "slave": slave.drops},
         "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",

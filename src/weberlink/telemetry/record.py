@@ -44,8 +44,15 @@ FIELDS = (
         "m | N",
         "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
     ),
+    Field(
+        "coded",
+        "<f8",
+        3,
+        "m | N",
+        "the sample that this side decided on in this tick; `raw`, or with look-ahead the one of that long ago",
+    ),
     Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
-    Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
+    Field("bound", "<f8", 1, "m | N", "deadband of `coded`, in the unit of what this side encodes"),
     Field("weber", "<f8", 1, "", "Weber factor of the force channel, as a live change may have left it"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
@@ -118,7 +125,7 @@ FIELDS = (
 
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
 """Cumulative fields."""
-FINITE = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
+FINITE = ("position", "raw", "decoded", "coded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 """Vectors that are finite in every record; others are NaN while unknown."""
 COLUMNS = tuple(
     name

@@ -16,6 +16,7 @@ from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
@@ -56,6 +57,7 @@ def run(
     webers: str,
     floor: float,
     *,
+    lookahead_ms: float = 0.0,
     jnd: float = 0.10,
     wire: bool = True,
     plots: bool = False,
@@ -71,6 +73,7 @@ def run(
         predictors: names, separated by commas.
         webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
+        lookahead_ms: how far the encoder looks ahead, 0 to `LONGEST_LOOKAHEAD_MS`.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
@@ -92,12 +95,15 @@ def run(
             raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
+    if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
+        raise ConfigurationError(f"--lookahead: must be 0 to {LONGEST_LOOKAHEAD_MS:g} ms, not {lookahead_ms:g}")
     study = EvaluationStudy(
         _names("--predictor", predictors, (*PREDICTORS, *BANKS)),
         _webers(webers),
         floor,
         jnd=jnd,
         deadbands=_deadbands(deadbands, floor, plots=plots),
+        lookahead_ms=lookahead_ms,
         max_updates_per_s=max_updates,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
@@ -107,6 +113,7 @@ def run(
     caption = footer(facts)
     document = {
         "floor_n": floor,
+        "lookahead_ms": lookahead_ms,
         "jnd": jnd,
         "wire": wire,
         "max_updates_per_s": max_updates,

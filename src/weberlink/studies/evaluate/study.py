@@ -99,6 +99,7 @@ class EvaluationStudy:
         saturates: whether the int16 range applies.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
+        lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
         max_updates_per_s: largest rate of updates; None for no limit. With one, no lower bound is computed: it is that
             of a deadband that is not widened.
     """
@@ -111,6 +112,7 @@ class EvaluationStudy:
     saturates: bool = True
     jnd: float = WEBER_FRACTION
     deadbands: Sequence[str] = (ISOTROPIC,)
+    lookahead_ms: float = 0.0
     max_updates_per_s: float | None = None
 
     def channel(
@@ -127,6 +129,7 @@ class EvaluationStudy:
             saturates=self.saturates,
             rate=rate,
             tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:

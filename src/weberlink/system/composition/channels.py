@@ -63,6 +63,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         position_step=position.step_m,
         rate=_rate(position, system),
         tick_period=system.tick_period,
+        lookahead=_ticks(position.lookahead_ms, system),
     )
     backward = force_channel(
         predictor=force.predictor,
@@ -76,6 +77,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         rate=_rate(force, system),
         tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
+        lookahead=_ticks(force.lookahead_ms, system),
     )
     return forward, backward
 
@@ -87,8 +89,21 @@ def _rate(settings: PredictedSettings, system: System) -> UpdateRate | None:
 
 def _smoothing(system: System) -> Smoothing | None:
     """Of the force, in ticks."""
-    length = system.codec.force.smooth_ms
-    return Smoothing(max(1, round(length * 1e-3 * system.rate_hz))) if length > 0.0 else None
+    ticks = _ticks(system.codec.force.smooth_ms, system)
+    return Smoothing(ticks) if ticks else None
+
+
+def _ticks(length_ms: float, system: System) -> int:
+    """A time in whole ticks; at least one if it is not 0."""
+    return max(1, round(length_ms * 1e-3 * system.rate_hz)) if length_ms > 0.0 else 0
+
+
+def lookahead_ms(system: System) -> dict[str, float]:
+    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks."""
+    return {
+        name: 1e3 * channel.lookahead * system.tick_period
+        for name, channel in zip(("position", "force"), channels(system), strict=True)
+    }
 
 
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:

@@ -83,6 +83,12 @@ PERCEPTUAL_WEBER_LIMIT = 0.27
 """Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
 
 
+LONGEST_LOOKAHEAD_MS = 100.0
+LOOKAHEAD_SHARE = 0.5
+"""Largest look-ahead as a share of the silence limit: a sample must be coded, and repeated once, before it is stale."""
+LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
+
+
 class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -250,6 +256,9 @@ class ForceCodecSettings(PredictedSettings):
     trust: TrustSettings = TrustSettings()
     smooth_ms: float = Field(default=0.0, ge=0, le=100)
     """Length of the ramp in which an update changes the force [ms], within the deadband; 0 for at once."""
+    lookahead_ms: LookaheadMs = 0.0
+    """How long the encoder waits before it decides on a sample, so that it knows what follows: fewer updates, and the
+    operator feels what no model of the position predicts this much later. 0 for none."""
 
     @model_validator(mode="after")
     def _smoothed(self) -> "ForceCodecSettings":
@@ -285,6 +294,8 @@ class PositionCodecSettings(MotionCodecSettings):
 
     bound_m: float = Field(default=0.0002, ge=0, le=0.1)
     """Position error at rest that stays unsent [m]."""
+    lookahead_ms: LookaheadMs = 0.0
+    """How long the encoder waits before it decides on a sample. Fewer updates; the robot follows that much later."""
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
     """Wire step [m], of both channels; 16 bits span +-32767 steps."""
 
@@ -526,6 +537,16 @@ class System(Settings):
         longest = 1e3 * MOST_TICKS / self.rate_hz
         if self.link.silence_ms > longest:
             raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _lookahead_fits(self) -> "System":
+        longest = LOOKAHEAD_SHARE * self.link.silence_ms
+        for name, channel in (("force", self.codec.force), ("position", self.codec.position)):
+            if channel.lookahead_ms > longest:
+                raise ValueError(
+                    f"codec.{name}.lookahead_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale"
+                )
         return self
 
     @model_validator(mode="after")

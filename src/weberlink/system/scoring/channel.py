@@ -68,6 +68,9 @@ class ErrorStatistics:
 class ChannelScore:
     """Errors of one channel: what the receiver commanded against what the sender measured at the same time.
 
+    The coding error is that of the sample which the sender decided on in a tick. With look-ahead this is an earlier
+    one, so only the error at the same time counts the delay of the look-ahead.
+
     Args:
         prefix: of the record fields: "" or "rotation_".
         period: of a tick [s].
@@ -85,6 +88,7 @@ class ChannelScore:
         measures: Measures | None = None,
     ) -> None:
         self._prefix, self._period, self._bank = prefix, period, bank
+        self._coded = f"{prefix}raw" if prefix else "coded"  # the rotation has no look-ahead
         self._error = error or distances
         self._measures = measures
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
@@ -102,11 +106,11 @@ class ChannelScore:
         if self._bank is None or not len(records):
             return
         tally(self._selected, records[f"{self._prefix}selected"][records[f"{self._prefix}sent"] > 0])
-        self._add(self._coding, in_session[f"{self._prefix}decoded"], in_session)
+        self._add(self._coding, in_session[f"{self._prefix}decoded"], in_session, self._coded)
 
     def compare(self, sender: Records, receiver: Records) -> None:
         """Take records of the same moments."""
-        self._add(self.felt, receiver[f"{self._prefix}output"], sender)
+        self._add(self.felt, receiver[f"{self._prefix}output"], sender, f"{self._prefix}raw")
 
     def summary(self) -> dict[str, Any]:
         summary: dict[str, Any] = self.felt.summary(self._period)
@@ -117,8 +121,8 @@ class ChannelScore:
             summary["selected"] = {self._bank[i]: count for i, count in sorted(self._selected.items())}
         return summary
 
-    def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records) -> None:
-        actual = sender[f"{self._prefix}raw"]
+    def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records, measured: str) -> None:
+        actual = sender[measured]
         errors = deviations = self._error(displayed, actual)
         if self._measures is not None:
             deviations = deviations_of(displayed, sender, self._measures)

@@ -1,0 +1,194 @@
+"""Look-ahead: the law for the delayed signal, the use of the future, and no sample lost or decided twice."""
+
+from itertools import pairwise
+from math import inf, nan
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.codec.law import FITTED, FORCE_PREDICTORS, POSITION_PREDICTORS, coded, make_channel, sends
+from tests.codec.signals import contact_stream
+from tests.examples import examples
+from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec.deadband import DEADBANDS, DeadbandSetup
+from weberlink.codec.lookahead import Taken, Window
+from weberlink.codec.predictors.chords import MARGIN, Chords
+from weberlink.codec.replay import code
+from weberlink.geometry.vector import ZERO, Vector, distance
+
+seeds = st.integers(0, 2**32 - 1)
+lengths = st.sampled_from([1, 2, 5, 10, 20, 37, 100])
+CAUSAL = (*FITTED, "hybrid", "affine")
+"""Predictors that learn nothing beyond the history of the sample."""
+
+
+def up(force: float) -> Vector:
+    return (0.0, 0.0, force)
+
+
+@pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
+@given(seed=seeds, lookahead=lengths, weber=st.floats(0.005, 0.5), axes=st.sampled_from(["z", "xz", "xyz"]))
+@examples(5)
+def test_law_holds_for_the_delayed_force(predictor: str, seed: int, lookahead: int, weber: float, axes: str) -> None:
+    channel = force_channel(predictor=predictor, weber=weber, axes=axes, lookahead=lookahead)
+    stream = contact_stream(seed, ticks=300, axes=axes)
+    assert len(list(coded(channel, stream))) == len(stream)
+
+
+@pytest.mark.parametrize("predictor", POSITION_PREDICTORS)
+@given(seed=seeds, lookahead=lengths, limits=st.lists(st.sampled_from([1e-5, 1e-3, inf]), min_size=300, max_size=300))
+@examples(5)
+def test_law_holds_for_the_delayed_position(predictor: str, seed: int, lookahead: int, limits: list[float]) -> None:
+    channel = make_channel(predictor, position=True, lookahead=lookahead)
+    stream = [(position, ZERO) for _, position in contact_stream(seed, ticks=300)]
+    assert len(list(coded(channel, stream, limits=limits))) == len(stream)
+
+
+@pytest.mark.parametrize("shape", DEADBANDS)
+@given(seed=seeds, lookahead=st.sampled_from([5, 20]))
+@examples(5)
+def test_law_holds_for_every_deadband(shape: str, seed: int, lookahead: int) -> None:
+    deadband = DEADBANDS[shape].configured(DeadbandSetup(0.1, 0.02, "actual", 1e-3, DEADBANDS[shape].defaults()))
+    for _ in coded(force_channel(predictor="adaptive", deadband=deadband, lookahead=lookahead), contact_stream(seed)):
+        pass
+
+
+@pytest.mark.parametrize("predictor", CAUSAL)
+def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(predictor: str) -> None:
+    """Every second tick is missing, so that no sample has a known successor: only the delay is left."""
+    stream = contact_stream(11, ticks=1000)
+    causal = Encoder(force_channel(predictor=predictor))
+    late = Encoder(force_channel(predictor=predictor, lookahead=2))
+    expected, found = [], []
+    for index, (force, position) in enumerate(stream):
+        expected.append(causal.encode(2 * index, force, position))
+        found.append(late.encode(2 * index, force, position))
+    assert found[0] is None
+    assert found[1:] == expected[:-1]
+    assert sum(update is not None for update in expected) > 5
+
+
+@pytest.mark.parametrize("predictor", ["path", "elastic", "adaptive"])
+@pytest.mark.parametrize("axes", ["z", "xyz"])
+def test_more_future_needs_fewer_updates(predictor: str, axes: str) -> None:
+    counts = [
+        sum(
+            sends(force_channel(predictor=predictor, axes=axes, lookahead=lookahead), contact_stream(seed, axes=axes))
+            for seed in (2, 3, 5, 7)
+        )
+        for lookahead in (0, 5, 20)
+    ]
+    assert counts[1] <= counts[0]
+    assert counts[2] < 0.9 * counts[0]
+
+
+def test_an_update_in_the_known_signal_is_the_exception() -> None:
+    """A ramp, a step and a stop: parts of one path, known in advance."""
+    ticks = [min(1.0, 0.02 * max(0, tick - 100)) + (2.0 if tick >= 130 else 0.0) for tick in range(400)]
+    updates = [
+        coded.update.tick
+        for coded in code(force_channel(predictor="path", lookahead=20), [(up(force), ZERO) for force in ticks])
+        if coded.update is not None
+    ]
+    assert 1 < len(updates) < 12
+    assert all(late - early > 20 for early, late in pairwise(updates))
+
+
+@pytest.mark.parametrize("lookahead", [0, 5, 20])
+def test_a_step_that_no_position_explains_is_displayed_that_much_later(lookahead: int) -> None:
+    channel = force_channel(predictor="adaptive", lookahead=lookahead)
+    encoder, decoder, seen = Encoder(channel), Decoder(channel), []
+    for tick in range(200):
+        update = encoder.encode(tick, up(2.0 if tick >= 100 else 0.0))
+        if update is not None:
+            decoder.apply(update)
+        seen.append((decoder.value(tick) or ZERO)[2])
+    assert max(map(abs, seen[: 100 + lookahead])) <= 0.02
+    assert min(seen[100 + lookahead :]) >= 1.8
+
+
+def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
+    channel, random = force_channel(predictor="adaptive", lookahead=10), Random(3)
+    encoder, decoder, agreed, lost = Encoder(channel), Decoder(channel), 0, 0
+    for tick, (force, position) in enumerate(contact_stream(5, ticks=3000)):
+        update = encoder.encode(tick, force, position)
+        if update is None:
+            continue
+        if random.random() < 0.3:
+            lost += 1
+            continue
+        decoder.apply(update)
+        assert decoder.state == encoder.mirror.state
+        agreed += 1
+    assert agreed > 10
+    assert lost > 3
+
+
+@given(missed=st.sets(st.integers(0, 299), max_size=60), spoilt=st.sets(st.integers(0, 299), max_size=20), seed=seeds)
+@examples(10)
+def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spoilt: set[int], seed: int) -> None:
+    """Never where the tick of its decision is missed, as in a causal encoder; a sample that is not finite likewise."""
+    late = 7
+    encoder = Encoder(force_channel(predictor="zoh", weber=0.0, floor=0.0, lookahead=late))
+    decided = []
+    for tick in range(300):
+        if tick in missed:
+            continue
+        value = up(nan) if tick in spoilt else up(1.0 + 0.01 * tick + Random(seed).random())
+        update = encoder.encode(tick, value)
+        if update is not None:
+            decided.append((tick, update.tick))
+    taken = set(range(300)) - missed - spoilt
+    assert decided == [(tick, tick - late) for tick in range(300) if tick - late in taken and tick not in missed]
+
+
+def test_after_a_restart_the_next_sample_is_sent_and_none_waits_anew() -> None:
+    encoder = Encoder(force_channel(predictor="path", lookahead=5))
+    found: list[Update | None] = [encoder.encode(tick, up(1.0)) for tick in range(20)]
+    assert [update.tick for update in found if update is not None] == [0]
+    encoder.restart()
+    update = encoder.encode(20, up(1.0))
+    assert update is not None
+    assert update.tick == 15
+
+
+def test_after_a_reset_the_old_samples_are_gone() -> None:
+    encoder = Encoder(force_channel(predictor="path", lookahead=5))
+    for tick in range(20):
+        encoder.encode(tick, up(1.0))
+    encoder.reset()
+    assert encoder.predicted is None
+    updates = [encoder.encode(tick, up(2.0)) for tick in range(20, 30)]
+    assert [update.tick for update in updates if update is not None] == [20]
+
+
+def test_ticks_that_begin_anew_clear_the_window() -> None:
+    window = Window(2)
+    for tick in (7, 8, 3, 4):
+        window.take(Taken(tick, ZERO, ZERO, ZERO, inf))
+    assert [sample.tick for sample in window.following(2)] == [3, 4]
+    assert window.due(10) is None
+
+
+def test_a_negative_lookahead_is_refused() -> None:
+    with pytest.raises(ValueError, match="lookahead"):
+        force_channel(lookahead=-1)
+
+
+@given(seed=seeds, length=st.integers(2, 40), tail=st.integers(0, 5))
+@examples(30)
+def test_chords_that_claim_to_fit_do(seed: int, length: int, tail: int) -> None:
+    random = Random(seed)
+    values = [(random.gauss(0, 1.0), random.gauss(0, 0.1), 0.0) for _ in range(length)]
+    horizons = [4, 8, 16, 32, 64][:tail]
+    problem = Chords(values, [0.5] * length, [up(0.1 * ahead) for ahead in horizons], horizons)
+    knots, vertices = problem.path()
+    assert knots[0] == 0
+    assert all(early < late for early, late in pairwise(knots))
+    assert len(knots) == len(vertices)
+    if length <= 4:  # a knot at every tick
+        shown = [vertices[knots.index(tick)] if tick in knots else None for tick in range(length)]
+        assert all(each is None or distance(each, value) <= 0.5 for each, value in zip(shown, values, strict=True))
+    assert 0.0 < MARGIN < 1.0
