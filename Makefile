@@ -59,12 +59,12 @@ bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; 
 	$(BIN)/python -m benchmarks.sessions mujoco
 	$(BIN)/python -m benchmarks.sessions recording --seconds 15 --rounds 4
 
-figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: files, or sources of shipped recordings
+figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: of the page on the paper
 	mkdir -p docs/figures docs/paper
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
-	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
+	$(BIN)/weberlink adaptive --docs docs/adaptive
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures/demo.gif

@@ -4,6 +4,14 @@ Each candidate of each predictor in the bank runs its own deadband loop, a shado
 its sends with exponential forgetting. The time constant is long, because a few sends do not tell similar candidates
 apart (docs/adaptive/ compares other time constants). The receiver needs none of this: choice and parameters travel in
 the update.
+
+The rule without forgetting, `doubt` and the term `PRESENT` is to follow the leader. If the best of N candidates would
+send m times, then the sends charged to the leaders (those of ticks in which the leader would send) are at most
+N (m + 1): each adds one to the count of a leader, and while the smallest count is c each candidate errs at most once as
+a leader with that count. An adversary reaches the bound (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games,
+2006). Forgetting is for a best candidate that changes (Littlestone and Warmuth, The weighted majority algorithm, 1994).
+The bound is not one of the sends of a session: after a send the model in use is not that of the shadow. Measured, the
+sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/codec/test_selection.py).
 """
 
 from collections.abc import Callable, Sequence

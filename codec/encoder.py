@@ -78,7 +78,7 @@ class Encoder:
         self.bound = 0.0
         self.widened = False
         self.coded: Vector = self._channel.rest or ZERO
-        self.predicted: Vector | None = self._channel.rest
+        self.predicted: Vector | None = None
         self._forced = False
 
     def restart(self) -> None:

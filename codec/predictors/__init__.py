@@ -42,8 +42,9 @@ BANKS = (HYBRID, ADAPTIVE)
 """Names that stand for a choice among several predictors."""
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
-ADAPTIVE_BANK = ("zoh", "linear", "plane", "sphere", "surface", "affine", "path", "elastic")
-"""The default banks. Of equally good predictors, the first in the bank is chosen."""
+ADAPTIVE_BANK = ("plane", "sphere", "surface", "affine", "path", "elastic", "linear", "zoh")
+"""The default banks. Of equally good predictors, the first in the bank is chosen: `adaptive` begins with contacts, for
+all are equally good before the first force."""
 
 __all__ = [
     "ADAPTIVE",

@@ -33,8 +33,8 @@ MOTION_S = (0.004, 0.016)
 """Times over which the motion of the hand is taken [s]."""
 STATE_S = 0.008
 """Time over which loading and unloading are told apart [s]."""
-STEPS_PER_SOLUTION = 4
-MEMORY_S = 5.0
+STEPS_PER_SOLUTION = 2
+MEMORY_S = 10.0
 """Time constant of forgetting, counted in the time that the signal spends in a state [s]."""
 RIDGE = 8.0
 """Weight of the prior assumption that nothing changes, in squared deadbands."""
@@ -42,6 +42,8 @@ ROBUST = 2.0
 """A sample that was missed by so many deadbands has half the weight."""
 VALUE = 0.1
 """Scale of the value among the regressors."""
+SMALLEST = 1e-280
+"""A sample with a smaller squared deadband does not count: its weight could overflow."""
 STATES = 3
 """Free, loading, unloading."""
 
@@ -97,7 +99,7 @@ class PathLearner:
         self._threshold = signal.least_contact * signal.least_contact
         self._has_positions = signal.has_positions
         self._lags, self._motion = len(lags), len(motion)
-        self._size = 2 * len(lags) - 1 + len(motion) + signal.has_positions
+        self._size = 2 * len(lags) + len(motion)
         self._kinds = 3 if signal.has_positions else 1
         self._offsets = np.array([*lags, *motion, _ticks(STATE_S, period)])
         self._forget = exp(-STEPS_PER_SOLUTION * self._step * period / MEMORY_S)
@@ -120,7 +122,7 @@ class PathLearner:
         """Take in the newest sample. A gap in the samples ends the past, not the estimates."""
         if not history.follows:
             self._begin()
-        square = history.bound * history.bound
+        square = history.bound * history.bound  # 0 for a tiny deadband too
         rows, last = self._rows, self._last
         if last < 0:
             total = np.zeros(3)
@@ -132,7 +134,8 @@ class PathLearner:
         else:
             total = rows[last, _SUM] + rows[last, _VALUE]
         self._last = last = last + 1
-        rows[last] = (*history.values[-1], *history.places[-1], *total, 1.0 / square if square > 0.0 else 0.0)
+        weight = 1.0 / square if square > SMALLEST else 0.0
+        rows[last] = (*history.values[-1], *history.places[-1], *total, weight)
         phase = self._ticks % self._step
         self._ticks += 1
         with np.errstate(all="ignore"):
@@ -160,11 +163,11 @@ class PathLearner:
         found[:lags] = value - past[:lags, _VALUE]
         counts = (last + 1.0 - at[1:lags])[:, None]
         found[lags : 2 * lags - 1] = value - (newest[_SUM] + value - past[1:lags, _SUM]) / counts
+        found[-1] = VALUE * value
         if not motion:
             return found, 0
         place = newest[_PLACE]
         found[2 * lags - 1 : -1] = place - past[lags:-1, _PLACE]
-        found[-1] = VALUE * value
         if value @ value < self._threshold:
             return found, 0
         return found, 1 if (place - past[-1, _PLACE]) @ value > 0.0 else 2
@@ -228,7 +231,7 @@ class PathLearner:
         if self._has_positions:
             own, moved = sums[:, size, size].sum(), sums[:, size + 1, size + 1].sum()
             scale = moved / own if own > 0.0 else 0.0
-            ridge[2 * self._lags - 1 : -1] *= scale
+            ridge[2 * self._lags - 1 : -1] *= scale if scale > 0.0 else 1.0  # not singular for a hand at rest
         left[:, np.arange(size), np.arange(size)] += ridge
         try:
             found = np.linalg.solve(left, right)

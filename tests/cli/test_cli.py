@@ -339,7 +339,7 @@ def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "value", "expected"),
     [
-        ("--predictor", "spline", "'spline' is none of zoh, linear, plane, sphere, trend, affine,"),
+        ("--predictor", "spline", "'spline' is none of zoh, linear, plane, sphere, affine, surface,"),
         ("--predictor", "zoh,", "'' is none of"),
         ("--weber", "1.5", "must be 0 to 1, not 1.5"),
         ("--weber", "-0.1", "must be 0 to 1, not -0.1"),

@@ -1,22 +1,32 @@
 """`adaptive`: a shadow sends when an encoder with its candidate alone would send, and the best record is chosen."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from functools import cache
 from itertools import pairwise
-from math import exp, nan, pi, sin
+from math import exp, inf, nan, pi, sin
 from random import Random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive import MEMORY, REST, AdaptiveChoice, Shadow
+from weberlink.codec.adaptive import MEMORY_S, REST_S, AdaptiveChoice, Shadow
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits, Model
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import KEPT, EncodeContext, FittedCandidate, History
+from weberlink.codec.predictors.contract import (
+    KEPT_S,
+    LONGEST_GAP_S,
+    EncodeContext,
+    FittedCandidate,
+    History,
+    Signal,
+)
+from weberlink.codec.predictors.learning import PathLearner
 from weberlink.codec.predictors.model import Hold, Line
 from weberlink.codec.predictors.surface import FrictionalHypothesis
 from weberlink.codec.replay import code
@@ -42,19 +52,46 @@ def sends(channel: Channel, stream: Stream) -> list[int]:
 
 
 def test_a_history_keeps_the_latest_samples_and_ends_at_a_gap() -> None:
-    history = History()
+    history, kept = History(1e-3), round(1e3 * KEPT_S)
     for tick in range(1000):
-        assert history.add(tick, up(tick), (float(tick), 0.0, 0.0)) == (tick > 0)
-        assert min(tick + 1, KEPT) <= len(history) == len(history.places) <= 2 * KEPT
+        history.add(tick, up(tick), (float(tick), 0.0, 0.0), 0.1 + tick)
+        assert (history.follows, history.bound) == (tick > 0, 0.1 + tick)
+        assert min(tick + 1, kept) <= len(history) == len(history.places) <= 2 * kept
         first = tick + 1 - len(history)
         assert history.values == [up(each) for each in range(first, tick + 1)]
     for other in (1001, 999, 998, 0, 10**9):  # a gap, a repetition, or a step back
-        history = History()
-        history.add(998, up(1.0), ZERO)
-        history.add(999, up(1.0), ZERO)
-        assert not history.add(other, ZERO, ZERO)
+        history = History(1e-3)
+        history.add(998, up(1.0), ZERO, 0.1)
+        history.add(999, up(1.0), ZERO, 0.1)
+        history.add(other, ZERO, ZERO, 0.1)
+        assert not history.follows
         assert (history.values, history.places) == ([ZERO], [ZERO])
-        assert history.add(other + 1, ZERO, ZERO)
+        history.add(other + 1, ZERO, ZERO, 0.1)
+        assert history.follows
+
+
+@pytest.mark.parametrize("period", [2e-3, 1e-3, 2.5e-4])
+def test_a_short_gap_is_filled_by_straight_lines(period: float) -> None:
+    history, longest = History(period), round(LONGEST_GAP_S / period)
+    assert history.missing(5, up(1.0), ZERO) == []  # before the first sample there is nothing to fill from
+    history.add(100, up(1.0), (0.0, 2.0, 0.0), 0.1)
+    for gap in (-50, 0, 1, longest + 1, 10**9):
+        assert history.missing(100 + gap, up(9.0), ZERO) == []
+    filled = history.missing(100 + longest, up(1.0 + longest), (0.0, 2.0 - longest, 0.0))
+    assert [tick for tick, _, _ in filled] == list(range(101, 100 + longest))
+    for tick, value, place in filled:
+        assert value == pytest.approx(up(1.0 + tick - 100))
+        assert place == pytest.approx((0.0, 102.0 - tick, 0.0))
+
+
+def test_samples_lost_now_and_then_hardly_cost_an_update() -> None:
+    """Every eleventh sample is missing; a history that ended there would know no more than 10 ms."""
+    stream, sent = contact(GodObject(800.0, 0.0, 0.3), ticks=3000), []
+    for lost in (False, True):
+        encoder = Encoder(bank("zoh", "surface", "affine", "elastic"))
+        updates = [encoder.encode(tick, *each) for tick, each in enumerate(stream) if not lost or tick % 11]
+        sent.append(sum(update is not None for update in updates))
+    assert sent[1] <= 1.5 * sent[0] + 5
 
 
 # Shadows.
@@ -64,14 +101,19 @@ def zoh_shadow(selector: int = 0) -> Shadow:
     return Shadow(selector, FittedCandidate(PREDICTORS["zoh"], LIMITS), ZERO)
 
 
-def shadowed(channel: Channel, shadow: Shadow, stream: Stream, found: ContactEstimator | None = None) -> list[int]:
+def signal_of(channel: Channel) -> Signal:
+    return Signal(channel.grid, LIMITS, 0.04)
+
+
+def shadowed(channel: Channel, shadow: Shadow, stream: Stream, signal: Signal | None = None) -> list[int]:
     """Ticks of its sends, in the loop of `AdaptiveChoice`."""
-    history, sent, deadband = History(), [], channel.deadband
+    history, sent, deadband = History(channel.tick_period), [], channel.deadband
+    estimators = signal.estimators.values() if signal is not None else ()
     for tick, (force, position) in enumerate(stream):
         bound = deadband.bound(force, force, force, 0.0)
-        follows = history.add(tick, force, position)
-        if found is not None:
-            found.follow(history, follows)
+        history.add(tick, force, position, bound)
+        for estimator in estimators:
+            estimator.follow(history)
         if shadow.follow(tick, force, position, bound, deadband.error):
             sent.append(tick)
             shadow.send(channel.grid.sample(tick, channel.grid.levels(force, position)), bound, history)
@@ -91,9 +133,9 @@ def test_a_fitted_candidate_sends_at_the_ticks_of_its_encoder(name: str) -> None
 
 def test_the_shadow_of_friction_remembers_the_motion() -> None:
     """It sends at most a tenth of what a hold sends."""
-    channel, found = force_channel(predictor="surface"), ContactEstimator(0.04)
-    stream = contact(GodObject(800.0, 0.0, 0.3), ticks=4000)
-    sent = shadowed(channel, Shadow(0, FrictionalHypothesis(found, LIMITS), ZERO), stream, found)
+    channel = force_channel(predictor="surface")
+    signal, stream = signal_of(channel), contact(GodObject(800.0, 0.0, 0.3), ticks=4000)
+    sent = shadowed(channel, Shadow(0, FrictionalHypothesis(signal), ZERO), stream, signal)
     holds = sends(force_channel(predictor="zoh"), stream)
     assert sum(tick >= 400 for tick in sent) < 0.1 * sum(tick >= 400 for tick in holds)
 
@@ -108,10 +150,10 @@ def test_the_error_is_that_of_the_prediction_before_the_send() -> None:
     shadow = zoh_shadow(3)
     assert shadow.follow(5, up(2.0), ZERO, 0.2, distance)
     assert (shadow.selector, shadow.error) == (3, 2.0)
-    shadow.send(Sample(5, up(2.0), ZERO), 0.2, History())
+    shadow.send(Sample(5, up(2.0), ZERO), 0.2, History(1e-3))
     assert not shadow.follow(6, up(2.15), ZERO, 0.2, distance)
     assert shadow.error == pytest.approx(0.15)
-    shadow.send(Sample(17, up(nan), ZERO), 0.1, History())
+    shadow.send(Sample(17, up(nan), ZERO), 0.1, History(1e-3))
     assert shadow.follow(18, ZERO, ZERO, 0.1, distance)
 
 
@@ -128,7 +170,7 @@ class Noted:
 
 def test_a_candidate_is_told_of_its_own_sends_and_held_without_a_model() -> None:
     noted = Noted()
-    shadow, history = Shadow(0, noted, ZERO), History()
+    shadow, history = Shadow(0, noted, ZERO), History(1e-3)
     one, other, third = (Sample(tick, up(1.0), ZERO) for tick in (2, 10, 10 + 65_536))
     for sample in (one, other, third):
         shadow.send(sample, 0.3, history)
@@ -141,7 +183,7 @@ def test_a_candidate_is_told_of_its_own_sends_and_held_without_a_model() -> None
 def sent_at(*ticks: int) -> Shadow:
     shadow = zoh_shadow()
     for tick in ticks:
-        shadow.send(Sample(tick, ZERO, ZERO), 0.1, History())
+        shadow.send(Sample(tick, ZERO, ZERO), 0.1, History(1e-3))
     return shadow
 
 
@@ -151,7 +193,7 @@ def test_a_record_is_the_sends_slowly_forgotten(now: int) -> None:
     shadow = sent_at(*ticks)
     for asked in range(300, now, 10):  # asking changes nothing
         shadow.record(asked)
-    assert shadow.record(now) == pytest.approx(sum(exp((tick - now) / MEMORY) for tick in ticks))
+    assert shadow.record(now) == pytest.approx(sum(exp(1e-3 * (tick - now) / MEMORY_S) for tick in ticks))
     assert sent_at().record(500) == 0.0 == sent_at(0).record(2**70)
 
 
@@ -164,12 +206,66 @@ def test_a_tick_count_that_restarts_forgets_nothing() -> None:
 def test_a_hopeless_candidate_is_suspended_and_its_record_goes_on() -> None:
     channel, shadow = force_channel(predictor="zoh"), zoh_shadow()
     sent = shadowed(channel, shadow, [(up(1.0 + tick % 2), ZERO) for tick in range(400)])
-    assert max(later - earlier for earlier, later in pairwise(sent)) >= REST
+    assert max(later - earlier for earlier, later in pairwise(sent)) >= round(1e3 * REST_S)
     assert len(sent) < 400 / 3
     assert shadow.record(399) > sent_at(*range(0, 400, 5)).record(399)
     # One that lasts four ticks never is.
     slower = [(up(1.0 + tick // 4 % 2), ZERO) for tick in range(200)]
     assert shadowed(channel, zoh_shadow(), slower) == list(range(0, 200, 4))
+
+
+# The bound of following the fewest sends.
+
+
+class Counted:
+    """Candidates of one model each, counted by `Shadow` without forgetting; the leader is the first of the fewest."""
+
+    def __init__(self, count: int) -> None:
+        self.shadows = [Shadow(each, FittedCandidate(PREDICTORS["zoh"], LIMITS), ZERO) for each in range(count)]
+        for shadow in self.shadows:
+            shadow._memory = inf
+        self.charged = 0
+
+    def leader(self) -> Shadow:
+        return min(self.shadows, key=lambda shadow: shadow.record(0))
+
+    def tick(self, tick: int, failed: Container[int]) -> None:
+        """Charge the failure of the leader, and add those of all to their records."""
+        self.charged += self.leader().selector in failed
+        for shadow in self.shadows:
+            if shadow.selector in failed:
+                # Four ticks apart, so that none is suspended.
+                shadow.send(Sample(4 * tick, ZERO, ZERO), 0.1, History(1e-3))
+
+    def assert_bound(self) -> None:
+        fewest = min(shadow.record(0) for shadow in self.shadows)
+        assert self.charged <= len(self.shadows) * (fewest + 1)
+
+
+def test_on_an_adversary_the_bound_is_reached() -> None:
+    """It fails the leader in every tick: it is charged every tick, and the best fails one time in N."""
+    for count in (2, 5, 9):
+        counted = Counted(count)
+        for tick in range(200):
+            counted.tick(tick, {counted.leader().selector})
+            counted.assert_bound()
+        assert counted.charged == 200
+        assert min(shadow.record(0) for shadow in counted.shadows) == 200 // count
+
+
+@given(
+    count=st.integers(2, 8),
+    regimes=st.lists(st.tuples(st.integers(1, 40), st.sets(st.integers(0, 7), max_size=8)), max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_whatever_switches_the_charged_sends_are_within_the_bound(
+    count: int, regimes: list[tuple[int, set[int]]], seed: int
+) -> None:
+    """In a regime some candidates never fail, and the others at random."""
+    counted, random = Counted(count), Random(seed)
+    for tick, good in enumerate(good for length, good in regimes for _ in range(length)):
+        counted.tick(tick, {each for each in range(count) if each not in good and random.random() < 0.5})
+        counted.assert_bound()
 
 
 # The choice.
@@ -233,11 +329,11 @@ def ramps() -> Stream:
         (("zoh", "plane"), wall, {"plane"}, 0.9),
         (("zoh", "linear", "surface"), wall, {"surface"}, 0.9),
         (("zoh", "linear", "affine"), wall, {"affine"}, 0.6),
-        (("zoh", "trend", "plane", "surface"), rubbing, {"surface"}, 0.75),
+        (("zoh", "path", "plane", "surface"), rubbing, {"surface"}, 0.75),
         (("zoh", "plane", "sphere"), moving, {"zoh", "plane"}, 0.3),
         (("zoh", "plane", "surface"), moving, {"surface"}, 0.75),
         (("zoh", "linear", "plane", "sphere"), nothing_but_noise, {"zoh"}, 0.8),
-        (("zoh", "trend"), tremor, {"trend"}, 0.7),
+        (("zoh", "path"), tremor, {"path"}, 0.7),
         (("zoh", "linear", "plane"), ramps, {"linear"}, 0.9),
     ],
 )
@@ -292,10 +388,13 @@ def test_a_deadband_of_zero_raises_nothing(bound: float) -> None:
     choice = AdaptiveChoice(force_channel(predictor="adaptive"))
     for tick in range(60):
         choice.follow(tick, up(1.0 + tick % 3), ZERO, bound)
-        choice.choose(range(5), Sample(tick, up(1.0), ZERO), None, bound)
+        choice.choose(range(8), Sample(tick, up(1.0), ZERO), None, bound)
 
 
-def test_only_a_surface_follows_the_contact() -> None:
+def test_a_signal_has_the_estimators_that_its_bank_reads() -> None:
     """What a bank does not need is not computed."""
     for name, predictor in PREDICTORS.items():
-        assert (predictor.candidates(LIMITS, 0.04).follow is not None) == (name == "surface")
+        signal = signal_of(bank(name))
+        predictor.candidates(signal)
+        expected = {"surface": [ContactEstimator], "path": [PathLearner], "elastic": [PathLearner]}
+        assert list(signal.estimators) == expected.get(name, [])

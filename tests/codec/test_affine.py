@@ -14,7 +14,7 @@ from tests.codec.signals import Stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
-from weberlink.codec.predictors.contract import EncodeContext, History
+from weberlink.codec.predictors.contract import EncodeContext, History, Signal
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 
@@ -101,10 +101,12 @@ def test_a_stiffness_beyond_the_limits_is_held(stiffness: float, accepted: bool)
 
 
 def estimated(stream: Stream) -> Affine | None:
-    history = History()
+    channel = force_channel(predictor="affine")
+    history = History(channel.tick_period)
     for tick, (force, position) in enumerate(stream):
-        history.add(tick, force, position)
-    return LocalAffine().model(EncodeContext(Sample(len(stream) - 1, *stream[-1]), None, 0.1, history))
+        history.add(tick, force, position, 0.1)
+    candidate = LocalAffine(Signal(channel.grid, channel.fit_limits, 0.04))
+    return candidate.model(EncodeContext(Sample(len(stream) - 1, *stream[-1]), None, 0.1, history))
 
 
 def tremor(tick: int) -> Vector:

@@ -50,7 +50,7 @@ def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
 
 @pytest.mark.parametrize(
     ("predictor", "estimates"),
-    [("zoh", False), ("hybrid", False), ("trend", True), ("surface", True), ("adaptive", True)],
+    [("zoh", False), ("hybrid", False), ("path", True), ("surface", True), ("adaptive", True)],
 )
 def test_the_sender_reads_all_samples_where_it_estimates(predictor: str, estimates: bool) -> None:
     assert force_channel(predictor=predictor).estimates == estimates
@@ -62,7 +62,7 @@ def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_le
     assert position_channel(axes=axes).grid.size == position_levels
 
 
-BANK = ("zoh", "linear", "plane", "trend", "affine")
+BANK = ("zoh", "linear", "plane", "path", "affine")
 READS = [(3,), (3,), (3, 3), (3,), (3, 3)]
 
 

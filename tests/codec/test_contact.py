@@ -10,9 +10,10 @@ from math import cos, pi, sin
 import pytest
 
 from tests.codec.signals import GodObject, Stream, contact, stroke
+from weberlink.codec import force_channel
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import EncodeContext, History
+from weberlink.codec.predictors.contract import EncodeContext, History, Signal
 from weberlink.codec.predictors.surface import (
     FrictionalHypothesis,
     FrictionlessHypothesis,
@@ -29,11 +30,20 @@ Kind = type[FrictionlessHypothesis] | type[FrictionalHypothesis] | type[MovingHy
 KINDS: list[Kind] = [FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis]
 
 
+def signal(least_contact: float = 0.04, limits: FitLimits | None = None) -> Signal:
+    return Signal(force_channel().grid, limits or FitLimits(), least_contact)
+
+
+def estimator(least_contact: float = 0.04) -> ContactEstimator:
+    return ContactEstimator(signal(least_contact))
+
+
 def follow(stream: Stream, found: ContactEstimator | None = None, *, skip: tuple[int, ...] = ()) -> ContactEstimator:
-    history, found = History(), found or ContactEstimator(0.04)
+    history, found = History(1e-3), found or estimator()
     for tick, (force, position) in enumerate(stream):
         if tick not in skip:
-            found.follow(history, history.add(tick, force, position))
+            history.add(tick, force, position, 0.1)
+            found.follow(history)
     return found
 
 
@@ -111,7 +121,7 @@ def press(force: float) -> tuple[Vector, Vector]:
 
 
 def test_a_contact_is_a_force_beyond_the_threshold() -> None:
-    found = ContactEstimator(0.04)
+    found = estimator()
     assert follow([press(0.04)] * 5, found).age == 0
     assert follow([press(0.041)] * 5, found).age == 5
     assert follow([press(0.0)], found).age == 0
@@ -145,7 +155,7 @@ def test_extreme_forces_and_places_do_not_raise(size: float) -> None:
     def extreme(tick: int, size: float) -> Vector:
         return (size * (tick % 3 - 1), size * (tick % 5 - 2) / 2.0, size * (tick % 7 - 3) / 3.0)
 
-    found = follow([(extreme(tick, size), extreme(tick + 3, 1e150)) for tick in range(600)], ContactEstimator(1e-4))
+    found = follow([(extreme(tick, size), extreme(tick + 3, 1e150)) for tick in range(600)], estimator(1e-4))
     for estimate in (found.frictionless, found.frictional, found.moving):
         assert 0.0 <= estimate.compliance < 1e300
     assert 0.0 <= found.friction < 1e300
@@ -162,17 +172,19 @@ def stream_for(kind: Kind) -> Stream:
     return contact(GodObject(800.0, *((20.0,) if kind is FrictionlessHypothesis else (0.0, 0.3))), ticks=3100)
 
 
-def at_end(samples: Stream) -> tuple[ContactEstimator, EncodeContext]:
+def at_end(samples: Stream, signal: Signal) -> tuple[ContactEstimator, EncodeContext]:
     """The estimates and the context when the last sample is to be sent."""
-    history, found = History(), ContactEstimator(0.04)
+    history, found = History(1e-3), signal.estimator(ContactEstimator)
     for tick, (force, position) in enumerate(samples):
-        found.follow(history, history.add(tick, force, position))
+        history.add(tick, force, position, 0.1)
+        found.follow(history)
     return found, EncodeContext(Sample(len(samples) - 1, *samples[-1]), None, 0.1, history)
 
 
 def model_at_end(samples: Stream, kind: Kind, limits: FitLimits | None = None) -> SurfacePatch | None:
-    found, context = at_end(samples)
-    return kind(found, limits or FitLimits()).model(context)
+    contact_signal = signal(limits=limits)
+    _, context = at_end(samples, contact_signal)
+    return kind(contact_signal).model(context)
 
 
 @pytest.mark.parametrize(("kind", "allowed"), [*zip(KINDS, (0.1, 0.1, 0.25), strict=True)])
@@ -221,10 +233,11 @@ def test_each_hypothesis_recovers_its_own_parameters() -> None:
 @pytest.mark.parametrize("kind", [FrictionlessHypothesis, FrictionalHypothesis])
 def test_a_hardly_curved_surface_is_made_flat(kind: Kind) -> None:
     """A sphere with a radius of more than 2 m is a plane."""
-    found, context = at_end(stream_for(FrictionalHypothesis)[:3001])
+    contact_signal = signal()
+    found, context = at_end(stream_for(FrictionalHypothesis)[:3001], contact_signal)
     for curvature, expected in ((0.49, 0.0), (-0.49, 0.0), (0.51, 0.51), (-0.51, -0.51)):
         found.curvature.value = found.frictional_curvature.value = curvature
-        model = kind(found, FitLimits()).model(context)
+        model = kind(contact_signal).model(context)
         assert model is not None
         assert model.curvature == expected
 

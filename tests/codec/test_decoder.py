@@ -1,5 +1,6 @@
 """The values of a decoder between updates, and the updates that it refuses."""
 
+from contextlib import nullcontext, suppress
 from math import inf, nan
 
 import pytest
@@ -73,7 +74,8 @@ def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
     if isinstance(previous, PreviousSample):
         previous = previous._replace(levels=previous.levels[: sum(form.newest)])
     payload = bits if PREDICTORS[name].estimated else previous
-    decoder.apply(Update(70_000, 0, newest[: sum(form.newest)], payload))
+    with suppress(ValueError) if payload is bits else nullcontext():  # more bytes than the fields have
+        decoder.apply(Update(70_000, 0, newest[: sum(form.newest)], payload))
     for tick in (70_000 + ahead, 70_001, 70_000):
         value = decoder.value(tick, position)
         assert value is not None

@@ -121,7 +121,7 @@ def test_any_update_that_arrives_restores_the_state(predictor: str, position: bo
 
 @pytest.mark.parametrize(
     ("predictor", "position"),
-    [*((name, False) for name in (*ESTIMATED, "adaptive")), ("trend", True), ("adaptive", True)],
+    [*((name, False) for name in (*ESTIMATED, "adaptive")), ("path", True), ("adaptive", True)],
 )
 def test_a_reset_encoder_sends_the_same_bits_as_a_fresh_one(predictor: str, position: bool) -> None:
     channel = make_channel(predictor, position=position)

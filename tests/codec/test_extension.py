@@ -23,7 +23,7 @@ ENTRY_POINTS = re.findall(r'\[project\.entry-points\."(.*?)"\]\n(.*)\n', PAGE)
 VALID = [
     (["codec.force.predictor=damped"], ["damped"], "ForceDeadband"),
     (["codec.force.bank=[zoh, damped]", "codec.position.predictor=damped"], ["zoh", "damped"], "ForceDeadband"),
-    (["codec.force.predictor=adaptive", "codec.force.bank=[damped, trend]"], ["damped", "trend"], "ForceDeadband"),
+    (["codec.force.predictor=adaptive", "codec.force.bank=[damped, path]"], ["damped", "path"], "ForceDeadband"),
     (["codec.force.deadband={shape: constant, bound_n: 0.1}"], None, "Constant(width=0.1)"),
 ]
 WRONG = [

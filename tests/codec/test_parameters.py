@@ -13,6 +13,7 @@ from weberlink.codec import force_channel, position_channel
 from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import Hold
+from weberlink.geometry.vector import is_finite
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters, Update
 
@@ -52,17 +53,27 @@ def test_every_predictor_fits_into_an_update_and_reads_any_bytes(
         channels.append(position_channel(predictor=name, axes=axes))
     for channel in channels:
         grid, layout, size = channel.grid, UpdateLayout(channel.forms), sum(channel.forms[0].newest)
-        widths, sample = predictor.widths(grid), grid.sample(100, newest[:size])
-        most = -(-sum(widths) // 8)
-        assert most <= MOST_PARAMETER_BYTES
-        model = predictor.decode(ModelParameters(data[:most]), sample, grid, limits)
+        sample = grid.sample(100, newest[:size])
+        try:
+            model = predictor.decode(ModelParameters(data), sample, grid, limits)
+        except ValueError as error:
+            assert "bytes" in str(error)
+            continue
+        assert is_finite(channel.displayable(model.at(140, sample.position), sample))
         if not isinstance(model, Hold):
             packed = predictor.packed(model, sample, grid)
+            assert len(packed.data) <= MOST_PARAMETER_BYTES
             layout.check(Update(0, 0, newest[:size], packed))
-            levels = predictor.levels(model, sample, grid)
-            assert all(0 <= level < 2**width for level, width in zip(levels, widths, strict=True))
-        with pytest.raises(ValueError, match="bytes"):
-            predictor.decode(ModelParameters(bytes(most + 1)), sample, grid, limits)
+
+
+@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_more_bytes_than_the_fields_of_a_model_are_refused(name: str, axes: str) -> None:
+    channel = force_channel(predictor=name, axes=axes)
+    sample = channel.grid.sample(0, (1000,) * channel.grid.size)
+    data = ModelParameters(b"\x24" + bytes(MOST_PARAMETER_BYTES))  # of a path with a single knot, 2 bits a component
+    with pytest.raises(ValueError, match="bytes"):
+        PREDICTORS[name].decode(data, sample, channel.grid, channel.fit_limits)
 
 
 # Number formats.

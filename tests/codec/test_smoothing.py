@@ -13,8 +13,6 @@ from tests.codec.signals import contact_stream, rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
-from weberlink.codec.predictors.model import Line
-from weberlink.codec.predictors.trend import TREND
 from weberlink.codec.replay import code
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
@@ -92,19 +90,6 @@ def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None
         assert line[2] - shown[2] == pytest.approx(0.7 * 0.23 * max(0.0, 1.0 - (tick - 30) / 10))
 
 
-def test_the_ramp_begins_near_the_sample_where_the_model_begins_aside() -> None:
-    """The line of `trend` begins on the side of the old value; a ramp from near there would not reduce the error."""
-    channel = force_channel(predictor="trend", axes="z", smoothing=Smoothing(10, 0.7))
-    decoder = Decoder(channel)
-    decoder.apply(Update(0, 0, (2000,)))
-    assert decoder.value(49) == up(2.0)
-    newest = channel.grid.sample(50, (2300,))
-    decoder.apply(Update(50, 0, (2300,), TREND.packed(Line(up(2.12), ZERO, 50), newest, channel.grid)))
-    # 0.7 of the deadband of 0.23 N below the sample, and from there to the line.
-    for tick, expected in ((50, 2.3 - 0.161), (55, 0.5 * (2.139 + 2.12)), (60, 2.12)):
-        assert decoder.value(tick) == pytest.approx(up(expected), abs=2e-3)
-
-
 @pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
 @given(
     deadband=st.sampled_from(list(BALLS)), ticks=st.integers(1, 30), seed=st.integers(0, 2**32 - 1),
@@ -138,7 +123,7 @@ def test_the_law_holds_with_the_ramp(predictor: str, deadband: str, ticks: int, 
 
 
 @pytest.mark.parametrize("deadband", [ConeDeadband(0.1, 0.02), LevelCrossingDeadband(0.1, 0.02)])
-@pytest.mark.parametrize("predictor", ["zoh", "trend", "adaptive"])
+@pytest.mark.parametrize("predictor", ["zoh", "path", "adaptive"])
 def test_the_law_holds_in_the_measure_of_every_shape(predictor: str, deadband: Deadband) -> None:
     stream = rubbing_stream(6, ticks=800)
     channel = force_channel(predictor=predictor, deadband=deadband, smoothing=Smoothing(12, 0.7))
@@ -195,7 +180,7 @@ def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() ->
     assert decoder.value(5) == pytest.approx(up(0.9))
 
 
-@pytest.mark.parametrize("predictor", ["zoh", "trend", "hybrid", "adaptive"])
+@pytest.mark.parametrize("predictor", ["zoh", "path", "hybrid", "adaptive"])
 def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor: str) -> None:
     ticks = 8
     channel = force_channel(predictor=predictor, smoothing=Smoothing(ticks, 0.7))

@@ -41,7 +41,7 @@ DIRECTIONS = (TO_SLAVE, TO_MASTER, BOTH)
 SCHEMES = ("none", "tdpa", "mmt")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
 FORCE = (*PREDICTORS, HYBRID, ADAPTIVE)
-POSITION = ("zoh", "linear", "trend", HYBRID, ADAPTIVE)
+POSITION = ("zoh", "linear", "path", HYBRID, ADAPTIVE)
 PREDICTION = (*((force, "linear") for force in FORCE), *((HYBRID, each) for each in POSITION if each != "linear"))
 """(force, position)."""
 

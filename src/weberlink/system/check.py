@@ -248,9 +248,11 @@ def _lookahead_warnings(system: System) -> Iterator[str]:
             yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
     if system.control.scheme == "none" and force.lookahead_ms + position.lookahead_ms > 0.0:
         yield (
-            "codec.*.lookahead_ms: control.scheme none leaves this delay uncontrolled, and contact with a stiff wall "
-            "may vibrate; use tdpa, mmt or auto"
+            "codec.*.lookahead_ms: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; "
+            "use tdpa or auto"
         )
+    if system.control.scheme == "mmt" and force.lookahead_ms > 0.0:
+        yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
 
 
 def _noisy(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:

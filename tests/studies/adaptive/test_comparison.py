@@ -8,7 +8,7 @@ from weberlink.codec.predictors import ADAPTIVE, HYBRID
 from weberlink.studies.adaptive.coding import SINGLES, RateRow
 from weberlink.studies.adaptive.comparison import by_group, interval, over_sources, ratios, run_times
 
-ROW = RateRow("a1", "a", "s", "recording", 1000, ADAPTIVE, 10.0, 100, 4000, 0.5, 0, 60.0)
+ROW = RateRow("a1", "a", "s", "recording", 1000, ADAPTIVE, 10.0, 100, 4000, 0.5, 0, 60.0, 1.0)
 
 
 def rows(signal: str, group: str, adaptive: int, hybrid: int, best: int, **fields: object) -> list[RateRow]:

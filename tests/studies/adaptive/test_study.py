@@ -49,7 +49,7 @@ def test_every_signal_is_coded_by_every_predictor_at_every_rate(small: StudyResu
 
 def test_rows_do_not_depend_on_the_number_of_processes(small: StudyResult) -> None:
     def timeless(result: StudyResult) -> list[RateRow]:
-        return [replace(row, tick_us=0.0) for row in rows_in(result)]
+        return [replace(row, tick_us=0.0, processor_s=0.0) for row in rows_in(result)]
 
     assert timeless(study(GIVEN, SCOPE, 2, lambda *_: None)) == timeless(small)
 
@@ -74,9 +74,9 @@ def test_page_figure_and_rows_are_written(small: StudyResult, tmp_path: Path) ->
 
 def test_a_broken_deadband_is_reported(small: StudyResult) -> None:
     rows = rows_in(small)
-    assert f"No tick of {len(rows)} runs was outside" in document(rows, SCOPE, "", 1.0, drawn=False)
+    assert f"No tick of {len(rows)} runs was outside" in document(rows, SCOPE, "", drawn=False)
     rows[3] = replace(rows[3], outside=2)
-    assert f"**Ticks outside their deadband in 1 of {len(rows)} runs**" in document(rows, SCOPE, "", 1.0, drawn=False)
+    assert f"**Ticks outside their deadband in 1 of {len(rows)} runs**" in document(rows, SCOPE, "", drawn=False)
 
 
 def test_the_published_page_is_that_of_its_rows() -> None:
@@ -84,7 +84,7 @@ def test_the_published_page_is_that_of_its_rows() -> None:
     rows = [RateRow(**row) for row in found["rows"]]
     assert found["scope"] == json.loads(json.dumps(FULL._asdict())), "publish it again: make figures"
     caption = footer(found["environment"], found["seed"])
-    page = document(rows, FULL, caption, found["run_time_s"], drawn=True)
+    page = document(rows, FULL, caption, drawn=True)
     assert (PUBLISHED / PAGE).read_text(encoding="utf-8") == page
     assert found["groups"] == json.loads(json.dumps([asdict(one) for one in by_group(ratios(rows))]))
 

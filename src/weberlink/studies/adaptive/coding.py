@@ -1,6 +1,7 @@
 """One signal at one tick rate through the codec: `adaptive`, the hybrid and every single predictor of the paper."""
 
 from dataclasses import dataclass
+from time import process_time
 
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, HYBRID_BANK
 from weberlink.studies.adaptive.signals import Kind, SignalTask
@@ -34,6 +35,8 @@ class RateRow:
     """Ticks outside their deadband; must be 0."""
     tick_us: float
     """Median run time of encode plus decode."""
+    processor_s: float
+    """Processor time of the whole run."""
 
 
 def rows_of(task: SignalTask) -> list[RateRow]:
@@ -43,13 +46,14 @@ def rows_of(task: SignalTask) -> list[RateRow]:
     threshold = Threshold().of(signal.force_n)
     rows = []
     for predictor in COMPARED:
+        began = process_time()
         channel = STUDY.channel(predictor, WEBER, period_s=signal.period_s)
         run = replay(signal, channel)
         rows.append(
             RateRow(
                 one.name, one.group, one.source, one.kind, task.rate_hz, predictor, signal.duration_s,
                 len(run.updates), run.payload_bytes(channel), rms(in_units(run.error_n, threshold)),
-                int((run.deviation_n > run.bound_n).sum()), run.tick_us,
+                int((run.deviation_n > run.bound_n).sum()), run.tick_us, process_time() - began,
             )
         )  # fmt: skip
     return rows

@@ -76,7 +76,7 @@ def study(
 
         (folder / NUMBERS).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         draw_figure(rows, folder, caption)
-        (folder / PAGE).write_text(document(rows, scope, caption, run_time, drawn=True), encoding="utf-8")
+        (folder / PAGE).write_text(document(rows, scope, caption, drawn=True), encoding="utf-8")
 
     rate = BASE_HZ if BASE_HZ in scope.rates_hz else scope.rates_hz[0]
     table = plain_table(

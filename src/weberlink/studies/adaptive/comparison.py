@@ -14,6 +14,8 @@ from weberlink.studies.evaluate.by_source import MOST, loses
 
 SEED = 1
 """Of the bootstrap."""
+LEAST = 1e-6
+"""Smallest RMS error whose ratio is taken [JND]."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class SignalRatios:
     Args:
         per_s: packets per second of `adaptive`; `hybrid_per_s` and `best_per_s` of the others.
         best: the best single predictor of the paper on this signal.
+        bytes_over_hybrid: ratio of the payloads.
+        error_over_hybrid: ratio of the RMS errors in JND.
     """
 
     signal: str
@@ -35,6 +39,7 @@ class SignalRatios:
     best_per_s: float
     best: str
     bytes_over_hybrid: float
+    error_over_hybrid: float
 
     @property
     def over_hybrid(self) -> float:
@@ -59,7 +64,7 @@ class GroupFigures:
         signals: number of them.
         per_s: geometric mean of the packets per second.
         over_hybrid: geometric mean of the ratios with its 95 % interval over signals; so is `over_best`.
-        bytes_over_hybrid: geometric mean.
+        bytes_over_hybrid: geometric mean; so is `error_over_hybrid`.
         worst: largest ratio to the best single predictor, and the signal.
         above: share of signals above 1.05 of the best.
         lost: share of those that also send more than 1 packet per second more.
@@ -72,6 +77,7 @@ class GroupFigures:
     over_hybrid: Band
     over_best: Band
     bytes_over_hybrid: float
+    error_over_hybrid: float
     worst: tuple[float, str]
     above: float
     lost: float
@@ -93,7 +99,8 @@ def _ratios_of(each: dict[str, RateRow]) -> SignalRatios:
     best = min(SINGLES, key=per_s)
     return SignalRatios(
         ours.signal, ours.group, ours.source, ours.kind, ours.rate_hz,
-        per_s(ADAPTIVE), per_s(HYBRID), per_s(best), best, max(ours.bytes, 1) / max(hybrid.bytes, 1),
+        per_s(ADAPTIVE), per_s(HYBRID), per_s(best), best,
+        max(ours.bytes, 1) / max(hybrid.bytes, 1), max(ours.error_rms_jnd, LEAST) / max(hybrid.error_rms_jnd, LEAST),
     )  # fmt: skip
 
 
@@ -130,6 +137,7 @@ def _figures(name: str, rate_hz: int, sources: Sequence[Sequence[SignalRatios]])
         interval([[one.over_hybrid for one in mine] for mine in sources]),
         interval([[one.over_best for one in mine] for mine in sources]),
         mean(lambda one: one.bytes_over_hybrid),
+        mean(lambda one: one.error_over_hybrid),
         (worst.over_best, worst.signal),
         share(lambda one: one.over_best > MOST),
         share(lambda one: one.lost),

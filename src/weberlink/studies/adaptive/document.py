@@ -21,22 +21,22 @@ CHOSEN_BY = (
     "`codec/predictors/path.py`, `codec/adaptive.py`) were chosen with the recordings `tue` and `omega3`; those of "
     "`surface` and `affine` with recordings of the same two sources and with seed 1 of the still, rubbing and moving "
     "scenes, which share the model of contact of `surface`. No constant was chosen with `ochoa_polish`, "
-    "`panda_comanip` or `stroke_iiwa_teleop`, which are test data, nor with the last three groups of scenes or the "
-    "synthetic signals."
+    "`panda_comanip` or `stroke_iiwa_teleop`, which are test data, nor with the synthetic signals or the scenes of "
+    "texture. The order of the bank was chosen with seed 1 of `plane`, `sphere_cavity`, `box`, `soft_plane`, "
+    "`plane_changing`, `sphere_changing` and `plane_velocity_friction`, and with `tue_spring_2`."
 )
 
 
-def document(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool) -> str:
+def document(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, *, drawn: bool) -> str:
     """The page.
 
     Args:
         rows: of all signals, rates and predictors.
         scope: of the study.
         caption: machine, versions and commit.
-        run_time_s: of the study.
         drawn: whether the figure is beside the page.
     """
-    return "\n".join(_lines(rows, scope, caption, run_time_s, drawn)) + "\n"
+    return "\n".join(_lines(rows, scope, caption, drawn=drawn)) + "\n"
 
 
 def summary(rows: Sequence[RateRow], rate_hz: int) -> list[GroupFigures]:
@@ -50,17 +50,15 @@ def summary(rows: Sequence[RateRow], rate_hz: int) -> list[GroupFigures]:
     return groups + [one for one in extra if one is not None]
 
 
-def _lines(
-    rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool
-) -> Iterator[str]:
+def _lines(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, *, drawn: bool) -> Iterator[str]:
     found = ratios(rows)
     base = BASE_HZ if BASE_HZ in scope.rates_hz else scope.rates_hz[0]
     yield f"# {TITLE}"
     yield from paragraph(
         f"`adaptive` (bank {', '.join(ADAPTIVE_BANK)}) against the paper's `hybrid` and against the best of its single "
         f"predictors ({', '.join(SINGLES)}) on each signal, at k = {WEBER:g}, floor {FLOOR_N:g} N, quantised as on the "
-        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in {run_time_s:.0f} s; the "
-        "rows are in [adaptive.json](adaptive.json)."
+        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in "
+        f"{sum(row.processor_s for row in rows):.0f} s of one core; the rows are in [adaptive.json](adaptive.json)."
     )
     if drawn:
         yield ""
@@ -69,9 +67,10 @@ def _lines(
         yield from _rate(summary(rows, rate), rate, scope)
     yield from paragraph(
         "Geometric means over the signals of a group, with 95 % bootstrap intervals over signals (of two signals the "
-        f"interval is their range). *above*: signals with more than {MOST:g} of the best single predictor; *lost*: "
-        f"those that also send more than {MORE_PER_S:g} packet per second more. Over several sources each source "
-        "counts once."
+        "interval is their range). *bytes*: UDP payload over that of the hybrid; *error*: RMS error in JND over that "
+        f"of the hybrid, at the same deadband; *above*: signals with more than {MOST:g} of the best single predictor; "
+        f"*lost*: those that also send more than {MORE_PER_S:g} packet per second more. Over several sources each "
+        "source counts once."
     )
     yield from _provenance(scope)
     yield from _losses(found, scope)
@@ -91,7 +90,7 @@ def _rate(groups: Sequence[GroupFigures], rate_hz: int, scope: AdaptiveScope) ->
             f"At most {scope.fast_s:g} s from the middle of each signal, {recorded} recordings of each group and "
             f"{seeds} seed of each scene."
         )
-    head = ("", "signals", "packets/s", "over hybrid", "bytes", "over best", "worst", "above", "lost")
+    head = ("", "signals", "packets/s", "over hybrid", "bytes", "error", "over best", "worst", "above", "lost")
     yield from table(head, map(_cells, groups))
 
 
@@ -102,6 +101,7 @@ def _cells(one: GroupFigures) -> tuple[str, ...]:
         f"{one.per_s:.1f}",
         band(one.over_hybrid),
         f"{one.bytes_over_hybrid:.2f}",
+        f"{one.error_over_hybrid:.2f}",
         band(one.over_best),
         f"{one.worst[0]:.2f} {one.worst[1]}",
         f"{100 * one.above:.0f} %",

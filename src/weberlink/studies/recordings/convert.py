@@ -8,7 +8,7 @@ which shipped recording and how far the two differ. A recording is recognised by
 How sure each conversion is (the shipped files were converted before this script was written, and the sources could not
 be downloaded where it was written, so it has never run on a whole checkout):
 
-`omega3`: the last rows of omega3_3 (01/Jinsong_vsds_1) were compared with the text of the source.
+`omega3`: the last rows of omega3_3 (user_study/01/*_vsds_1) were compared with the text of the source.
 `ochoa_polish`: the last rows of both recordings (mold_data/pattern and pattern_x) were.
 `stroke_iiwa_teleop`: the columns are those that the source's ImpedanceLearning/Binary2Text.py documents; the sign of
     the force is unverified.

@@ -1,0 +1,219 @@
+"""A learned path: its closed form, its bounds, and its way over the wire."""
+
+from collections import Counter
+from math import isfinite, pi, sin
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.codec.law import half_step, make_channel, sends
+from tests.codec.signals import GodObject, Stream, contact, contact_stream, rubbing_stream
+from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Encoder, force_channel
+from weberlink.codec.predictors import PREDICTORS, FitLimits
+from weberlink.codec.predictors.learning import HORIZONS, horizons_of
+from weberlink.codec.predictors.model import Hold, ModelKind
+from weberlink.codec.predictors.path import ELASTIC, Path
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale
+from weberlink.protocol.wire import UpdateLayout
+from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
+
+NEWEST = Sample(10, (0.0, 0.0, 2.0), (0.0, 0.0, -0.004))
+CHANNELS = [("path", False), ("elastic", False), ("path", True)]
+coordinates = st.floats(-1e3, 1e3)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+levels = st.tuples(*[st.integers(-32_767, 32_767)] * 6)
+parameters = st.binary(max_size=MOST_PARAMETER_BYTES)
+
+
+# The closed form.
+
+
+def test_it_is_straight_between_its_knots_and_held_after_the_last() -> None:
+    model = Path(NEWEST, (4, 8), ((0.0, 0.4, 0.0), (0.2, 0.0, -1.0)))
+    expected = {10: (0.0, 0.0, 2.0), 12: (0.0, 0.2, 2.0), 14: (0.0, 0.4, 2.0), 15.0: (0.05, 0.3, 1.75)}
+    for tick, value in (expected | dict.fromkeys((18, 19, 1e9), (0.2, 0.0, 1.0))).items():
+        assert model.at(tick, (5.0, -7.0, 1.0)) == pytest.approx(value)
+    assert model.at(3, ZERO) == NEWEST.value
+    assert model.surface() is None
+    assert model.record().kind is ModelKind.LINE
+
+
+def test_elastic_adds_the_motion_of_the_hand() -> None:
+    model = Path(NEWEST, (4,), ((0.1, 0.0, 0.0),), stiffness=(-100.0, -400.0))
+    assert model.at(10, NEWEST.position) == NEWEST.value
+    assert model.at(14, add(NEWEST.position, (1e-3, 0.0, -1e-3))) == pytest.approx((0.0, 0.0, 2.5))
+    surface = model.surface()
+    assert surface is not None
+    assert surface.at(10, NEWEST.position) == pytest.approx(NEWEST.value)
+    assert (surface.stiffness, surface.normal) == (500.0, (0.0, 0.0, 1.0))
+    assert Path(NEWEST, (), (), stiffness=(100.0, 400.0)).surface() is None
+
+
+@given(
+    newest=vectors.filter(lambda v: norm(v) > 1e-3),
+    path=st.lists(vectors, max_size=5),
+    stiffness=st.tuples(coordinates, coordinates),
+    ahead=st.floats(0.0, 1e6),
+    moved=vectors,
+)
+def test_elastic_never_pulls(
+    newest: Vector, path: list[Vector], stiffness: tuple[float, float], ahead: float, moved: Vector
+) -> None:
+    model = Path(Sample(0, newest, ZERO), horizons_of(1e-3)[: len(path)], tuple(path), stiffness=stiffness)
+    shown = model.at(ahead, moved)
+    if stiffness != (0.0, 0.0):
+        assert dot(shown, newest) >= -1e-9 * norm(newest) * (1.0 + norm(shown) + 1e6 * norm(moved))
+
+
+# The wire.
+
+
+def unpacked(channel: Channel, sample: Sample, data: bytes) -> Path | None:
+    model = channel.predictors[0].decode(ModelParameters(data), sample, channel.grid, channel.fit_limits)
+    assert isinstance(model, Path | Hold)
+    return model if isinstance(model, Path) else None
+
+
+@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
+@pytest.mark.parametrize(("name", "position"), CHANNELS)
+@given(newest=levels, data=parameters, ahead=st.floats(0.0, 1e7), moved=vectors)
+@examples(60)
+def test_any_bytes_are_refused_or_a_bounded_path(
+    name: str, position: bool, axes: str, newest: tuple[int, ...], data: bytes, ahead: float, moved: Vector
+) -> None:
+    channel = make_channel(name, position=position, axes=axes)
+    sample = channel.grid.sample(7, newest[: channel.grid.size])
+    try:
+        model = unpacked(channel, sample, data)
+    except ValueError as error:
+        assert "bytes" in str(error)
+        return
+    if model is None:
+        return
+    assert list(model.knots) == sorted(set(model.knots))
+    assert len(model.knots) == len(model.displacements) <= len(HORIZONS)
+    assert all(map(is_finite, model.displacements))
+    assert all(map(isfinite, model.stiffness))
+    assert max(abs(model.stiffness[0]), abs(sum(model.stiffness))) <= channel.fit_limits.stiffness[1]
+    shown = model.at(7 + ahead, moved)
+    assert is_finite(channel.displayable(shown, sample))
+    if name == "path":
+        assert distance(shown, sample.value) <= max(map(norm, model.displacements), default=0.0) * (1.0 + 1e-9)
+        last = model.knots[-1] if model.knots else 0
+        assert model.at(7 + last + ahead, moved) == model.at(7 + last, moved)
+
+
+@given(data=parameters, newest=levels, bits=st.integers(0, 2**16 - 1))
+def test_bytes_that_begin_as_a_model_are_refused_or_a_model(data: bytes, newest: tuple[int, ...], bits: int) -> None:
+    """A head of 1 to 5 knots, which random bytes seldom are."""
+    for name in ("path", "elastic"):
+        channel = force_channel(predictor=name, axes="z")
+        knots, width = 1 + bits % 5, 1 + bits // 5 % 15
+        head = (knots << 13 | width << 9 | (bits >> 10) << 3).to_bytes(2, "big")
+        sample = channel.grid.sample(7, newest[:2])
+        longest = -(-(13 + knots * width + 22 * (name == "elastic")) // 8)
+        body = data[: longest - 2]
+        model = unpacked(channel, sample, head + body)
+        assert model is None or len(model.knots) == knots
+        assert model is not None or name == "elastic"
+        with pytest.raises(ValueError, match="bytes"):
+            unpacked(channel, sample, head + bytes(longest - 1))
+
+
+@pytest.mark.parametrize(("along", "normal", "accepted"), [(0.0, -1e4, True), (-1e5, 0.0, False), (0.0, 0.0, False)])
+def test_a_stiffness_that_is_none_or_beyond_the_limits_is_held(along: float, normal: float, accepted: bool) -> None:
+    channel = force_channel(predictor="elastic", fit_limits=FitLimits(stiffness=(1.0, 2e4)))
+    model = Path(NEWEST, (), (), stiffness=(along, normal))
+    packed = ELASTIC.packed(model, NEWEST, channel.grid)
+    found = unpacked(channel, NEWEST, packed.data)
+    assert (found is not None) == accepted
+    assert unpacked(channel, NEWEST._replace(value=ZERO), packed.data) is None
+    if found is not None:
+        assert found.stiffness == pytest.approx((along, normal), rel=2.0**-7)
+
+
+@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
+@pytest.mark.parametrize(("name", "position"), CHANNELS)
+def test_both_ends_agree_after_any_loss(name: str, position: bool, axes: str) -> None:
+    """Each update through the bytes of the wire; a third of them is lost."""
+    channel = make_channel(name, position=position, axes=axes)
+    layout, grid, near = UpdateLayout(channel.forms), channel.grid, half_step(channel)
+    encoder, decoder, random, agree, seen = Encoder(channel), Decoder(channel), Random(4), False, Counter[str]()
+    stream = [*rubbing_stream(3, ticks=1500), *contact_stream(5, ticks=700)]
+    for tick, (force, place) in enumerate(stream):
+        value = scale(place, 3.0) if position else force
+        update = encoder.encode(tick, value, place)
+        if update is not None:
+            layout.check(update)
+            payload = update.payload
+            if isinstance(payload, ModelParameters):
+                assert len(payload.data) <= MOST_PARAMETER_BYTES
+            agree = random.random() < 0.7
+            if agree:
+                decoder.apply(update)
+                seen[type(decoder.model).__name__] += 1
+        shown = decoder.value(tick, place)
+        if agree:
+            assert shown is not None
+            assert decoder.state == encoder.mirror.state
+            assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, place))
+            assert distance(shown, grid.value.confine(value)) <= max(encoder.bound * (1.0 + 1e-12), near)
+    assert seen["Path"] > 20
+
+
+def test_a_model_travels_without_a_change() -> None:
+    """What the sender rounds is what the receiver reads, so that shadow and mirror are one."""
+    for name, position in CHANNELS:
+        channel = make_channel(name, position=position)
+        encoder, sent = Encoder(channel), 0
+        for tick, (force, place) in enumerate(contact(GodObject(700.0, 20.0, 0.2), ticks=1500)):
+            update = encoder.encode(tick, place if position else force, place)
+            if update is not None and isinstance(model := encoder.mirror.model, Path):
+                packed = PREDICTORS[name].packed(model, model.newest, channel.grid)
+                assert update.payload == packed
+                assert unpacked(channel, model.newest, packed.data) == model
+                sent += 1
+        assert sent > 5
+
+
+# What they save.
+
+
+def waves() -> Stream:
+    return [((0.0, 0.0, 2.0 + sin(6e-3 * pi * tick)), ZERO) for tick in range(2500)]
+
+
+def springs() -> Stream:
+    """A spring on each axis, the hand moves with chirping frequencies."""
+    stream = []
+    for tick in range(2500):
+        t = tick * 1e-3
+        x, y, z = 0.01 * sin((5.0 + t) * t), 0.01 * sin(4.0 * t + 1.0), 0.01 * sin((3.0 + 0.5 * t) * t)
+        stream.append(((1.0 - 300.0 * x, 1.0 - 300.0 * y, 6.0 - 300.0 * z), (x, y, z)))
+    return stream
+
+
+def test_path_saves_on_a_wave_and_elastic_on_a_spring() -> None:
+    """In the last three seconds; the first is to learn."""
+    for name, stream in (("path", waves()), ("elastic", springs())):
+        hold = sends(force_channel(predictor="zoh"), stream) - sends(force_channel(predictor="zoh"), stream[:1000])
+        channel = force_channel(predictor=name)
+        learned = sends(channel, stream) - sends(channel, stream[:1000])
+        assert learned < 0.6 * hold
+
+
+def test_after_its_last_knot_an_update_holds() -> None:
+    """So a link that fails leaves a constant, not a line that goes on."""
+    channel = force_channel(predictor="path")
+    encoder = Encoder(channel)
+    for tick, (force, place) in enumerate(waves()[:1000]):
+        encoder.encode(tick, force, place)
+    newest = encoder.mirror.newest
+    assert newest is not None
+    assert isinstance(encoder.mirror.model, Path)
+    ends = [encoder.mirror.value(newest.tick + ahead) for ahead in (horizons_of(1e-3)[-1], 10**4, 10**6)]
+    assert ends[0] == ends[1] == ends[2]

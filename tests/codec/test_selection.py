@@ -1,0 +1,27 @@
+"""`adaptive` keeps up with the best of the paper's four on signals that no predictor models, whichever that is."""
+
+import pytest
+
+from tests.codec.law import sends
+from weberlink.codec import force_channel
+from weberlink.codec.predictors import HYBRID_BANK
+from weberlink.studies.evaluate.synthetic import synthetic_names, synthetic_signal
+
+SECONDS = 2.0
+MISSED = ("saw",)
+"""All candidates are suspended after a slip, so their records do not tell which of them recovers."""
+
+
+@pytest.mark.parametrize(
+    ("name", "per_s"),
+    [*((name, 1000) for name in synthetic_names() if name not in MISSED), ("chirp", 4000), ("texture", 500)],
+)
+def test_it_sends_no_more_than_the_best_of_the_paper_s_four(name: str, per_s: int) -> None:
+    """Within 5 % or five updates."""
+    signal = synthetic_signal(name, 1, SECONDS, 1.0 / per_s)
+    stream = list(zip(map(tuple, signal.force_n.tolist()), map(tuple, signal.position_m.tolist()), strict=True))
+    adaptive, *four = (
+        sends(force_channel(predictor=predictor, tick_period=1.0 / per_s), stream)
+        for predictor in ("adaptive", *HYBRID_BANK)
+    )
+    assert adaptive <= max(1.05 * min(four), min(four) + 5), dict(zip(HYBRID_BANK, four, strict=True))
