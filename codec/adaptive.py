@@ -46,8 +46,8 @@ class Shadow:
         selector: index in the bank of the candidate's predictor.
         candidate: makes the models.
         doubt: factor on the record when candidates are compared.
-        present: error of the prediction at the newest sample, before any send, in the unit of the values.
-        error: the same, but while the candidate is suspended that at its last send.
+        error: error of the prediction at the newest sample, before any send, in the unit of the values. While the
+            candidate is suspended, that at its last send.
     """
 
     def __init__(
@@ -65,10 +65,12 @@ class Shadow:
         self._sends = 0.0
         self._at = 0
         self._wakes = -self._rest
-        self.present = self.error = 0.0
+        self.error = 0.0
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
         """Predict a sample; returns whether this candidate would send it."""
+        if self.is_suspended(tick):
+            return False
         model = self._model
         if model is None:
             return True
@@ -76,10 +78,7 @@ class Shadow:
             predicted = model.at(tick, place)
         else:
             predicted, self._remembered = model.advance(tick, place, self._remembered)
-        error = self.present = measure(predicted, actual)
-        if self.is_suspended(tick):
-            return False
-        self.error = error
+        self.error = error = measure(predicted, actual)
         return not error <= bound
 
     def is_suspended(self, tick: int) -> bool:
@@ -172,7 +171,7 @@ class AdaptiveChoice:
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
-        allowed.sort(key=lambda shadow: (self._cost(shadow, newest.tick, bound), shadow.present))
+        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
         renders = self._channel.every_position and norm(newest.value) > self._signal.least_contact
         best: tuple[int, Model | None] = (allowed[0].selector, None)
         highest = (False, -1)
