@@ -46,7 +46,8 @@ class Shadow:
         selector: index in the bank of the candidate's predictor.
         candidate: makes the models.
         doubt: factor on the record when candidates are compared.
-        error: error of the prediction at the newest sample, before any send, in the unit of the values.
+        error: error of the prediction at the newest sample, before any send, in the unit of the values. While the
+            candidate is suspended, that at its last send.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Shadow:
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
         """Predict a sample; returns whether this candidate would send it."""
-        if self._wakes - self._rest <= tick < self._wakes:  # suspended, and the sender's ticks did not restart
+        if self.is_suspended(tick):
             return False
         model = self._model
         if model is None:
@@ -79,6 +80,9 @@ class Shadow:
             predicted, self._remembered = model.advance(tick, place, self._remembered)
         self.error = error = measure(predicted, actual)
         return not error <= bound
+
+    def is_suspended(self, tick: int) -> bool:
+        return self._wakes - self._rest <= tick < self._wakes  # False if the sender's ticks restarted
 
     def send(self, sample: Sample, bound: float, history: History, ahead: Ahead = NOTHING) -> None:
         """Make a new model, as a sender with this candidate alone would do now."""
@@ -161,9 +165,9 @@ class AdaptiveChoice:
     ) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
 
-        Where the control scheme renders the contact, those that describe a surface come first while there is a force. A
-        model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest. The
-        sample is held instead of a model that does not begin within the deadband.
+        Where the control scheme renders the contact, those that describe a surface and are not suspended come first
+        while there is a force. A model that leaves the deadband within the known signal is a last resort: of such the
+        one that lasts longest. A model that does not begin within the deadband is left out.
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
@@ -173,15 +177,22 @@ class AdaptiveChoice:
         highest = (False, -1)
         for shadow in allowed:
             model = shadow.candidate.model(context)
-            if model is not None and not self._measure(model.first(newest), self._history.values[-1]) <= bound:
-                model = None
-            suits = not renders or (model is not None and model.surface() is not None)
+            if model is not None and not self._begins(model, newest) <= bound:
+                continue
+            surface = model is not None and model.surface() is not None and not shadow.is_suspended(newest.tick)
+            suits = not renders or surface
             rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self._measure))
             if rank > highest:
                 highest, best = rank, (shadow.selector, model)
             if rank == (True, len(ahead.values)):
                 break
         return best
+
+    def _begins(self, model: Model, newest: Sample) -> float:
+        """Error of a new model at the newest sample; a surface may not hold a force outside of its friction cone."""
+        actual, place, memory = self._history.values[-1], self._history.places[-1], model.memory
+        first = model.first(newest) if memory is None else model.advance(newest.tick, place, memory)[0]
+        return self._measure(first, actual)
 
     def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
         record = shadow.doubt * shadow.record(tick)

@@ -6,7 +6,8 @@ The sender learns what follows a sample (`weberlink.codec.predictors.learning`),
     f(t) = f_1 + path(t - t_1) + K_1 d + K_2 u (u d)    elastic
 
 d is the motion of the hand since the sample and u the direction of f_1. `elastic` is for signals that follow the
-position, as in a contact; it is a contact surface too, and does not pull.
+position, as in a contact; it does not pull. It offers no contact surface to control schemes: the path takes part of the
+change of the force, so K is softer than the contact, and a robot that is moved by it moves too far.
 """
 
 from collections.abc import Sequence
@@ -17,10 +18,9 @@ from typing import Any
 
 from weberlink.codec.parameters import Float, pack, unpack
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
-from weberlink.codec.predictors.model import EXTRAPOLATION, FitLimits, Model, ModelRecord
-from weberlink.codec.predictors.surface import SurfacePatch
+from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 
 STEP_S = 0.004
@@ -91,19 +91,6 @@ class Path(Model):
         if pull < 0.0:
             return (x - pull * value[0], y - pull * value[1], z - pull * value[2])
         return (x, y, z)
-
-    def surface(self) -> SurfacePatch | None:
-        """The plane through the sample, across its force; None if the force does not grow with the depth."""
-        tick, value, place = self.newest
-        stiffness, size = -sum(self.stiffness), norm(value)
-        if not (stiffness > 0.0 and size > 0.0):
-            return None
-        point = add(place, scale(value, 1.0 / stiffness))
-        return SurfacePatch(scale(value, 1.0 / size), point, tick, stiffness)
-
-    def record(self) -> ModelRecord:
-        surface = self.surface()
-        return EXTRAPOLATION if surface is None else surface.record()
 
 
 class LearnedCandidate:

@@ -80,8 +80,7 @@ def test_more_future_needs_fewer_updates(predictor: str, axes: str) -> None:
         )
         for lookahead in (0, 5, 20)
     ]
-    assert counts[1] <= counts[0]
-    assert counts[2] < 0.9 * counts[0]
+    assert counts[2] < 0.9 * min(counts[:2])
 
 
 def test_an_update_in_the_known_signal_is_the_exception() -> None:
