@@ -1,13 +1,18 @@
 """The interface of a deadband: a bound on the error that stays unsent, and the measure of that error."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import inf
 from typing import ClassVar, Literal, NamedTuple, Self, get_args
 
 from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
+
+Measure = Callable[[Vector, Vector], float]
+"""How a deadband measures the error of the displayed value against the actual one."""
+Measures = Callable[[float], Measure]
+"""The measure at a Weber factor, which may change in a session."""
 
 
 class Option(NamedTuple):

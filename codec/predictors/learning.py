@@ -21,12 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.predictors.contract import History, Signal
+from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import Vector
 
-STEP_S = 0.004
-"""Time from one sample that is learned to the next [s]."""
-HORIZONS = (1, 2, 4, 8, 16, 32)
-"""In steps."""
 LAGS_S = (0.001, 0.003, 0.009, 0.027)
 """Times over which differences and, except the first, running means are taken [s]."""
 MOTION_S = (0.004, 0.016)
@@ -247,11 +244,6 @@ class PathLearner:
             path = joint = stiffness = np.array(0.0)
             sums[:] = 0.0
         self._weights[state, 0], self._weights[state, 1], self._stiffness[state] = path, joint, stiffness
-
-
-def horizons_of(period: float) -> tuple[int, ...]:
-    """The horizons in ticks of this period [s]."""
-    return tuple(_ticks(STEP_S, period) * steps for steps in HORIZONS)
 
 
 def _squares(vectors: Array) -> Array:

@@ -17,14 +17,16 @@ from math import frexp, ldexp
 from typing import Any
 
 from weberlink.codec.parameters import Float, pack, unpack
-from weberlink.codec.predictors.chords import Chords
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
-from weberlink.codec.predictors.learning import HORIZONS, PathLearner, horizons_of
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 
+STEP_S = 0.004
+"""Time from one sample that is learned to the next [s]."""
+HORIZONS = (1, 2, 4, 8, 16, 32)
+"""Moments of the knots, in steps after the sample."""
 FINENESS, FINENESS_AHEAD = 8.0, 16.0
 """A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband; with
 look-ahead finer ones."""
@@ -95,6 +97,9 @@ class LearnedCandidate:
     """Makes the path that is expected, rounded as it travels."""
 
     def __init__(self, signal: Signal, *, elastic: bool, reach: int = len(HORIZONS)) -> None:
+        # A receiver needs no numpy.
+        from weberlink.codec.predictors.learning import PathLearner  # noqa: PLC0415
+
         self._learner = signal.estimator(PathLearner)
         self._elastic = elastic
         self._limits = signal.limits
@@ -125,6 +130,8 @@ class LearnedCandidate:
         self, context: EncodeContext, stiffness: tuple[float, float], tail: Sequence[Vector], exponent: int
     ) -> Path:
         """The path through the known samples to what is expected after them."""
+        from weberlink.codec.predictors.chords import Chords  # noqa: PLC0415
+
         newest, ahead = context.newest, context.ahead
         values = [subtract(context.history.values[-1], newest.value)]
         for value, place in zip(ahead.values, ahead.places, strict=True):
@@ -134,9 +141,8 @@ class LearnedCandidate:
         digit = ldexp(self._grid.value.step, exponent)
         rounded = tuple(_rounded(each, digit) for each in vertices)
         path = Path(newest, tuple(knots), rounded, exponent, stiffness, len(ahead.values))
-        while (
-            sum(_layout(path, self._grid)[1]) + 2 * _STIFFNESS.width > 8 * MOST_PARAMETER_BYTES
-        ):  # an end that does not fit is held
+        # An end that does not fit is held.
+        while sum(_layout(path, self._grid)[1]) + 2 * _STIFFNESS.width > 8 * MOST_PARAMETER_BYTES:
             path = replace(path, knots=path.knots[:-1], displacements=path.displacements[:-1])
         return path
 
@@ -192,6 +198,11 @@ class ElasticPredictor(PathPredictor):
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LearnedCandidate(signal, elastic=True)]
+
+
+def horizons_of(period: float) -> tuple[int, ...]:
+    """The horizons in ticks of this period [s]."""
+    return tuple(max(1, round(STEP_S / period)) * steps for steps in HORIZONS)
 
 
 PATH = PathPredictor()

@@ -13,7 +13,8 @@ from tests.codec.signals import NOISE, Array, Stream
 from tests.examples import examples
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.predictors.contract import History, Signal
-from weberlink.codec.predictors.learning import HORIZONS, STEP_S, STEPS_PER_SOLUTION, Learned, PathLearner
+from weberlink.codec.predictors.learning import STEPS_PER_SOLUTION, Learned, PathLearner
+from weberlink.codec.predictors.path import HORIZONS, STEP_S
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 BOUND = 0.1

@@ -13,9 +13,8 @@ from tests.codec.signals import GodObject, Stream, contact, contact_stream, rubb
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
 from weberlink.codec.predictors import PREDICTORS, FitLimits
-from weberlink.codec.predictors.learning import HORIZONS, horizons_of
 from weberlink.codec.predictors.model import Hold, ModelKind
-from weberlink.codec.predictors.path import ELASTIC, Path
+from weberlink.codec.predictors.path import ELASTIC, HORIZONS, Path, horizons_of
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale
 from weberlink.protocol.wire import UpdateLayout

@@ -12,7 +12,7 @@ from tests.soak.laws import answers_little
 from tests.soak.volley import fire
 from weberlink.protocol.handshake import HELLO_HEADER
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import Kind, kind_of, sequence_of
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +31,10 @@ def target() -> socket.socket:
 def test_forged_datagrams_share_only_the_shape(genuine: list[bytes]) -> None:
     forged = ammunition.load("forged", genuine, Random(1), KEY)
     shapes = {(data[0], len(data)) for data in genuine}
-    newest = max(int.from_bytes(data[1:4], "little") for data in genuine if kind_of(data) != Kind.HELLO)
+    newest = max(sequence_of(data) for data in genuine if kind_of(data) != Kind.HELLO)
     for data in forged:
         assert (data[0], len(data)) in shapes
-        assert int.from_bytes(data[1:4], "little") > newest
+        assert sequence_of(data) > newest
     assert not set(forged) & set(genuine)
 
 

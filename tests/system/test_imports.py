@@ -99,6 +99,8 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
     follows = slave and robot in ("point", "simulated") and "stiffness_n_m" not in system.slave.robot.options
     builds_device = master or follows  # its stiffness is that of the robot
+    coded = system.codec.position if master else system.codec.force
+    learns = bool({"path", "elastic"} & {coded.predictor, *(coded.bank if coded.predictor == "adaptive" else ())})
     plugged = (master and device == "polhem_serial") or (slave and robot == "dynamixel")
     return {
         "cryptography": secured,
@@ -123,7 +125,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "mujoco": mujoco,
-        "numpy": mujoco or (builds_device and device == "replay"),
+        "numpy": mujoco or learns or (builds_device and device == "replay"),
         "serial": plugged,
         "weberlink.hardware": plugged,
     }

@@ -37,8 +37,8 @@ STYLES = {
     "sphere": PlotStyle("#CC79A7", (0, (5, 1.2, 1, 1.2, 1, 1.2)), "v", 5.0),
     "affine": PlotStyle("#E69F00", (0, (1, 2)), "X", 4.6),
     "surface": PlotStyle("#7F7F7F", (0, (4, 1)), "*", 4.4),
-    "path": PlotStyle("#56B4E9", (0, (7, 2)), "P", 4.8),
-    "elastic": PlotStyle("#8C6D31", (0, (6, 1, 2, 1)), "d", 4.2),
+    "path": PlotStyle("#56B4E9", (0, (7, 2)), "P", 4.2),
+    "elastic": PlotStyle("#8C6D31", (0, (6, 1, 2, 1)), "d", 4.1),
     "hybrid": PlotStyle("#000000", "-", "o", 4.0),
     "adaptive": PlotStyle("#8B0000", (0, (9, 1)), "h", 3.8),
 }

@@ -141,6 +141,7 @@ def test_the_master_alone_has_no_felt_error() -> None:
 def test_the_slave_alone_has_no_energy() -> None:
     slave = records(100)
     slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
+    slave["coded"] = slave["raw"]
     slave["ramping"][:10] = 1
     slave["decoded"][:10] = 0.0
     slave["rotation_updates_received"] = np.arange(100) // 10

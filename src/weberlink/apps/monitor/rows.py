@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.apps.monitor.rings import joined
+from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
-from weberlink.system.scoring.channel import Measures, deviations_of, in_session
+from weberlink.system.scoring.channel import deviations_of, in_session
 from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 

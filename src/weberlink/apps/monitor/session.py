@@ -10,9 +10,9 @@ import numpy as np
 from weberlink.apps.monitor.hello import hello
 from weberlink.apps.monitor.rings import Feed, joined
 from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
+from weberlink.codec.deadband.contract import Measures
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.scoring.channel import Measures
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE

@@ -5,13 +5,13 @@ from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
+from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
 from weberlink.system.configuration.model import ForceCodecSettings, PredictedSettings
-from weberlink.system.scoring.channel import Measures
 
 
 def force_deadband(system: System, weber: float) -> Deadband:

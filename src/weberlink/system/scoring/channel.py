@@ -8,15 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.geometry.vector import Vector
+from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import Records, Series
-
-Measure = Callable[[Vector, Vector], float]
-"""How a deadband measures the error of the displayed value against the actual one."""
-Measures = Callable[[float], Measure]
-"""The measure at a Weber factor, which may change in a session."""
 
 
 @dataclass

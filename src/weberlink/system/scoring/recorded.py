@@ -12,10 +12,10 @@ import yaml
 from numpy.typing import NDArray
 from yaml import YAMLError
 
+from weberlink.codec.deadband.contract import Measures
 from weberlink.control.table import SCHEMES
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
-from weberlink.system.scoring.channel import Measures
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE

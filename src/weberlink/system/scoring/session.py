@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.codec.deadband.contract import Measures
 from weberlink.control.table import SCHEMES
 from weberlink.system.scoring.channel import (
     ChannelScore,
-    Measures,
     angles_between,
     distances,
     engaged,

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.apps.monitor.remote.stream import MessageStream, accept, connect, telemetry_terms
+from weberlink.apps.monitor.remote.stream import VERSION, MessageStream, accept, connect, telemetry_terms
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.events import DropReason
 from weberlink.protocol.handshake import INSTANCE_BYTES, LocalEnd, pack_agreement
@@ -143,7 +143,7 @@ def test_replayed_caller_opens_nothing() -> None:
     run(test())
 
 
-@pytest.mark.parametrize("change", [{"version": 3}, {"agreement": {"records": 1}}])
+@pytest.mark.parametrize("change", [{"version": VERSION + 1}, {"agreement": {"records": 1}}])
 def test_other_release_is_refused_with_the_reason(change: dict[str, Any]) -> None:
     async def test() -> None:
         there, back = Pipe(), Pipe()
