@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from weberlink.codec.predictors.contract import History, Signal
 from weberlink.codec.predictors.path import HORIZONS, STEP_S
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import ZERO, Vector, add, subtract
 
 LAGS_S = (0.001, 0.003, 0.009, 0.027)
 """Times over which differences and, except the first, running means are taken [s]."""
@@ -113,6 +113,7 @@ class PathLearner:
 
     def _begin(self) -> None:
         self._last = -1
+        self._total = ZERO
         self._ticks = self._steps = 0
 
     def follow(self, history: History) -> None:
@@ -121,23 +122,25 @@ class PathLearner:
             self._begin()
         square = history.bound * history.bound  # 0 for a tiny deadband too
         rows, last = self._rows, self._last
-        if last < 0:
-            total = np.zeros(3)
-        elif last + 1 == len(rows):
+        if last + 1 == len(rows):
             rows[: self._kept] = rows[-self._kept :]
             last = self._kept - 1
-            total = rows[last, _VALUE]
-            rows[: self._kept, _SUM] -= rows[last, _SUM]
-        else:
-            total = rows[last, _SUM] + rows[last, _VALUE]
+            # The sums begin anew, so that they keep their digits.
+            x, y, z = rows[last, _SUM].tolist()
+            rows[: self._kept, _SUM] -= (x, y, z)
+            self._total = subtract(self._total, (x, y, z))
         self._last = last = last + 1
         weight = 1.0 / square if square > SMALLEST else 0.0
-        rows[last] = (*history.values[-1], *history.places[-1], *total, weight)
+        value, total = history.values[-1], self._total
+        rows[last] = (*value, *history.places[-1], *total, weight)
+        self._total = add(total, value)
         phase = self._ticks % self._step
         self._ticks += 1
-        with np.errstate(all="ignore"):
-            for stage in self._stages[4 * phase // self._step : 4 * (phase + 1) // self._step]:
-                stage()
+        stages = self._stages[4 * phase // self._step : 4 * (phase + 1) // self._step]
+        if stages:
+            with np.errstate(all="ignore"):
+                for stage in stages:
+                    stage()
 
     def learned(self) -> tuple[Learned, ...]:
         """What is expected after the newest sample: with K = 0 and, if the signal has positions, with K."""
