@@ -94,6 +94,7 @@ def test_only_what_is_above_the_cap_is_spilled_and_only_a_debt_is_forgiven(level
 small = st.floats(-1e-2, 1e-2)
 
 
+@example(0.0, 5e-324, 0.0, 0.0078125)
 @given(small, st.floats(0.0, 1e-2), small, st.floats(0.0, 1e-2))
 def test_the_yielding_share_is_the_largest_within(along: float, rise: float, before: float, most: float) -> None:
     def leaves(share: float) -> float:

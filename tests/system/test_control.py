@@ -218,7 +218,9 @@ def test_credit_costs_four_bytes_in_a_heartbeat_and_nothing_where_none_is_carrie
         name: [min(way[Kind.HEARTBEAT]) for way in sizes_on_the_wire(f"control.scheme={name}")] for name in SCHEMES
     }
     assert shortest["mmt"] == shortest["none"]
-    assert shortest["tdpa"] == shortest["auto"] == [size + 4 for size in shortest["none"]]
+    assert shortest["tdpa"] == [size + 4 for size in shortest["none"]]
+    # A short session with `auto` may have no heartbeat without an acknowledgement.
+    assert all(size >= plain + 4 for size, plain in zip(shortest["auto"], shortest["none"], strict=True))
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ from weberlink.geometry.vector import Vector
 LONGEST = 0.05
 """No energy is predicted later than this after the last increase of the credit [s]. At the default silence limit
 `HeartbeatSchedule` tells energy sooner."""
+SMALLEST = 1e-200
+"""A smaller cost that grows with the square is none [J]: its products could underflow."""
 STRONGEST = 1.0
 """Largest drag force [N]."""
 STABLE_SHARE = 0.5
@@ -153,7 +155,7 @@ def root_share(linear: float, square: float, energy: float) -> float:
     """
     if square == inf:
         return 0.0
-    if square == 0.0:
+    if square < SMALLEST:
         return energy / linear if linear > 0.0 else inf
     root = sqrt(linear * linear + 4.0 * square * energy)
     return 2.0 * energy / (linear + root) if linear > 0.0 else 0.5 * (root - linear) / square
