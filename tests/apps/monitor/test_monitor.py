@@ -159,7 +159,14 @@ def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     last = final(watched.page)
     assert last["seen_from_start"]
     expected = {key: watched.report[key] for key in last["figures"]}
-    assert set(watched.report) - set(expected) == {"faults", "drops", "realtime", "outcome", "environment", "lookahead_ms"}
+    assert set(watched.report) - set(expected) == {
+        "faults",
+        "drops",
+        "realtime",
+        "outcome",
+        "environment",
+        "lookahead_ms",
+    }
     assert_same(last["figures"], expected)
     assert last["faults"] == watched.report["faults"]
 
