@@ -234,7 +234,7 @@ class TestOfALiveSession:
         with Program("loopback", "--record", path, "--json", "-") as program:
             recorder, telemetry = program.recorder(), program.engaged("slave")
             if fault == "killed":
-                until(lambda: path.exists() and path.stat().st_size > 20_000, "the recording to grow")
+                until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
                 os.kill(recorder, signal.SIGKILL)
             until(lambda: status_of(recorder) == b"Z", "the recorder to end")
             ended_at = int(telemetry.last["tick"])

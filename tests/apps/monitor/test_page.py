@@ -90,7 +90,7 @@ def test_session_is_shown_in_every_panel(page: Browser, server: ScriptedServer) 
         assert page.pixels(f"#panel-{panel} canvas") > 5, panel
         assert page.run("return document.querySelector(arguments[0]).innerText", f"#panel-{panel} .help") == "?"
     notes = "return [...document.querySelectorAll('.empty')].filter(e => e.offsetParent).map(e => e.innerText)"
-    assert not any(page.run(notes))
+    page.wait(lambda: not any(page.run(notes)), "every panel to be filled")
     clean(page, server)
 
 
