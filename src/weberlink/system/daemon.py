@@ -32,8 +32,6 @@ from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNAL
 from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
-HEAD_START = 0.2
-"""From the beginning of a side's composition to its first tick [s]."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 
@@ -73,7 +71,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     system = configuration.system
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
-    epoch = monotonic() + HEAD_START
+    epoch = monotonic()  # the first tick is that of the first deadline after opening
     side = _build(order, configuration, epoch)
     # After the imports of the side: with real-time rights they would hold up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
