@@ -228,7 +228,8 @@ def _follow(program: subprocess.Popen[str]) -> Start:
                 raise BenchError(f"weberlink loopback: {program.stderr.read().strip() or 'ended before its session'}")
             if spawned is None and len(_children(program.pid)) == len(SIDES):
                 spawned = monotonic()
-            if all([side.look() for side in sides]) and spawned is not None:
+            waiting = [side for side in sides if not side.look()]
+            if spawned is not None and not waiting:
                 return Start(
                     spawned,
                     max(side.composed for side in sides),
