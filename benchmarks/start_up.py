@@ -1,14 +1,16 @@
 """Start-up time of the program to its first engaged tick, by part, and to its help, beside a bare interpreter."""
 
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from signal import SIGTERM
 from statistics import median
+from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import Any, NamedTuple
 
@@ -115,73 +117,92 @@ def lines(document: Mapping[str, Any]) -> list[str]:
 def measure(arrangement: Arrangement) -> StartUp:
     """Start all programs in turn, several times.
 
+    What a process has compiled is kept for the next one, as on the host of a user, also where the environment forbids
+    Python to write it; the first round, which compiles, does not count unless it is the only one.
+
     Raises:
         BenchError: if one of them fails.
     """
-    program = [sys.executable, "-m", "weberlink"]
-    ended: dict[str, Callable[[], float]] = {
-        INTERPRETER: lambda: _ended([sys.executable, "-c", "pass"]),
-        HELP: lambda: _ended([*program, "--help"]),
-    }
-    seconds: dict[str, list[float]] = {what: [] for what in (*ended, LOOPBACK)}
-    parts: dict[str, list[float]] = {part: [] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)}
-    cpu: list[float] = []
-    for _ in range(QUICK_ROUNDS if arrangement.quick else ROUNDS):
-        for what, start in ended.items():
-            seconds[what].append(start())
-        overrides = arrangement.overrides(MAIN_RATE_HZ)
-        whole = _engaged([*program, "loopback", str(arrangement.file)], overrides)
-        seconds[LOOPBACK].append(whole.engaged)
-        cpu.append(whole.cpu)
-        bare = seconds[INTERPRETER][-1]
-        command, configuration = _probe("launcher", arrangement.file, overrides)
-        imports = bare + sum(_probe("daemon", arrangement.file, overrides))
+    rounds = QUICK_ROUNDS if arrangement.quick else 1 + ROUNDS
+    with TemporaryDirectory(prefix="weberlink-bench-") as compiled:
+        given = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        programs = _Programs(arrangement, {**given, "PYTHONPYCACHEPREFIX": compiled})
+        found = [programs.round() for _ in range(rounds)][-ROUNDS:]
+    seconds = {what: [one.seconds[what] for one in found] for what in (INTERPRETER, HELP, LOOPBACK)}
+    parts = {part: [one.parts[part] for one in found] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)}
+    return StartUp(seconds, parts, [one.cpu for one in found])
+
+
+class _Round(NamedTuple):
+    """One start of each program: times [s] as of `StartUp`."""
+
+    seconds: dict[str, float]
+    parts: dict[str, float]
+    cpu: float
+
+
+class _Programs:
+    """Starts programs with one environment."""
+
+    def __init__(self, arrangement: Arrangement, environment: Mapping[str, str]) -> None:
+        self._arrangement = arrangement
+        self._environment = environment
+
+    def round(self) -> _Round:
+        program = [sys.executable, "-m", "weberlink"]
+        file, overrides = str(self._arrangement.file), self._arrangement.overrides(MAIN_RATE_HZ)
+        bare, shown = self._ended([sys.executable, "-c", "pass"]), self._ended([*program, "--help"])
+        options = [word for override in overrides for word in ("--set", override)]
+        whole = self._engaged([*program, "loopback", file, *options])
+        command, configuration = self._probe("launcher", file, *overrides)
+        imports = bare + sum(self._probe("daemon", file, *overrides))
         of_round = (
             bare, command, configuration, whole.spawned - bare - command - configuration,
             imports, whole.composed - whole.spawned - imports, whole.opened - whole.composed,
             whole.engaged - whole.opened,
         )  # fmt: skip
-        for part, value in zip(parts, of_round, strict=True):
-            parts[part].append(value)
-    return StartUp(seconds, parts, cpu)
+        parts = dict(zip((*LAUNCHER_PARTS, *DAEMON_PARTS), of_round, strict=True))
+        return _Round({INTERPRETER: bare, HELP: shown, LOOPBACK: whole.engaged}, parts, whole.cpu)
 
+    def _probe(self, who: str, *arguments: str) -> tuple[float, float]:
+        """Time of the first imports and of the configuration of a process [s]."""
+        imports, configuration = json.loads(self._output([sys.executable, "-c", PROBE, who, *arguments]))
+        return imports, configuration
 
-def _probe(who: str, file: Path, overrides: list[str]) -> tuple[float, float]:
-    """Time of the first imports and of the configuration of a process [s]."""
-    line = [sys.executable, "-c", PROBE, who, str(file), *overrides]
-    ended = subprocess.run(line, capture_output=True, text=True, check=False)  # noqa: S603
-    if ended.returncode:
-        raise BenchError(f"the {who}'s imports: {ended.stderr.strip()}")
-    imports, configuration = json.loads(ended.stdout)
-    return imports, configuration
+    def _ended(self, line: list[str]) -> float:
+        began = monotonic()
+        self._output(line)
+        return monotonic() - began
 
+    def _output(self, line: list[str]) -> str:
+        ended = subprocess.run(line, capture_output=True, text=True, check=False, env=self._environment)  # noqa: S603
+        if ended.returncode:
+            raise BenchError(f"{' '.join(line[:4])}: ended with status {ended.returncode}: {ended.stderr.strip()}")
+        return ended.stdout
 
-def _ended(line: list[str]) -> float:
-    began = monotonic()
-    ended = subprocess.run(line, capture_output=True, check=False)  # noqa: S603
-    took = monotonic() - began
-    if ended.returncode:
-        raise BenchError(f"{' '.join(line)}: ended with status {ended.returncode}")
-    return took
-
-
-def _engaged(line: list[str], overrides: list[str]) -> Start:
-    """Start the program, wait until both sides are engaged, and end it."""
-    options = [word for override in overrides for word in ("--set", override)]
-    began = monotonic()
-    program = subprocess.Popen(  # noqa: S603
-        [*line, *options], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        start = _follow(program)
-        program.send_signal(SIGTERM)
-        program.communicate(timeout=PATIENCE_S)
-    except subprocess.TimeoutExpired:
-        raise BenchError("weberlink loopback: did not end after SIGTERM") from None
-    finally:
-        program.kill()
-        program.communicate()
-    return Start(start.spawned - began, start.composed - began, start.opened - began, start.engaged - began, start.cpu)
+    def _engaged(self, line: list[str]) -> Start:
+        """Start the program, wait until both sides are engaged, and end it."""
+        began = monotonic()
+        program = subprocess.Popen(  # noqa: S603
+            line,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=self._environment,
+        )
+        try:
+            start = _follow(program)
+            program.send_signal(SIGTERM)
+            program.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            raise BenchError("weberlink loopback: did not end after SIGTERM") from None
+        finally:
+            program.kill()
+            program.communicate()
+        return Start(
+            start.spawned - began, start.composed - began, start.opened - began, start.engaged - began, start.cpu
+        )
 
 
 class _SideStart:
