@@ -20,6 +20,8 @@ _LOCK_CURRENT = 1
 _LOCK_FUTURE = 2
 _LATENCY_REQUEST = "/dev/cpu_dma_latency"
 
+HIGHEST_PRIORITY = os.sched_get_priority_max(os.SCHED_FIFO)
+
 LIBC.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
 LIBC.mlockall.argtypes = (ctypes.c_int,)
 
@@ -68,9 +70,8 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool 
     Raises:
         ValueError: priority or cpu is a number that no machine has.
     """
-    highest = os.sched_get_priority_max(os.SCHED_FIFO)
-    if not 0 <= priority <= highest:
-        raise ValueError(f"priority must be 0 (ordinary) or 1 to {highest} (SCHED_FIFO), got {priority}")
+    if not 0 <= priority <= HIGHEST_PRIORITY:
+        raise ValueError(f"priority must be 0 (ordinary) or 1 to {HIGHEST_PRIORITY} (SCHED_FIFO), got {priority}")
     if cpu is not None and cpu < 0:
         raise ValueError(f"cpu must be 0 or more, got {cpu}")
     return Grants(

@@ -34,6 +34,7 @@ from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.host_watch import HostWatch
 from weberlink.system.journal import Journal
 from weberlink.system.recorder import Recorder
 from weberlink.system.scoring.session import Records, SessionScore
@@ -164,6 +165,8 @@ class Session:
         if system.link.security == "session":
             self._make_key()
         self.score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
+        self._host = HostWatch(self.sides, system.realtime, system.tick_period)
+        self._stack.callback(self._host.stop)
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
@@ -243,6 +246,7 @@ class Session:
         if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
             self._key.unlink(missing_ok=True)
             self._key = None
+        self._host.look(records)
         self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
         if self.journal is not None:
             for side, daemon in self._in_order():
@@ -259,6 +263,7 @@ class Session:
             "faults": {side: summary["faults"] for side, summary in summaries.items()},
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "host": self._host.end(),
             "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
             "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
         }
