@@ -102,7 +102,7 @@ def gaps(records: Records, period: float) -> list[Gap]:
         period: of a tick [s].
     """
     at = records["at"].astype(np.float64)
-    counts = np.diff(records["ticks_missed"].astype(np.int64))
+    counts = np.diff(records["ticks_missed"].astype(np.float64))
     found = np.flatnonzero((counts > 0) & (np.abs(np.diff(at) / period - (counts + 1)) < 0.5))
     resumed = at + 1e-6 * records["lateness_us"].astype(np.float64)
     return [Gap(float(at[index]) + period, int(counts[index]), float(resumed[index + 1])) for index in found]
