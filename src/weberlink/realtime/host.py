@@ -1,6 +1,6 @@
 """What the host of a virtual machine takes from it: wake-ups that come late on a processor, and steal time.
 
-Run as a program, this file watches processors for the launcher of a session: one thread on each sleeps to absolute
+Run as a program, this file watches processors for the launcher of a session: a process on each sleeps to absolute
 deadlines, before the daemons in priority, and writes a line for each wake-up that came late. The daemons could not have
 been on time then either. It locks no memory: pages used every few milliseconds are not swapped out.
 """
@@ -8,22 +8,18 @@ been on time then either. It locks no memory: pages used every few milliseconds 
 import json
 import os
 import sys
-import threading
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from signal import SIGKILL
+from signal import SIG_DFL, SIGKILL, SIGTERM, signal
 from time import monotonic, sleep
 from typing import NamedTuple, Self
 
 from weberlink.realtime.process import die_with_parent, prepare
 
 STATISTICS = Path("/proc/stat")
-STACK_BYTES = 256 * 1024
-GROUP = 8
-"""Threads of one process that wake up at the same time: each holds the interpreter for about 10 us."""
 BUSY_COLUMNS = 8
 """Columns of /proc/stat up to steal; those after it are parts of earlier ones (proc_stat(5))."""
 
@@ -117,35 +113,46 @@ class WatchOrder:
 
 
 def main(text: str) -> int:
-    """The program: writes one line on its scheduling class, then `processor ran due woken` for each late wake-up."""
+    """The program: writes one line on its scheduling class, then `processor ran due woken` for each late wake-up.
+
+    Ends when it is told to, or when one of its watchers has ended.
+    """
     order = WatchOrder(**json.loads(text))
-    die_with_parent(SIGKILL, order.parent)
+    signal(SIGTERM, lambda *_: sys.exit())
+    die_with_parent(SIGTERM, order.parent)
     grant = prepare(order.priority, lock_memory=False, cpu=None).priority
     _write(json.dumps({"granted": grant.granted, "detail": grant.detail}))
     if not grant:
         return 1
     os.set_blocking(sys.stdout.fileno(), False)
-    threading.stack_size(STACK_BYTES)
-    watchers = [threading.Thread(target=_watch, args=(order, processor)) for processor in _divide(order.processors)]
-    for watcher in watchers:
-        watcher.start()
-    for watcher in watchers:
-        watcher.join()
+    # Threads would wait for each other's turn in the interpreter: that doubles the cost of a wake-up.
+    watchers = [_fork(order, processor) for processor in order.processors]
+    try:
+        os.wait()
+    finally:
+        for watcher in watchers:
+            with suppress(ProcessLookupError, ChildProcessError):
+                os.kill(watcher, SIGKILL)
+                os.waitpid(watcher, 0)
     return 1
 
 
-def _divide(processors: tuple[int, ...]) -> tuple[int, ...]:
-    """Fork a process for each further group of processors; returns the group of this process."""
+def _fork(order: WatchOrder, processor: int) -> int:
+    """Start a watcher of one processor; returns its process id."""
     own = os.getpid()
-    for begin in range(GROUP, len(processors), GROUP):
-        if os.fork() == 0:
+    watcher = os.fork()
+    if watcher == 0:
+        try:
+            signal(SIGTERM, SIG_DFL)
             die_with_parent(SIGKILL, own)
-            return processors[begin : begin + GROUP]
-    return processors[:GROUP]
+            _watch(order, processor)
+        finally:
+            os._exit(1)
+    return watcher
 
 
 def _watch(order: WatchOrder, processor: int) -> None:
-    os.sched_setaffinity(0, {processor})  # of this thread
+    os.sched_setaffinity(0, {processor})
     for wake_up in wake_ups(order.first, order.interval):
         if wake_up.late >= order.least:
             with suppress(BlockingIOError):  # a launcher that does not read loses lines, and delays nothing

@@ -25,6 +25,7 @@ SETTLED_S = 0.5
 """Time from the end of a stall to its arrival here, at most [s]."""
 LEAD_S = 0.05
 """From the start of the program to its first deadline, at least [s]."""
+STOP_LIMIT_S = 1.0
 READ_BYTES = 1 << 16
 TOO_SHORT = "the session was too short"
 
@@ -92,8 +93,12 @@ class HostWatch:
         if process is None or process.stdout is None:
             return
         self._read(process)
-        process.kill()
-        process.wait()
+        process.terminate()
+        try:
+            process.wait(STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
         process.stdout.close()
 
     def _start(self) -> None:
