@@ -83,7 +83,7 @@ def test_the_processors_of_the_file_are_measured(tmp_path: Path) -> None:
 
     look(host, machine(tmp_path, host_trial=host_trial), Needs(priority=0, rate_hz=500.0, cpus=(1, 7)))
     look(host, machine(tmp_path, host_trial=host_trial), Needs())
-    assert asked == [HostRequest(1, [1], 500.0), HostRequest(50, [0, 1], 1000.0)]
+    assert asked == [HostRequest(1, [1], 500.0), HostRequest(51, [0, 1], 1000.0)]
 
 
 def test_real_trial_measures_or_says_why_not() -> None:

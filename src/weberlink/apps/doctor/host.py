@@ -6,6 +6,7 @@ from weberlink.apps.doctor.findings import Finding, advice, ok, unknown
 from weberlink.apps.doctor.host_trial import HostRequest, HostTrial
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
+from weberlink.realtime.process import HIGHEST_PRIORITY
 
 Stretches = Sequence[dict[str, float | None]]
 
@@ -20,7 +21,7 @@ STEAL_MARGIN = 0.02
 def host(machine: Machine, needs: Needs) -> Iterator[Finding]:
     """What the host takes, and what keeping processors awake changes, from one trial."""
     processors = sorted(set(needs.pinned.values()) & machine.affinity() or machine.affinity())
-    trial = machine.host_trial(HostRequest(max(1, needs.priority), processors, needs.rate_hz))
+    trial = machine.host_trial(HostRequest(min(needs.priority + 1, HIGHEST_PRIORITY), processors, needs.rate_hz))
     if trial.failure is not None:
         yield unknown(f"the host's share of missed ticks: {trial.failure}", check="host")
         return

@@ -33,7 +33,7 @@ class HostRequest:
     """What to measure.
 
     Args:
-        priority: of SCHED_FIFO.
+        priority: of SCHED_FIFO; above that of daemons, which may run meanwhile.
         processors: numbers; the first 8 are measured.
         rate_hz: of wake-ups.
     """
