@@ -1,8 +1,10 @@
 """The `doctor` command."""
 
+from contextlib import nullcontext
 from typing import Annotated, Literal
 
 import typer
+from rich.console import Console
 
 from weberlink.cli.arguments import Json, OptionalFile, Set
 from weberlink.cli.output import errors, fail, write
@@ -28,7 +30,9 @@ def doctor(
     sides = SIDES if side is None else (side,)
     with errors():
         needs = Needs(sides=sides) if file is None else Needs.of(load(file, set_ or (), sides), sides)
-    found = examine(needs)
+    console = Console(stderr=True)
+    with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
+        found = examine(needs)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
 

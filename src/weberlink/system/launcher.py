@@ -38,6 +38,7 @@ from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
 if TYPE_CHECKING:
+    from weberlink.system.host_watch import HostWatch
     from weberlink.system.journal import Journal
     from weberlink.system.recorder import Recorder
     from weberlink.system.scoring.session import Records, SessionScore
@@ -200,6 +201,15 @@ class Session:
         system = self.configuration.system
         return SessionScore(system.rate_hz, *banks(system), measures_of(system))
 
+    @cached_property
+    def _host(self) -> "HostWatch":
+        from weberlink.system.host_watch import HostWatch  # noqa: PLC0415
+
+        system = self.configuration.system
+        watch = HostWatch(self.sides, system.realtime, system.tick_period)
+        self._stack.callback(watch.stop)
+        return watch
+
     def _make_key(self) -> None:
         """Write a key to memory for both daemons; it is removed when they have read it."""
         self._key = path = directory() / f"weberlink-{os.getpid()}.key"
@@ -268,6 +278,7 @@ class Session:
         if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
             self._key.unlink(missing_ok=True)
             self._key = None
+        self._host.look(records)
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
@@ -285,6 +296,7 @@ class Session:
             "faults": {side: summary["faults"] for side, summary in summaries.items()},
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "host": self._host.end(),
             "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
             "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
         }
