@@ -72,6 +72,16 @@ class Lateness:
         """Share of the daemon that missed more."""
         return max(side.missed_share for side in self.sides.values())
 
+    @property
+    def cpu_share(self) -> float:
+        """Share of a core of the daemon that uses more."""
+        return max(side.cpu_s / side.elapsed_s for side in self.sides.values())
+
+    @property
+    def work_p50_us(self) -> float:
+        """Median work of a tick of the side that works more [us]."""
+        return max(summary(side.records["work_us"])["p50"] or 0.0 for side in self.sides.values())
+
     def as_json(self) -> dict[str, Any]:
         limit = summary(self.limit.lateness_us)
         return {
