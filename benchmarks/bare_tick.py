@@ -1,8 +1,8 @@
 """The floor of each part of a tick: the same work with nothing around it, in a process that wakes at the same rate.
 
-A bare process waits with epoll for a timer, then receives, opens, seals and sends a datagram of the same length and packs
-a record of the same values: after a sleep (caches cold) and without a pause (caches warm). Bare event loops tell what
-waking up costs: epoll, uvloop with a reader on the timer, and the ticker of the daemons with and without its lead.
+A bare process waits with epoll for a timer, then receives, opens, seals and sends a datagram of the same length and
+packs a record of the same values: after a sleep (caches cold) and without a pause (caches warm). Bare event loops tell
+what waking up costs: epoll, uvloop with a reader on the timer, and the ticker of the daemons with and without its lead.
 """
 
 import asyncio
@@ -44,6 +44,7 @@ class BareTick:
     """The bare work of a tick on a socket that sends to itself.
 
     Args:
+        bound: the socket, not yet bound.
         size: of a datagram [bytes].
         record: values of a telemetry record.
     """
@@ -54,7 +55,9 @@ class BareTick:
         self._cipher = AESCCM(KEYS[0], tag_length=TAG_BYTES)
         self._nonce = SALT + bytes(8)
         self._head, self._body = bytes(CLEAR_BYTES), bytes(max(0, size - CLEAR_BYTES - TAG_BYTES))
-        self._record = [int(value) if letter in "QB" else value for letter, value in zip(_letters(), record, strict=True)]
+        self._record = [
+            int(value) if letter in "QB" else value for letter, value in zip(letters(), record, strict=True)
+        ]
         self._memory = bytearray(RECORD.size)
         self.rows: list[list[int]] = []
         sealed = self._cipher.encrypt(self._nonce, self._body, self._head)
@@ -86,7 +89,7 @@ class BareTick:
         }
 
 
-def _letters() -> str:
+def letters() -> str:
     """One letter per value of a record."""
     letters, count = "", ""
     for letter in RECORD.format.lstrip("<=@"):
@@ -102,11 +105,11 @@ class WakeCost:
     """Counts wake-ups and the CPU time between them.
 
     Args:
-        count: wake-ups that count.
+        count: wake-ups that count, at least two pieces.
     """
 
     def __init__(self, count: int) -> None:
-        self._left = count + SETTLE
+        self._left = max(2 * CHUNK, count) + SETTLE
         self._marks: list[int] = []
         self.done = False
 
@@ -222,7 +225,10 @@ def _bare(order: Mapping[str, Any]) -> dict[str, Any]:
     }
     turns = [{name: loop(WakeCost(count // TURNS)) for name, loop in loops.items()} for _ in range(TURNS)]
     wakes = {name: median(turn[name] for turn in turns) for name in loops}
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
         cold, warm = (BareTick(bound, order["size"], order["record"]) for bound in (one, other))
         on_epoll(rate_hz, WakeCost(count), cold.tick)
         for _ in range(count + SETTLE):

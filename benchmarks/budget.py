@@ -1,8 +1,8 @@
 """What each part of a tick costs, with cold and with warm caches, beside its floor and beside the live daemons.
 
-`staged_tick` measures the parts on each side, `bare_tick` their floors. The CPU time that a process spends outside of its
-ticks is divided by the bare loops: waking up is what a bare epoll loop costs, the lead what it adds to a ticker, and the
-event loop is the rest. `side loop` is what a whole tick takes beyond its parts: safety and the order of things.
+`staged_tick` measures the parts on each side, `bare_tick` their floors. The CPU time that a process spends outside of
+its ticks is divided by the bare loops: waking up is what a bare epoll loop costs, the lead what it adds to a ticker,
+and the event loop is the rest. `side loop` is what a whole tick takes beyond its parts: safety and the order of things.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group
+from rich.table import Table
 from rich.text import Text
 
 from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, Rights, answers, child
@@ -19,8 +20,8 @@ from benchmarks.kernel_counts import KernelCounts, count
 from benchmarks.latency import SIZE
 from benchmarks.live_run import LiveSide, live_run
 from benchmarks.percentiles import summary
-from benchmarks.staged_tick import DECRYPT, PARTS as STAGED_PARTS
-from benchmarks.staged_tick import SEAL, TELEMETRY, chunk_median
+from benchmarks.staged_tick import DECRYPT, SEAL, TELEMETRY, chunk_median
+from benchmarks.staged_tick import PARTS as STAGED_PARTS
 from weberlink.studies.result import plain_table
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.launcher import Daemon
@@ -33,10 +34,16 @@ LIVE_SHARE = 0.25
 """Share of the duration for the live run, and for the staged ticks."""
 COUNT_S = 2.0
 PATIENCE_S = 90.0
-COLUMNS = {
-    "n/tick": "times", "cold": "cold_us", "warm": "warm_us", "each: cold": "cold_each_us", "warm ": "warm_each_us",
-    "floor: cold": "floor_cold_us", "warm  ": "floor_warm_us",
-}  # fmt: skip
+COLUMNS = (
+    ("n/tick", "times"),
+    ("cold", "cold_us"),
+    ("warm", "warm_us"),
+    ("each: cold", "cold_each_us"),
+    ("warm", "warm_each_us"),
+    ("floor: cold", "floor_cold_us"),
+    ("warm", "floor_warm_us"),
+)
+"""Heading of each column, and its figure."""
 
 Figures = dict[str, float | None]
 
@@ -162,7 +169,9 @@ def measure(arrangement: Arrangement, rights: Rights) -> Budget:
     limit_s = 4.0 * duration_s + PATIENCE_S
     with ExitStack() as stack:
         common = order()
-        running = [stack.enter_context(child("staged_tick", common | {"side": side}, rights)) for side in (SLAVE, MASTER)]
+        running = [
+            stack.enter_context(child("staged_tick", common | {"side": side}, rights)) for side in (SLAVE, MASTER)
+        ]
         cold = dict(zip((SLAVE, MASTER), answers(running, limit_s, "the staged ticks"), strict=True))
     counted: list[KernelCounts] = []
 
@@ -188,29 +197,27 @@ def measure(arrangement: Arrangement, rights: Rights) -> Budget:
 
 def tables(document: Mapping[str, Any]) -> Group:
     """The tables of `Budget.as_json`, in 80 columns."""
-    return Group(*(part for side, found in document["sides"].items() for part in (_table(side, found), "")), _notes(document))
+    found = [part for side, of_side in document["sides"].items() for part in (_table(side, of_side), "")]
+    return Group(*found, Text("\n".join(_lines(document))))
 
 
-def _table(side: str, found: Mapping[str, Any]) -> Any:
-    table = plain_table(f"tick of the {side}, us", *COLUMNS)
+def _table(side: str, found: Mapping[str, Any]) -> Table:
+    table = plain_table(f"{side}, us", *(heading for heading, _ in COLUMNS))
     for part, figures in found["parts"].items():
-        table.add_row(part, *(_number(figures[key], places=2 if key == "times" else 1) for key in COLUMNS.values()))
-    table.columns[0].footer = "sum"
+        table.add_row(part, *(_number(figures[key], places=2 if key == "times" else 1) for _, key in COLUMNS))
     table.add_section()
-    for words, key in (("sum: CPU of a tick", "sum_us"), ("sum: work of a tick", "work_us")):
+    for words, key in (("sum, CPU", "sum_us"), ("sum, work", "work_us")):
         table.add_row(words, "", _number(found[key]["cold"]), _number(found[key]["warm"]))
     live = found["live"]
-    table.add_section()
-    table.add_row("live: CPU of a tick", "", _number(live["cpu_us_per_tick"]))
-    table.add_row("  beyond the sum", "", _number(live["cpu_gap_us"]))
-    table.add_row("live: work, mean", "", _number(live["work_us"]))
-    table.add_row("  beyond the sum", "", _number(live["work_gap_us"]))
-    table.add_row("live: work, p50", "", _number(live["work_p50_us"]))
+    for words, key in (
+        ("live CPU", "cpu_us_per_tick"),
+        ("  beyond sum", "cpu_gap_us"),
+        ("live work", "work_us"),
+        ("  beyond sum", "work_gap_us"),
+        ("live work p50", "work_p50_us"),
+    ):
+        table.add_row(words, "", _number(live[key]))
     return table
-
-
-def _notes(document: Mapping[str, Any]) -> Text:
-    return Text("\n".join(_lines(document)))
 
 
 def _lines(document: Mapping[str, Any]) -> Iterator[str]:

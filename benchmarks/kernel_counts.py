@@ -78,7 +78,9 @@ def count(pids: Mapping[str, int], duration_s: float, rate_hz: float) -> KernelC
             stack.callback(process.kill)
             running[side] = process
         try:
-            said = {side: process.communicate(timeout=duration_s + COUNT_LIMIT_S)[1] for side, process in running.items()}
+            said = {
+                side: process.communicate(timeout=duration_s + COUNT_LIMIT_S)[1] for side, process in running.items()
+            }
         except subprocess.TimeoutExpired:
             raise BenchError("perf stat: did not end in time") from None
     ticks = duration_s * rate_hz

@@ -1,10 +1,11 @@
 """Latency of an update between two processes, beside limits with the same bytes and rights.
 
-The limits are plain sockets, bare Python processes that seal and open (`sealed_echo`), and sockperf. All are measured in
-turn, the limits before and after, with one question at a time. This module is also a process: one end of an echo over
-plain blocking sockets. `coded_echo` is the echo through codec, endpoint and event loop. An
-answering process prints its port and, at its end, its moments; an asking one prints its moments. All moments are of the
-monotonic clock of this host [ns].
+The limits are plain sockets, bare Python processes that seal and open (`sealed_echo`), and sockperf. All are measured
+in turn, the limits before and after, with one question at a time.
+
+This module is also a process: one end of an echo over plain blocking sockets. `coded_echo` is the echo through codec,
+endpoint and event loop. An answering process prints its port and, at its end, its moments; an asking one prints its
+moments. All moments are of the monotonic clock of this host [ns].
 """
 
 import gc

@@ -4,17 +4,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from benchmarks import host
+from benchmarks import budget, host
 from benchmarks.arrangement import MAIN_RATE_HZ, RATES_HZ
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
-from benchmarks.tick_cost import PARTS
 from weberlink.studies.result import plain_table
 from weberlink.system.environment import footer
+
 
 @dataclass(frozen=True)
 class BenchTarget:
@@ -79,14 +80,19 @@ def report(document: Mapping[str, Any], comparison: Table | None = None) -> Tabl
         comparison: with an earlier run.
     """
     whole = Table.grid()
-    parts: list[Table | Text] = [_lateness(document), _latency(document), _update(document), _ticks(document)]
-    parts += [Text("\n".join(_lines(document)))]
+    parts: list[RenderableType] = [_lateness(document), _latency(document), _update(document)]
+    parts += [budget.tables(document["budget"]), Text("\n".join(_lines(document)))]
     parts += [] if comparison is None else [comparison]
     for part in (*parts, _targets(document)):
         whole.add_row(part)
         whole.add_row("")
     whole.add_row(Text(_footer(document), style="dim"))
     return whole
+
+
+def budget_report(document: Mapping[str, Any]) -> Group:
+    """The report of a run that measured only the cost of a tick."""
+    return Group(budget.tables(document["budget"]), "", Text(_footer(document), style="dim"))
 
 
 def _lateness(document: Mapping[str, Any]) -> Table:
@@ -127,20 +133,12 @@ def _update(document: Mapping[str, Any]) -> Table:
     return table
 
 
-def _ticks(document: Mapping[str, Any]) -> Table:
-    cost, live = document["tick_cost"], document["cpu"]
-    sides = list(cost["parts_us"])
-    table = plain_table("cost of a tick, us", *sides)
-    for part in PARTS:
-        table.add_row(part, *(f"{cost['parts_us'][side][part]:.1f}" for side in sides))
-    table.add_row("sum", *(f"{cost['total_us'][side]:.1f}" for side in sides), end_section=True)
-    for words, key in (("live: work p50", "work_p50_us"), ("live: CPU per tick", "cpu_us_per_tick")):
-        table.add_row(words, *(_number(live[side][key]) for side in sides))
-    table.add_row("live: CPU, share of a core", *(f"{100 * live[side]['cpu_share']:.1f} %" for side in sides))
-    return table
-
-
 def _lines(document: Mapping[str, Any]) -> Iterator[str]:
+    for side, used in document["cpu"].items():
+        yield (
+            f"{side}: {100 * used['cpu_share']:.1f} % of a core at {used['rate_hz'] / 1e3:g} kHz, "
+            f"{used['cpu_us_per_tick']:.0f} us a tick, work p50 {_number(used['work_p50_us'])} us"
+        )
     yield f"codec: {document['codec']['live_samples_per_s'] / 1e3:.0f} thousand samples/s"
     for side, memory in document["memory"].items():
         yield (
@@ -170,7 +168,12 @@ def _footer(document: Mapping[str, Any]) -> str:
     asked += [] if rights["cpus"] is None else [f"CPUs {', '.join(map(str, rights['cpus']))}"]
     length = f"{document['duration_s']:g} s per part" + (": a quick run, no measurement" if document["quick"] else "")
     return "\n".join(
-        [length, "rights: " + ", ".join(asked), host.in_words(document["host"]), footer(document["environment"])]
+        [
+            length,
+            "rights: " + ", ".join(asked),
+            f"{host.in_words(document['host'])}; {host.during(document['steal_share'])}",
+            footer(document["environment"]),
+        ]
     )
 
 

@@ -1,7 +1,7 @@
 """A tick in stages: the steps of a daemon's tick, in its order and on its real parts, with a clock reading after each.
 
-Every second tick is staged; the others are whole ticks of the side loop, so that the two can be compared and the session
-stays as in a daemon. Nothing is replaced in a class, so this also measures a compiled program.
+Half of the ticks are staged; the others are whole ticks of the side loop, so that the two can be compared and the
+session stays as in a daemon. Nothing is replaced in a class, so this also measures a compiled program.
 
 This module is also the process that measures: either one side, woken by timer and event loop as a daemon (caches cold),
 or both sides in virtual time without any pause (caches warm). A datagram waits for the next tick here; in a daemon it
@@ -12,7 +12,7 @@ import asyncio
 import os
 import socket
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from math import inf, isnan
@@ -49,37 +49,41 @@ CHUNK = 50
 SETTLE_TICKS, CONNECT_TICKS = 1000, 30_000
 RING_TICKS = 10_000
 
-Transform = Callable[[int, bytes], Any]
-
 
 class CipherWatch:
-    """Run time and number of calls of the ciphers of a session: in `spent_ns` and `calls`, by part."""
+    """Run time [ns] of the ciphers of a session, and the number of datagrams that they opened and sealed."""
 
     def __init__(self) -> None:
-        self.spent_ns = {DECRYPT: 0, SEAL: 0}
-        self.calls = {DECRYPT: 0, SEAL: 0}
+        self.clear()
 
     def clear(self) -> None:
-        """Begin anew; callers hold on to both dictionaries."""
-        self.spent_ns[DECRYPT] = self.spent_ns[SEAL] = self.calls[DECRYPT] = self.calls[SEAL] = 0
-
-    def timed(self, part: str, function: Transform) -> Transform:
-        spent, calls, clock = self.spent_ns, self.calls, perf_counter_ns
-
-        def run(sequence: int, data: bytes) -> Any:
-            began = clock()
-            made = function(sequence, data)
-            spent[part] += clock() - began
-            calls[part] += 1
-            return made
-
-        return run
+        """Begin anew."""
+        self.open_ns = self.seal_ns = self.opened = self.sealed = 0
 
     def protection(self, protection: Protection) -> Protection:
         """Watch the ciphers of one session."""
-        protection.seal = self.timed(SEAL, protection.seal)
-        protection.open = self.timed(DECRYPT, protection.open)
+        watched = _WatchedCiphers(protection, self)
+        protection.seal, protection.open = watched.seal, watched.open
         return protection
+
+
+class _WatchedCiphers:
+    def __init__(self, protection: Protection, watch: CipherWatch) -> None:
+        self._seal, self._open, self._watch = protection.seal, protection.open, watch
+
+    def seal(self, sequence: int, clear: bytes) -> bytes:
+        began = perf_counter_ns()
+        sealed = self._seal(sequence, clear)
+        self._watch.seal_ns += perf_counter_ns() - began
+        self._watch.sealed += 1
+        return sealed
+
+    def open(self, sequence: int, datagram: bytes) -> bytes | None:
+        began = perf_counter_ns()
+        opened = self._open(sequence, datagram)
+        self._watch.open_ns += perf_counter_ns() - began
+        self._watch.opened += 1
+        return opened
 
 
 class WatchedSecurity:
@@ -201,6 +205,7 @@ class StagedSide:
         bound: its socket, not blocking.
         ring: for its telemetry.
         watch: of the ciphers of its session.
+        tick_period: of both sides [s].
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
     """
 
@@ -218,9 +223,7 @@ class StagedSide:
         leave = (TIMERS, self._fetch), (SEND, self._transmit), (TELEMETRY, self._record), (CLOCK, self._rest)
         sends = (CONTROL, self._account), (ENCODE, self._encode), (PACK, self._post)
         acts = (DECODE, self._decode), (CONTROL, self._actuate)
-        order = (
-            ((DEVICE, self._sense), *sends, *acts) if self._port.leads else (*acts, (DEVICE, self._sense), *sends)
-        )
+        order = ((DEVICE, self._sense), *sends, *acts) if self._port.leads else (*acts, (DEVICE, self._sense), *sends)
         stages = ((READ, self._read), *around, (DECODE, self._hear), *order, *leave)
         self.names = tuple(name for name, _ in stages)
         self._stages = tuple(stage for _, stage in stages)
@@ -239,11 +242,14 @@ class StagedSide:
         return self.side.engaged
 
     def tick(self, index: int, deadline: float, now: float) -> None:
-        """Run a tick: staged if the side leads its peer or follows it, and the last one was not."""
+        """Run a tick, staged or whole.
+
+        Both kinds take turns in the Thue-Morse sequence, in which no periodic work of a part meets only one of them.
+        """
         began = perf_counter_ns()
         self._index, self._deadline, self._now = index, deadline, now
         self._ticks += 1
-        if self._ticks % 2 and self.side.engaged:
+        if self._ticks.bit_count() % 2 and self.side.engaged:
             self._run_stages()
         else:
             self._run_whole()
@@ -261,8 +267,7 @@ class StagedSide:
             stamps.append(clock())
         received, sent = len(self._datagrams), len(self._outbox)
         updates = sum(channel.update is not None for channel in side.outgoing)
-        ciphers = watch.spent_ns[DECRYPT], watch.spent_ns[SEAL], watch.calls[DECRYPT], watch.calls[SEAL]
-        self.rows.append(Row(stamps, *ciphers, received, updates, sent))
+        self.rows.append(Row(stamps, watch.open_ns, watch.seal_ns, watch.opened, watch.sealed, received, updates, sent))
         self.lengths += [len(data) for data, _ in self._datagrams]
 
     def _run_whole(self) -> None:
@@ -454,7 +459,9 @@ def build(name: str, configuration: Configuration, peer: Address, watch: CipherW
     return build_slave(configuration, **common)
 
 
-def staged_side(name: str, configuration: Configuration, address: Address, epoch: float, stack: ExitStack) -> StagedSide:
+def staged_side(
+    name: str, configuration: Configuration, address: Address, epoch: float, stack: ExitStack
+) -> StagedSide:
     """A side, open, with its socket and ring, which the stack closes.
 
     Args:

@@ -1,0 +1,189 @@
+"""Two trees or builds of the program beside each other, measured in turn so that other load affects both alike.
+
+    python -m benchmarks.pairs A B [--pairs 5] [--duration 6] [--json OUT]
+
+A and B are folders that hold the package `weberlink`, such as `src` of a clone or a compiled build. Each measurement is
+a process of this module with that folder first on its path; it uses only what both programs have. The interpreter and
+the benchmarks are the present ones, and each tree brings its own `loopback.yaml`.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.arrangement import MAIN_RATE_HZ, ROOT, Arrangement, BenchError, granted
+from benchmarks.codec_speed import measure as codec_speed
+from benchmarks.host import during, host, in_words, stolen
+from benchmarks.latency import ONE_WAY, echo
+from benchmarks.live_run import live_run
+from benchmarks.percentiles import summary
+from benchmarks.start_up import engaged
+from weberlink.cli.sessions import free_port
+from weberlink.protocol.keys import generate
+from weberlink.studies.result import plain_table
+from weberlink.system.environment import environment, footer
+
+A, B = "A", "B"
+ECHO_S = 2.0
+PATIENCE_S = 240.0
+MEASURE = "--measure"
+
+Figures = dict[str, float]
+"""What one measurement of a program found, by name with unit."""
+
+
+def measure(duration_s: float) -> Figures:
+    """Measure the program on the path of this process: start, live sessions, latency, codec.
+
+    Args:
+        duration_s: of the live session [s].
+
+    Raises:
+        BenchError: if a part fails.
+    """
+    file = Path(str(files("weberlink.configs") / "loopback.yaml"))
+    figures: Figures = {}
+    with TemporaryDirectory(prefix="weberlink-pairs-") as folder:
+        key = Path(folder) / "key"
+        generate(key)
+        arrangement = Arrangement(file, key, (), lambda overrides: free_port(file, overrides), duration_s)
+        rights = granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
+        figures["start [s]"] = engaged(file, free_port(file, ()))
+        for name, side in live_run(arrangement, MAIN_RATE_HZ, duration_s).items():
+            work, late = summary(side.records["work_us"]), summary(side.lateness_us)
+            figures |= {
+                f"{name} CPU [%]": 100.0 * side.cpu_s / side.elapsed_s,
+                f"{name} work p50 [us]": work["p50"] or 0.0,
+                f"{name} work p99 [us]": work["p99"] or 0.0,
+                f"{name} lateness p99 [us]": late["p99"] or 0.0,
+                f"{name} missed [%]": 100.0 * side.missed_share,
+            }
+        order = {"file": str(file), "overrides": arrangement.overrides(MAIN_RATE_HZ)}
+        trips = echo("coded_echo", order, MAIN_RATE_HZ, ECHO_S, rights)
+    for way in ONE_WAY:
+        found = summary(trips.of(way))
+        figures |= {f"{way} p50 [us]": found["p50"] or 0.0, f"{way} p99 [us]": found["p99"] or 0.0}
+    figures["codec [samples/s]"] = codec_speed(quick=True).live_samples_per_s
+    return figures
+
+
+def measured(tree: Path, duration_s: float) -> Figures:
+    """The same of the program in a folder, in a process of its own.
+
+    Raises:
+        BenchError: if the folder holds no such program, or a part fails.
+    """
+    path = os.pathsep.join((str(tree), ROOT))
+    line = [sys.executable, "-m", "benchmarks.pairs", MEASURE, f"{duration_s:g}"]
+    try:
+        ended = subprocess.run(  # noqa: S603
+            line, capture_output=True, text=True, check=False, timeout=duration_s + PATIENCE_S,
+            env=os.environ | {"PYTHONPATH": path},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise BenchError(f"{tree}: its measurement did not end in time") from None
+    if ended.returncode:
+        raise BenchError(f"{tree}: {' '.join(ended.stderr.strip().splitlines()[-1:])}")
+    answer = json.loads(ended.stdout)
+    if not Path(answer["program"]).is_relative_to(tree):
+        raise BenchError(f"{tree}: holds no package weberlink; {answer['program']} was measured instead")
+    figures: Figures = answer["figures"]
+    return figures
+
+
+def compare(pairs: Sequence[Mapping[str, Figures]]) -> list[dict[str, Any]]:
+    """Median of each figure of both programs, and the ratio B/A: its median, smallest and largest over the pairs."""
+    rows = []
+    for name in pairs[0][A]:
+        ratios = [pair[B][name] / pair[A][name] for pair in pairs if pair[A][name]]
+        rows.append(
+            {
+                "name": name,
+                "a": median(pair[A][name] for pair in pairs),
+                "b": median(pair[B][name] for pair in pairs),
+                "ratio": median(ratios) if ratios else None,
+                "least": min(ratios, default=None),
+                "most": max(ratios, default=None),
+            }
+        )
+    return rows
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    printed = plain_table("median over the pairs", A, B, "B / A", "least", "most")
+    for row in rows:
+        printed.add_row(row["name"], *(_number(row[key]) for key in ("a", "b", "ratio", "least", "most")))
+    return printed
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}" if abs(value) < 1e3 else f"{value:.0f}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("trees", nargs=2, type=Path, metavar="FOLDER", help="that holds the package weberlink")
+    parser.add_argument("--pairs", type=int, default=5, metavar="N", help="how often each program is measured")
+    parser.add_argument("--duration", type=float, default=6.0, metavar="S", help="of a live session [s]")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write every measurement")
+    asked = parser.parse_args()
+    if asked.pairs < 1 or not asked.duration >= 1.0:
+        parser.error("--pairs must be at least 1, --duration at least 1 s")
+    trees = dict(zip((A, B), (tree.resolve() for tree in asked.trees), strict=True))
+    facts, taken = host(), stolen()
+    pairs: list[Mapping[str, Figures]] = []
+    try:
+        for number in range(asked.pairs):
+            order = (A, B) if number % 2 == 0 else (B, A)
+            pairs.append({name: measured(trees[name], asked.duration) for name in order})
+            if sys.stderr.isatty():
+                sys.stderr.write(f"\r{number + 1} of {asked.pairs} pairs" + "\n" * (number + 1 == asked.pairs))
+    except BenchError as error:
+        sys.stderr.write(f"pairs: {error}\n")
+        return 1
+    rows, share = compare(pairs), taken.share_until(stolen())
+    console = Console()
+    console.print(table(rows))
+    console.print(*(f"{name}: {tree}" for name, tree in trees.items()), sep="\n", soft_wrap=True, highlight=False)
+    console.print(f"{in_words(facts)}; {during(share)}\n{footer(environment())}", style="dim", highlight=False)
+    if asked.json is not None:
+        document = {
+            "kind": "weberlink pairs",
+            "trees": {name: str(tree) for name, tree in trees.items()},
+            "duration_s": asked.duration,
+            "compared": rows,
+            "pairs": pairs,
+            "host": facts,
+            "steal_share": share,
+            "environment": environment(),
+        }
+        asked.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _measure(duration_s: float) -> int:
+    """The process that measures one program."""
+    import weberlink  # noqa: PLC0415
+
+    try:
+        figures = measure(duration_s)
+    except BenchError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    sys.stdout.write(json.dumps({"program": weberlink.__file__, "figures": figures}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_measure(float(sys.argv[2])) if sys.argv[1:2] == [MEASURE] else main())
