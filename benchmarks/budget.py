@@ -18,7 +18,8 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, Rights, answers, c
 from benchmarks.bare_tick import EPOLL, LEADING, TICKER, UVLOOP
 from benchmarks.kernel_counts import KernelCounts, count
 from benchmarks.latency import SIZE
-from benchmarks.live_run import LiveSide, live_run
+from benchmarks.live_run import live_run
+from benchmarks.live_side import LiveSide
 from benchmarks.percentiles import summary
 from benchmarks.staged_tick import DECRYPT, SEAL, TELEMETRY, chunk_median
 from benchmarks.staged_tick import PARTS as STAGED_PARTS

@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks import programs
 from benchmarks.arrangement import Arrangement, Rights, answers, child, rights_of, serve
-from benchmarks.live_run import LiveSide, live_run
+from benchmarks.live_run import live_run
+from benchmarks.live_side import LiveSide
 from benchmarks.percentiles import Series, ratios, summary
 from weberlink.realtime import timerfd
 

@@ -4,7 +4,8 @@
 
 A and B are folders that hold the package `weberlink`, such as `src` of a clone or a compiled build. Each measurement is
 a process of this module with that folder first on its path; it uses only what both programs have. The interpreter and
-the benchmarks are the present ones, and each tree brings its own `loopback.yaml`.
+the benchmarks are the present ones, and each tree brings its own `loopback.yaml`. The live session is that of the file;
+the latency is with a key, as in `python -m benchmarks`.
 """
 
 import argparse
@@ -13,29 +14,39 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
+from signal import SIGTERM
 from statistics import median
 from tempfile import TemporaryDirectory
+from time import monotonic, sleep
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from benchmarks.arrangement import MAIN_RATE_HZ, ROOT, Arrangement, BenchError, granted
 from benchmarks.codec_speed import measure as codec_speed
 from benchmarks.host import during, host, in_words, stolen
 from benchmarks.latency import ONE_WAY, echo
-from benchmarks.live_run import live_run
+from benchmarks.live_side import LiveSide, Resources, resources
 from benchmarks.percentiles import summary
-from benchmarks.start_up import engaged
 from weberlink.cli.sessions import free_port
 from weberlink.protocol.keys import generate
+from weberlink.protocol.states import State
 from weberlink.studies.result import plain_table
+from weberlink.system.configuration import SIDES
 from weberlink.system.environment import environment, footer
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.ring import default_path
 
 A, B = "A", "B"
 ECHO_S = 2.0
+START_LIMIT_S, SETTLE_S, LOOK_S, READ_EVERY_S = 60.0, 1.0, 0.005, 0.25
 PATIENCE_S = 240.0
 MEASURE = "--measure"
 
@@ -43,34 +54,107 @@ Figures = dict[str, float]
 """What one measurement of a program found, by name with unit."""
 
 
-def measure(duration_s: float) -> Figures:
-    """Measure the program on the path of this process: start, live sessions, latency, codec.
+class Session:
+    """`weberlink loopback` as its user starts it, observed through the rings of both sides.
 
     Args:
-        duration_s: of the live session [s].
+        file: the configuration.
+    """
+
+    def __init__(self, file: Path) -> None:
+        options = [word for override in free_port(file, ()) for word in ("--set", override)]
+        self._began = monotonic()
+        self._program = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "weberlink", "loopback", str(file), *options],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        self._rings: dict[str, RingReader] = {}
+
+    def start_s(self) -> float:
+        """Wait until both sides are engaged; time from the start to the first such tick of the later one [s].
+
+        Raises:
+            BenchError: if there is no session.
+        """
+        firsts: dict[str, float] = {}
+        while len(firsts) < len(SIDES):
+            if self._program.poll() is not None or monotonic() > self._began + START_LIMIT_S:
+                raise BenchError("weberlink loopback: no session")
+            for side in SIDES:
+                if side not in self._rings:
+                    with suppress(FileNotFoundError):
+                        self._rings[side] = RingReader(default_path(f"{self._program.pid}-{side}"))
+                elif side not in firsts:
+                    records = self._rings[side].read()
+                    engaged = records[records["state"] == State.ENGAGED.value]
+                    if len(engaged):
+                        firsts[side] = float(engaged["at"][0] + engaged["lateness_us"][0] * 1e-6)
+            sleep(LOOK_S)
+        return max(firsts.values()) - self._began
+
+    def observe(self, duration_s: float) -> dict[str, LiveSide]:
+        """Both sides over a time after a first second, in which caches and estimates settle."""
+        sleep(SETTLE_S)
+        for ring in self._rings.values():
+            ring.read()
+        records: dict[str, list[NDArray[np.void]]] = {side: [] for side in self._rings}
+        used: dict[str, list[tuple[float, Resources]]] = {side: [] for side in self._rings}
+        until = monotonic() + duration_s
+        while True:
+            for side, ring in self._rings.items():
+                used[side].append((monotonic(), resources(ring.pid)))
+                records[side].append(ring.read())
+            left = until - monotonic()
+            if left <= 0.0:
+                break
+            sleep(min(READ_EVERY_S, left))
+        return {side: LiveSide(np.concatenate(records[side]), MAIN_RATE_HZ, used[side], {}) for side in self._rings}
+
+    def close(self) -> None:
+        """End it."""
+        for ring in self._rings.values():
+            ring.close()
+        self._program.send_signal(SIGTERM)
+        try:
+            self._program.communicate(timeout=START_LIMIT_S)
+        finally:
+            self._program.kill()
+
+
+def measure(duration_s: float) -> Figures:
+    """Measure the program on the path of this process: start and live session, latency, codec.
+
+    Args:
+        duration_s: of the live session that counts [s].
 
     Raises:
         BenchError: if a part fails.
     """
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
-    figures: Figures = {}
+    session = Session(file)
+    try:
+        figures: Figures = {"start [s]": session.start_s()}
+        sides = session.observe(duration_s)
+    except OSError as error:
+        raise BenchError(f"weberlink loopback: a side ended: {error}") from None
+    finally:
+        session.close()
+    for name, side in sides.items():
+        work, late = summary(side.records["work_us"]), summary(side.lateness_us)
+        figures |= {
+            f"{name} CPU [%]": 100.0 * side.cpu_s / side.elapsed_s,
+            f"{name} work p50 [us]": work["p50"] or 0.0,
+            f"{name} work p99 [us]": work["p99"] or 0.0,
+            f"{name} lateness p99 [us]": late["p99"] or 0.0,
+            f"{name} missed [%]": 100.0 * side.missed_share,
+        }
     with TemporaryDirectory(prefix="weberlink-pairs-") as folder:
         key = Path(folder) / "key"
         generate(key)
-        arrangement = Arrangement(file, key, (), lambda overrides: free_port(file, overrides), duration_s)
-        rights = granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
-        figures["start [s]"] = engaged(file, free_port(file, ()))
-        for name, side in live_run(arrangement, MAIN_RATE_HZ, duration_s).items():
-            work, late = summary(side.records["work_us"]), summary(side.lateness_us)
-            figures |= {
-                f"{name} CPU [%]": 100.0 * side.cpu_s / side.elapsed_s,
-                f"{name} work p50 [us]": work["p50"] or 0.0,
-                f"{name} work p99 [us]": work["p99"] or 0.0,
-                f"{name} lateness p99 [us]": late["p99"] or 0.0,
-                f"{name} missed [%]": 100.0 * side.missed_share,
-            }
-        order = {"file": str(file), "overrides": arrangement.overrides(MAIN_RATE_HZ)}
-        trips = echo("coded_echo", order, MAIN_RATE_HZ, ECHO_S, rights)
+        arrangement = Arrangement(file, key, (), lambda overrides: free_port(file, overrides))
+        overrides = arrangement.overrides(MAIN_RATE_HZ)
+        rights = granted(arrangement.configuration(overrides).system.realtime)
+        trips = echo("coded_echo", {"file": str(file), "overrides": overrides}, MAIN_RATE_HZ, ECHO_S, rights)
     for way in ONE_WAY:
         found = summary(trips.of(way))
         figures |= {f"{way} p50 [us]": found["p50"] or 0.0, f"{way} p99 [us]": found["p99"] or 0.0}
@@ -123,7 +207,7 @@ def compare(pairs: Sequence[Mapping[str, Figures]]) -> list[dict[str, Any]]:
 def table(rows: Sequence[Mapping[str, Any]]) -> Table:
     printed = plain_table("median over the pairs", A, B, "B / A", "least", "most")
     for row in rows:
-        printed.add_row(row["name"], *(_number(row[key]) for key in ("a", "b", "ratio", "least", "most")))
+        printed.add_row(Text(row["name"]), *(_number(row[key]) for key in ("a", "b", "ratio", "least", "most")))
     return printed
 
 

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +56,7 @@ def measure(arrangement: Arrangement) -> StartUp:
     starts: dict[str, Callable[[], float]] = {
         INTERPRETER: lambda: _ended([sys.executable, "-c", "pass"]),
         HELP: lambda: _ended([*program, "--help"]),
-        LOOPBACK: lambda: engaged(arrangement.file, arrangement.overrides(MAIN_RATE_HZ)),
+        LOOPBACK: lambda: _engaged([*program, "loopback", str(arrangement.file)], arrangement.overrides(MAIN_RATE_HZ)),
     }
     seconds: dict[str, list[float]] = {what: [] for what in starts}
     for _ in range(QUICK_ROUNDS if arrangement.quick else ROUNDS):
@@ -74,9 +74,8 @@ def _ended(line: list[str]) -> float:
     return took
 
 
-def engaged(file: Path, overrides: Sequence[str]) -> float:
-    """From the start of `weberlink loopback` to the first engaged tick of the later side [s]."""
-    line = [sys.executable, "-m", "weberlink", "loopback", str(file)]
+def _engaged(line: list[str], overrides: list[str]) -> float:
+    """From the start of the program to the first engaged tick of the later side [s]."""
     options = [word for override in overrides for word in ("--set", override)]
     began = monotonic()
     program = subprocess.Popen(  # noqa: S603
@@ -108,9 +107,9 @@ def _first_tick(program: subprocess.Popen[str], ring: Path) -> float:
                     reader = RingReader(ring)
             else:
                 records = reader.read()
-                linked = records[records["state"] == State.ENGAGED.value]
-                if len(linked):
-                    return float(linked["at"][0] + linked["lateness_us"][0] * 1e-6)
+                engaged = records[records["state"] == State.ENGAGED.value]
+                if len(engaged):
+                    return float(engaged["at"][0] + engaged["lateness_us"][0] * 1e-6)
             sleep(LOOK_S)
     finally:
         if reader is not None:

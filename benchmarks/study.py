@@ -26,7 +26,7 @@ from benchmarks.codec_speed import CodecSpeed
 from benchmarks.host import during, host, in_words, stolen
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
-from benchmarks.live_run import memory
+from benchmarks.live_side import memory
 from benchmarks.report import budget_report, report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost

@@ -10,7 +10,7 @@ from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
 from benchmarks.codec_speed import CodecSpeed
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
-from benchmarks.live_run import LiveSide, Resources
+from benchmarks.live_side import LiveSide, Resources
 from benchmarks.meter import Overhead
 from benchmarks.start_up import StartUp
 from benchmarks.study import Findings

@@ -11,7 +11,7 @@ from benchmarks.arrangement import Arrangement, BenchError, Rights, granted
 from benchmarks.host import host, in_words
 from benchmarks.latency import echo, join
 from benchmarks.lateness import LatenessLimit
-from benchmarks.live_run import LiveSide, Resources, memory, resident_kib, resources
+from benchmarks.live_side import LiveSide, Resources, memory, resident_kib, resources
 from benchmarks.percentiles import summary
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
