@@ -169,7 +169,7 @@ def measured(tree: Path, duration_s: float) -> Figures:
         BenchError: if the folder holds no such program, or a part fails.
     """
     path = os.pathsep.join((str(tree), ROOT))
-    line = [sys.executable, "-m", "benchmarks.pairs", MEASURE, f"{duration_s:g}"]
+    line = [sys.executable, "-m", "benchmarks.pairs", MEASURE, str(tree), f"{duration_s:g}"]
     try:
         ended = subprocess.run(  # noqa: S603
             line, capture_output=True, text=True, check=False, timeout=duration_s + PATIENCE_S,
@@ -179,10 +179,7 @@ def measured(tree: Path, duration_s: float) -> Figures:
         raise BenchError(f"{tree}: its measurement did not end in time") from None
     if ended.returncode:
         raise BenchError(f"{tree}: {' '.join(ended.stderr.strip().splitlines()[-1:])}")
-    answer = json.loads(ended.stdout)
-    if not Path(answer["program"]).is_relative_to(tree):
-        raise BenchError(f"{tree}: holds no package weberlink; {answer['program']} was measured instead")
-    figures: Figures = answer["figures"]
+    figures: Figures = json.loads(ended.stdout)
     return figures
 
 
@@ -256,18 +253,20 @@ def main() -> int:
     return 0
 
 
-def _measure(duration_s: float) -> int:
-    """The process that measures one program."""
+def _measure(tree: Path, duration_s: float) -> int:
+    """The process that measures the program in a folder."""
     import weberlink  # noqa: PLC0415
 
+    if not Path(weberlink.__file__).is_relative_to(tree):
+        sys.stderr.write(f"holds no package weberlink; found {weberlink.__file__} instead\n")
+        return 1
     try:
-        figures = measure(duration_s)
+        sys.stdout.write(json.dumps(measure(duration_s)))
     except BenchError as error:
         sys.stderr.write(f"{error}\n")
         return 1
-    sys.stdout.write(json.dumps({"program": weberlink.__file__, "figures": figures}))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(_measure(float(sys.argv[2])) if sys.argv[1:2] == [MEASURE] else main())
+    sys.exit(_measure(Path(sys.argv[2]), float(sys.argv[3])) if sys.argv[1:2] == [MEASURE] else main())

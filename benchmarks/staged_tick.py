@@ -17,6 +17,7 @@ from contextlib import ExitStack
 from itertools import pairwise
 from math import inf, isnan
 from pathlib import Path
+from resource import RUSAGE_THREAD, getrusage
 from statistics import fmean, median
 from tempfile import TemporaryDirectory
 from time import monotonic, perf_counter, perf_counter_ns, process_time_ns
@@ -214,10 +215,11 @@ class StagedSide:
         self, side: Side, bound: socket.socket, ring: RingWriter, watch: CipherWatch, tick_period: float, horizon: float
     ) -> None:
         self.side, self._socket, self._ring, self._watch = side, bound, ring, watch
-        # As the shell reads, but in the tick alone: this loop never runs.
+        # As the shell reads, but in the tick alone: this loop never runs. The clock stands still in a tick, so that the
+        # queue never has to wait.
         self._loop = uvloop.new_event_loop()
         self._queue = ReceiveQueue(
-            bound, loop=self._loop, now=monotonic, take=self._found, on_datagrams=self._rest, share=PEER_SHARE
+            bound, loop=self._loop, now=self._time, take=self._found, on_datagrams=self._rest, share=PEER_SHARE
         )
         self._endpoint, self._port = side.endpoint, side.port
         self._tick_period, self._horizon = tick_period, horizon
@@ -250,18 +252,23 @@ class StagedSide:
     def tick(self, index: int, deadline: float, now: float) -> None:
         """Run a tick, staged or whole.
 
-        Both kinds take turns in the Thue-Morse sequence, in which no periodic work of a part meets only one of them.
+        Both kinds take turns in the Thue-Morse sequence, in which no periodic work of a part meets only one of them. A
+        tick in which another program took the processor does not count.
         """
-        began = perf_counter_ns()
+        began, preempted = perf_counter_ns(), getrusage(RUSAGE_THREAD).ru_nivcsw
         self._index, self._deadline, self._now = index, deadline, now
         self._ticks += 1
         if self._ticks.bit_count() % 2 and self.side.engaged:
-            self._run_stages()
+            row = self._run_stages()
+            if getrusage(RUSAGE_THREAD).ru_nivcsw == preempted:
+                self.rows.append(row)
         else:
-            self._run_whole()
+            whole_ns = self._run_whole()
+            if getrusage(RUSAGE_THREAD).ru_nivcsw == preempted:
+                self.whole_ns.append(whole_ns)
         self.callback_ns += perf_counter_ns() - began
 
-    def _run_stages(self) -> None:
+    def _run_stages(self) -> Row:
         side, clock = self.side, perf_counter_ns
         watch = self._watch
         side.index, side.deadline = self._index, self._deadline
@@ -271,12 +278,12 @@ class StagedSide:
         for stage in self._stages:
             stage()
             stamps.append(clock())
+        self.lengths += [len(data) for data, _ in self._datagrams]
         received, sent = len(self._datagrams), len(self._outbox)
         updates = sum(channel.update is not None for channel in side.outgoing)
-        self.rows.append(Row(stamps, watch.open_ns, watch.seal_ns, watch.opened, watch.sealed, received, updates, sent))
-        self.lengths += [len(data) for data, _ in self._datagrams]
+        return Row(stamps, watch.open_ns, watch.seal_ns, watch.opened, watch.sealed, received, updates, sent)
 
-    def _run_whole(self) -> None:
+    def _run_whole(self) -> int:
         began = perf_counter_ns()
         self._read()
         self._take()
@@ -284,14 +291,18 @@ class StagedSide:
         self.side.tick(self._index, self._deadline, self._now)
         self._fetch()
         self._transmit()
-        self.whole_ns.append(perf_counter_ns() - began)
+        took = perf_counter_ns() - began
         self._record()
+        return took
 
     # --- the stages
 
     def _read(self) -> None:
         self._datagrams = []
         self._queue.read()
+
+    def _time(self) -> float:
+        return self._now
 
     def _found(self, data: bytes, source: Address, _now: float) -> None:
         self._datagrams.append((data, source))
@@ -375,8 +386,8 @@ class StagedSide:
         Raises:
             BenchError: if nothing was staged, or the ciphers were not seen at work.
         """
-        if not self.rows:
-            raise BenchError("no tick was staged: the session was not engaged")
+        if not self.rows or not self.whole_ns:
+            raise BenchError("no tick was staged: the session was not engaged, or other programs had the processor")
         empty = median(row.stamps[-1] - row.stamps[-2] for row in self.rows)
         if sum(row.received for row in self.rows) and not sum(row.opened for row in self.rows):
             raise BenchError("datagrams were received, but none was seen being opened: the ciphers are not watched")
@@ -405,6 +416,7 @@ class ColdRun:
         self._settled = False
         self._error: BaseException | None = None
         self._marks: list[tuple[int, int, int]] = []
+        """CPU time, time spent in ticks [ns], and involuntary switches to other programs by then; after each chunk."""
         self._done = asyncio.Event()
 
     def _tick(self, index: int, deadline: float, now: float) -> None:
@@ -422,7 +434,7 @@ class ColdRun:
                 staged.clear()
             return
         if self._ticks % CHUNK == 0:
-            self._marks.append((process_time_ns(), staged.callback_ns, self._ticks))
+            self._marks.append((process_time_ns(), staged.callback_ns, getrusage(RUSAGE_THREAD).ru_nivcsw))
         if self._ticks >= self._wanted:
             self._ticker.stop()
             self._done.set()
@@ -442,11 +454,10 @@ class ColdRun:
             runner.run(self._main())
         if self._error is not None:
             raise self._error
-        outside = [
-            ((later[0] - sooner[0]) - (later[1] - sooner[1])) / (later[2] - sooner[2])
-            for sooner, later in pairwise(self._marks)
-        ]
-        return self._staged.result() | {"outside_us": max(0.0, median(outside) * 1e-3)}
+        chunks = list(pairwise(self._marks))
+        undisturbed = [(sooner, later) for sooner, later in chunks if sooner[2] == later[2]] or chunks
+        outside = [(later[0] - sooner[0]) - (later[1] - sooner[1]) for sooner, later in undisturbed]
+        return self._staged.result() | {"outside_us": max(0.0, median(outside) * 1e-3 / CHUNK)}
 
 
 def build(name: str, configuration: Configuration, peer: Address, watch: CipherWatch, epoch: float) -> Side:
