@@ -14,7 +14,6 @@ import socket
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from itertools import pairwise
 from math import inf, isnan
 from pathlib import Path
 from resource import RUSAGE_THREAD, getrusage
@@ -215,6 +214,7 @@ class StagedSide:
         self, side: Side, bound: socket.socket, ring: RingWriter, watch: CipherWatch, tick_period: float, horizon: float
     ) -> None:
         self.side, self._socket, self._ring, self._watch = side, bound, ring, watch
+        self._index, self._deadline, self._now = 0, 0.0, 0.0
         # As the shell reads, but in the tick alone: this loop never runs. The clock stands still in a tick, so that the
         # queue never has to wait.
         self._loop = uvloop.new_event_loop()
@@ -223,7 +223,6 @@ class StagedSide:
         )
         self._endpoint, self._port = side.endpoint, side.port
         self._tick_period, self._horizon = tick_period, horizon
-        self._index, self._deadline, self._now = 0, 0.0, 0.0
         self._elapsed = self._peer_tick = 0.0
         self._datagrams: list[tuple[bytes, Address]] = []
         self._outbox: list[tuple[bytes, Address]] = []
@@ -240,8 +239,9 @@ class StagedSide:
         self.rows: list[Row] = []
         self.whole_ns: list[int] = []
         """Work of each whole tick."""
-        self.callback_ns = 0
-        """Time spent in all ticks, with the timing itself."""
+        self.outside_ns: list[int] = []
+        """CPU time between two ticks."""
+        self._cpu_ns = 0
         self.lengths: list[int] = []
         """Of the datagrams received."""
 
@@ -255,7 +255,9 @@ class StagedSide:
         Both kinds take turns in the Thue-Morse sequence, in which no periodic work of a part meets only one of them. A
         tick in which another program took the processor does not count.
         """
-        began, preempted = perf_counter_ns(), getrusage(RUSAGE_THREAD).ru_nivcsw
+        if self._cpu_ns:
+            self.outside_ns.append(process_time_ns() - self._cpu_ns)
+        preempted = getrusage(RUSAGE_THREAD).ru_nivcsw
         self._index, self._deadline, self._now = index, deadline, now
         self._ticks += 1
         if self._ticks.bit_count() % 2 and self.side.engaged:
@@ -266,7 +268,7 @@ class StagedSide:
             whole_ns = self._run_whole()
             if getrusage(RUSAGE_THREAD).ru_nivcsw == preempted:
                 self.whole_ns.append(whole_ns)
-        self.callback_ns += perf_counter_ns() - began
+        self._cpu_ns = process_time_ns()
 
     def _run_stages(self) -> Row:
         side, clock = self.side, perf_counter_ns
@@ -378,10 +380,10 @@ class StagedSide:
 
     def clear(self) -> None:
         """Forget all ticks until now."""
-        self.rows, self.whole_ns, self.callback_ns, self.lengths = [], [], 0, []
+        self.rows, self.whole_ns, self.outside_ns, self.lengths = [], [], [], []
 
     def result(self) -> dict[str, Any]:
-        """The costs of all parts, of a whole tick [us], and what a limit needs to do the same.
+        """The costs of all parts, of a whole tick and outside of it [us], and what a limit needs to do the same.
 
         Raises:
             BenchError: if nothing was staged, or the ciphers were not seen at work.
@@ -394,6 +396,7 @@ class StagedSide:
         return {
             "parts": costs([row.parts(self.names, empty) for row in self.rows]),
             "whole_us": chunk_median(self.whole_ns) * 1e-3,
+            "outside_us": chunk_median(self.outside_ns) * 1e-3,
             "ticks": len(self.rows),
             "datagram_bytes": median(self.lengths) if self.lengths else None,
             "record": [0.0 if isnan(value) else value for value in map(float, self.side.record())],
@@ -415,8 +418,6 @@ class ColdRun:
         self._ticks = self._until_counted = 0
         self._settled = False
         self._error: BaseException | None = None
-        self._marks: list[tuple[int, int, int]] = []
-        """CPU time, time spent in ticks [ns], and involuntary switches to other programs by then; after each chunk."""
         self._done = asyncio.Event()
 
     def _tick(self, index: int, deadline: float, now: float) -> None:
@@ -433,8 +434,6 @@ class ColdRun:
                 self._settled, self._ticks = True, 0
                 staged.clear()
             return
-        if self._ticks % CHUNK == 0:
-            self._marks.append((process_time_ns(), staged.callback_ns, getrusage(RUSAGE_THREAD).ru_nivcsw))
         if self._ticks >= self._wanted:
             self._ticker.stop()
             self._done.set()
@@ -448,16 +447,13 @@ class ColdRun:
         await self._done.wait()
 
     def run(self) -> dict[str, Any]:
-        """Run to the end; the result of the side, and the CPU time of a tick outside of the side [us]."""
+        """Run to the end; the result of the side."""
         freeze_garbage()
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.run(self._main())
         if self._error is not None:
             raise self._error
-        chunks = list(pairwise(self._marks))
-        undisturbed = [(sooner, later) for sooner, later in chunks if sooner[2] == later[2]] or chunks
-        outside = [(later[0] - sooner[0]) - (later[1] - sooner[1]) for sooner, later in undisturbed]
-        return self._staged.result() | {"outside_us": max(0.0, median(outside) * 1e-3 / CHUNK)}
+        return self._staged.result()
 
 
 def build(name: str, configuration: Configuration, peer: Address, watch: CipherWatch, epoch: float) -> Side:
