@@ -6,7 +6,6 @@ and the event loop is the rest. `side loop` is what a whole tick takes beyond it
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +20,10 @@ from benchmarks.latency import SIZE
 from benchmarks.live_run import live_run
 from benchmarks.live_side import LiveSide
 from benchmarks.percentiles import summary
-from benchmarks.staged_tick import DECRYPT, SEAL, TELEMETRY, chunk_median
+from benchmarks.staged_tick import DECRYPT, SEAL, TELEMETRY, chunk_median, cold_sides
 from benchmarks.staged_tick import PARTS as STAGED_PARTS
 from weberlink.studies.result import plain_table
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.system.launcher import Daemon
 
 WAKE, LEAD, LOOP, SIDE_LOOP = "wake-up", "lead", "event loop", "side loop"
@@ -168,12 +167,8 @@ def measure(arrangement: Arrangement, rights: Rights) -> Budget:
         return {"file": str(arrangement.file), "overrides": overrides, "ticks": ticks}
 
     limit_s = 4.0 * duration_s + PATIENCE_S
-    with ExitStack() as stack:
-        common = order()
-        running = [
-            stack.enter_context(child("staged_tick", common | {"side": side}, rights)) for side in (SLAVE, MASTER)
-        ]
-        cold = dict(zip((SLAVE, MASTER), answers(running, limit_s, "the staged ticks"), strict=True))
+    common = order()
+    cold = cold_sides(common, rights)
     counted: list[KernelCounts] = []
 
     def counts(daemons: Mapping[str, Daemon]) -> None:

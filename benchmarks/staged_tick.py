@@ -9,10 +9,11 @@ wakes the event loop.
 """
 
 import asyncio
+import json
 import os
 import socket
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from math import inf, isnan
 from pathlib import Path
@@ -24,7 +25,7 @@ from typing import Any, NamedTuple
 
 import uvloop
 
-from benchmarks.arrangement import BenchError, rights_of, serve
+from benchmarks.arrangement import BenchError, Rights, child, rights_of, serve, tell
 from weberlink.geometry.vector import Vector
 from weberlink.protocol.aio.queue import ReceiveQueue
 from weberlink.protocol.aio.udp import PEER_SHARE
@@ -406,37 +407,36 @@ class StagedSide:
 class ColdRun:
     """One side woken by timer and event loop as in a daemon.
 
+    It goes on when it has measured, until it is killed: the other side still needs it.
+
     Args:
         staged: the side.
         period_s: between ticks [s].
         ticks: that count.
+        tell: receives the result.
     """
 
-    def __init__(self, staged: StagedSide, period_s: float, ticks: int) -> None:
-        self._staged, self._wanted = staged, ticks
+    def __init__(self, staged: StagedSide, period_s: float, ticks: int, tell: Callable[[dict[str, Any]], None]) -> None:
+        self._staged, self._wanted, self._tell = staged, ticks, tell
         self._ticker = Ticker(period_s, self._tick, on_error=self._fail)
-        self._ticks = self._until_counted = 0
-        self._settled = False
+        self._engaged = self._alone = 0
         self._error: BaseException | None = None
         self._done = asyncio.Event()
 
     def _tick(self, index: int, deadline: float, now: float) -> None:
         staged = self._staged
         staged.tick(index, deadline, now)
-        self._ticks += 1
-        if not self._settled:
-            if not staged.engaged:
-                if self._ticks > CONNECT_TICKS:
-                    raise BenchError("a staged tick: the two sides did not connect")
-                return
-            self._until_counted += 1
-            if self._until_counted == SETTLE_TICKS:
-                self._settled, self._ticks = True, 0
-                staged.clear()
+        if not staged.engaged:
+            self._alone += 1
+            if self._alone == CONNECT_TICKS:
+                raise BenchError("a staged tick: the two sides did not connect")
             return
-        if self._ticks >= self._wanted:
-            self._ticker.stop()
-            self._done.set()
+        self._alone = 0
+        self._engaged += 1
+        if self._engaged == SETTLE_TICKS:
+            staged.clear()
+        elif self._engaged == SETTLE_TICKS + self._wanted:
+            self._tell(staged.result())
 
     def _fail(self, error: BaseException) -> None:
         self._error = error
@@ -446,14 +446,17 @@ class ColdRun:
         self._ticker.start()
         await self._done.wait()
 
-    def run(self) -> dict[str, Any]:
-        """Run to the end; the result of the side."""
+    def run(self) -> None:
+        """Run until killed.
+
+        Raises:
+            BaseException: what a tick raised.
+        """
         freeze_garbage()
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.run(self._main())
         if self._error is not None:
             raise self._error
-        return self._staged.result()
 
 
 def build(name: str, configuration: Configuration, peer: Address, watch: CipherWatch, epoch: float) -> Side:
@@ -501,14 +504,15 @@ def staged_side(
     return staged
 
 
-def cold(order: Mapping[str, Any], configuration: Configuration) -> dict[str, Any]:
-    """Measure one side in real time, with the rights of its daemon."""
+def cold(order: Mapping[str, Any], configuration: Configuration) -> None:
+    """Measure one side in real time, with the rights of its daemon, and print its result as a line."""
     name = order["side"]
     address = split_address(configuration.system.link.slave)
     with ExitStack() as stack:
         staged = staged_side(name, configuration, address, monotonic(), stack)
         rights_of(order).take(0 if name == MASTER else 1)
-        return ColdRun(staged, configuration.system.tick_period, order["ticks"]).run()
+        period = configuration.system.tick_period
+        ColdRun(staged, period, order["ticks"], lambda found: tell(json.dumps(found) + "\n")).run()
 
 
 def warm(order: Mapping[str, Any], configuration: Configuration) -> dict[str, Any]:
@@ -532,9 +536,32 @@ def warm(order: Mapping[str, Any], configuration: Configuration) -> dict[str, An
     raise BenchError("a staged tick: the two sides did not connect in virtual time")
 
 
-def _serve(order: dict[str, Any]) -> dict[str, Any]:
+def cold_sides(order: Mapping[str, Any], rights: Rights) -> dict[str, dict[str, Any]]:
+    """Measure both sides in real time, each in a process of its own.
+
+    Raises:
+        BenchError: if one of them fails.
+    """
+    found = {}
+    with ExitStack() as stack:
+        running = {
+            side: stack.enter_context(child("staged_tick", {**order, "side": side}, rights)) for side in (SLAVE, MASTER)
+        }
+        for side, process in running.items():
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            if not line:
+                raise BenchError(f"the staged ticks of the {side}: the process failed")
+            found[side] = json.loads(line)
+    return found
+
+
+def _serve(order: dict[str, Any]) -> dict[str, Any] | None:
     configuration = load(Path(order["file"]), order["overrides"])
-    return cold(order, configuration) if "side" in order else warm(order, configuration)
+    if "side" not in order:
+        return warm(order, configuration)
+    cold(order, configuration)
+    return None
 
 
 if __name__ == "__main__":
