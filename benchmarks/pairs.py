@@ -111,12 +111,18 @@ class Session:
         return {side: LiveSide(np.concatenate(records[side]), MAIN_RATE_HZ, used[side], {}) for side in self._rings}
 
     def close(self) -> None:
-        """End it."""
+        """End it.
+
+        Raises:
+            BenchError: if it does not end.
+        """
         for ring in self._rings.values():
             ring.close()
         self._program.send_signal(SIGTERM)
         try:
             self._program.communicate(timeout=START_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            raise BenchError("weberlink loopback: did not end after SIGTERM") from None
         finally:
             self._program.kill()
 
