@@ -20,8 +20,8 @@ from weberlink.hardware.discovery import UDEV_RULES
 from weberlink.protocol.states import State
 from weberlink.system import journal
 from weberlink.system.configuration.model import RealtimeSettings
-from weberlink.system.daemon import MISCONFIGURED
 from weberlink.system.launcher import STOP_LIMIT_S
+from weberlink.system.order import MISCONFIGURED
 from weberlink.system.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.fault import Fault
 

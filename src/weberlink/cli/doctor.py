@@ -6,8 +6,7 @@ import typer
 
 from weberlink.cli.arguments import Json, OptionalFile, Set
 from weberlink.cli.output import errors, fail, write
-from weberlink.system.configuration import SIDES, load
-from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, SIDES
 
 Side = Annotated[
     Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
@@ -22,6 +21,7 @@ def doctor(
 ) -> None:
     """Check this machine for real-time problems and suggest fixes; with FILE, check what it needs."""
     from weberlink.apps.doctor import Grade, Needs, examine  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.system.configuration import load  # noqa: PLC0415
 
     if file is None and set_:
         fail("--set: needs a FILE", MISCONFIGURED)
