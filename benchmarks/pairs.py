@@ -78,8 +78,12 @@ class Session:
         """
         firsts: dict[str, float] = {}
         while len(firsts) < len(SIDES):
-            if self._program.poll() is not None or monotonic() > self._began + START_LIMIT_S:
-                raise BenchError("weberlink loopback: no session")
+            if self._program.poll() is not None:
+                assert self._program.stderr is not None
+                said = self._program.stderr.read().strip().splitlines()[-1:]
+                raise BenchError(f"weberlink loopback: {' '.join(said) or 'ended before its session'}")
+            if monotonic() > self._began + START_LIMIT_S:
+                raise BenchError(f"weberlink loopback: no session in {START_LIMIT_S:g} s")
             for side in SIDES:
                 if side not in self._rings:
                     with suppress(FileNotFoundError):
