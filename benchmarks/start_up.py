@@ -15,7 +15,7 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError
-from benchmarks.live_run import resources
+from benchmarks.live_side import resources
 from weberlink.protocol.states import State
 from weberlink.system.order import SIDES
 from weberlink.telemetry.reader import RingReader
