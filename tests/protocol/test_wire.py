@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from tests.protocol.harness import KEY, forms
 from weberlink.codec import force_channel
 from weberlink.protocol import DropReason, wire
-from weberlink.protocol.bits import BitReader, BitWriter, MalformedError
+from weberlink.protocol import bits as strings
+from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import (
@@ -241,19 +242,27 @@ def test_an_update_that_is_cut_or_goes_on_is_refused(payload: PreviousSample | N
 
 @given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS, st.integers(1, MAX_GAP)), max_size=6))
 def test_groups_and_counts_come_back_and_take_the_bits_they_need(parts: list[tuple[int, ...] | int]) -> None:
-    writer, bits = BitWriter(), 0
+    made, size = 1, 0
     for part in parts:
         if isinstance(part, int):
-            writer.put_count(part)
-            bits += 4 + part.bit_length() - 1
+            made = strings.put_count(made, part)
+            size += 4 + part.bit_length() - 1
         else:
-            writer.put_group(part)
-            bits += 4 + len(part) * max(max(part).bit_length() + 1, (~min(part)).bit_length() + 1, 1)
-    data = writer.to_bytes()
-    assert len(data) <= -(-bits // 8)
-    reader = BitReader(data)
-    assert [reader.take_count() if isinstance(part, int) else reader.take_group(len(part)) for part in parts] == parts
-    reader.end()
+            made = strings.put_group(made, part)
+            size += 4 + len(part) * max(max(part).bit_length() + 1, (~min(part)).bit_length() + 1, 1)
+    data = strings.to_bytes(made)
+    assert len(data) <= -(-size // 8)
+    number, left = int.from_bytes(data, "big"), 8 * len(data)
+    read: list[tuple[int, ...] | int] = []
+    for part in parts:
+        if isinstance(part, int):
+            count, left = strings.take_count(number, left)
+            read.append(count)
+        else:
+            group, left = strings.take_group(number, left, len(part))
+            read.append(group)
+    assert read == parts
+    strings.end(number, left)
 
 
 @pytest.mark.parametrize(
