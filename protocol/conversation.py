@@ -278,11 +278,8 @@ class Conversation:
         if self._session is not None:
             self._former, self._session = self._session, None
 
-    def _locate(self, session: Session, source: Address, now: float) -> None:
-        """Record where an authentic datagram came from; an initiator knows where its peer is."""
-        path = self._path
-        if path is None:
-            return
+    def _locate(self, path: Path, session: Session, source: Address, now: float) -> None:
+        """Record where an authentic datagram came from."""
         path.hear(source, now, is_fresh=session.is_newest and session.is_fresh)
         self.peer = path.address
         if (challenge := path.challenge(now)) is not None:
