@@ -4,8 +4,9 @@ A string that is being made is one integer: a 1, then its bits. So its length ne
 """
 
 from collections.abc import Sequence
+from typing import Final
 
-WIDTH_BITS = 4
+WIDTH_BITS: Final = 4
 """Bits that say how wide the numbers of a group are: 1 to 16."""
 
 

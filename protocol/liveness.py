@@ -14,15 +14,16 @@ mapped clocks, which err by less than half a round trip, and is echoed for at mo
 """
 
 from math import floor, inf
+from typing import Final
 
-DEAF = 255
+DEAF: Final = 255
 """The echo of an end that has heard nothing within the limit."""
-UNITS = 64
+UNITS: Final = 64
 """Units of the echo in the silence limit; the loop age is overestimated by at most one."""
-_MODULUS = 255
-FADE_SHARE = 0.8
+_MODULUS: Final = 255
+FADE_SHARE: Final = 0.8
 """Share of the silence limit at which owners begin to fade force out, as loop age."""
-HORIZON_SHARE = 0.6
+HORIZON_SHARE: Final = 0.6
 """Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 
 

@@ -2,12 +2,13 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import Final
 
 from weberlink.protocol.events import Address, DatagramDropped, DropReason, Event
 from weberlink.protocol.wire import UPDATE_KINDS
 
-QUEUED_DATAGRAMS = 64
-QUEUED_EVENTS = 256
+QUEUED_DATAGRAMS: Final = 64
+QUEUED_EVENTS: Final = 256
 
 
 @dataclass(slots=True)

@@ -5,22 +5,23 @@ Only the newest update is ever repeated: it carries the whole state, so an older
 
 from collections import deque
 from math import ceil, inf, log
+from typing import Final
 
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.update import Update
 
-SHORTEST_PACE = 0.005
-LONGEST_PACE = 0.1
-EARLY_PER_S = 6.0
+SHORTEST_PACE: Final = 0.005
+LONGEST_PACE: Final = 0.1
+EARLY_PER_S: Final = 6.0
 """Updates sent again without evidence of a loss, on average; as many may follow each other after a pause."""
-_EVEN_REPEATS = 3
-_REMEMBERED = 8
+_EVEN_REPEATS: Final = 3
+_REMEMBERED: Final = 8
 
-LOSSY = 0.001
+LOSSY: Final = 0.001
 """Measured loss above which a link counts as lossy."""
-MOST_COPIES = 3
-RESIDUAL = 0.02
+MOST_COPIES: Final = 3
+RESIDUAL: Final = 0.02
 """Share of updates that may stay lost although they were sent again early."""
 
 

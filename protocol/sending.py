@@ -1,7 +1,7 @@
 """The sending half of a session: make its datagrams, and decide when the next one is due."""
 
 from math import inf
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK, Credit, LossMeter, int16
 from weberlink.protocol.heartbeat import HeartbeatSchedule
@@ -25,18 +25,18 @@ from weberlink.protocol.wire import (
 )
 from weberlink.update import Update
 
-SLACK = 0.001
+SLACK: Final = 0.001
 """Added to the measured bound on delays, because both ends work in ticks [s]."""
-UNMEASURED_RTT = 0.2
+UNMEASURED_RTT: Final = 0.2
 """Assumed round trip until it is measured [s]."""
-LOSS_STEP = 0.02
+LOSS_STEP: Final = 0.02
 """Change of the measured loss that is reported with the next heartbeat."""
-REKEY_AFTER_S = 120.0
-REKEY_AFTER = 1 << 20
+REKEY_AFTER_S: Final = 120.0
+REKEY_AFTER: Final = 1 << 20
 """For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
 section 4.5.3)."""
-_CHANGE_TICK_MASK = (1 << CHANGE_TICK_BITS) - 1
-_TICK_MASK = (1 << TICK_BITS) - 1
+_CHANGE_TICK_MASK: Final = (1 << CHANGE_TICK_BITS) - 1
+_TICK_MASK: Final = (1 << TICK_BITS) - 1
 _PHASED = tuple(bytes((first | PHASE,)) for first in range(256))
 """By first byte, that of the other key phase."""
 
@@ -238,7 +238,7 @@ class Sender:
         acks = tuple([each.told(confirmed_at) for each in self.acknowledgements])
         stamp, self._departed = clock.stamp(now)
         self.heartbeats.sent(now, liveness.heard_at, self._credit.granted)
-        return Envelope(sequence & SEQUENCE_MASK, stamp, liveness.echo(now), acks), sequence
+        return (sequence & SEQUENCE_MASK, stamp, liveness.echo(now), acks), sequence
 
     def acknowledge_update(self, stream: int, number: int) -> None:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""

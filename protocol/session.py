@@ -4,6 +4,7 @@ The sending half is `Session.sender` (`weberlink.protocol.sending`).
 """
 
 from math import inf
+from typing import Final
 
 from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.counters import SEQUENCE_BITS, Credit, LossMeter, ReplayWindow, expand_counter
@@ -40,16 +41,16 @@ from weberlink.protocol.wire import (
 )
 from weberlink.update import Update
 
-TICK_LEAD = 1.0
+TICK_LEAD: Final = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
-CHANGE_LEAD = 30.0
+CHANGE_LEAD: Final = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
-TICK_AGE_SLACK = 0.01
+TICK_AGE_SLACK: Final = 0.01
 """How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
-EXPIRY = 3.0
+EXPIRY: Final = 3.0
 """How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
-_TICK_MASK = (1 << TICK_BITS) - 1
-LONGEST_SILENCE = 10.0
+_TICK_MASK: Final = (1 << TICK_BITS) - 1
+LONGEST_SILENCE: Final = 10.0
 """Largest silence limit [s]; with `EXPIRY` far below half of the range of a time stamp."""
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None

@@ -13,24 +13,25 @@ Clocks count seconds since the epoch of their owner.
 """
 
 from math import floor, inf
+from typing import Final
 
 from weberlink.protocol.counters import expand
 
-WINDOW = 4.0
+WINDOW: Final = 4.0
 """Length of the minimum filter [s]."""
-_BUCKETS = 8
-_BUCKET = WINDOW / _BUCKETS
-STAMP_BITS = 24
-STAMP_UNIT = 1e-5
+_BUCKETS: Final = 8
+_BUCKET: Final = WINDOW / _BUCKETS
+STAMP_BITS: Final = 24
+STAMP_UNIT: Final = 1e-5
 """Resolution of the time stamps [s]; 24 bits of it wrap every 168 s."""
-_STAMP_MASK = (1 << STAMP_BITS) - 1
-_STAMPS_PER_S = 1e5
+_STAMP_MASK: Final = (1 << STAMP_BITS) - 1
+_STAMPS_PER_S: Final = 1e5
 
-EARLY_LIMIT = 0.05
+EARLY_LIMIT: Final = 0.05
 """A datagram that seems to arrive this much before it left is rejected [s]."""
-_EARLY_LIMIT_UNMAPPED = 5.0
-LONGEST_RTT = 60.0
-_LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off
+_EARLY_LIMIT_UNMAPPED: Final = 5.0
+LONGEST_RTT: Final = 60.0
+_LEAST_RTT: Final = -0.001  # clocks drift between two reports, and stamps are cut off
 
 
 class SlidingMinimum:

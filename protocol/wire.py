@@ -50,7 +50,7 @@ what follows it. Handshake datagrams (`weberlink.protocol.handshake`) share only
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from weberlink.protocol.bits import (
     WIDTH_BITS,
@@ -77,32 +77,36 @@ from weberlink.update import (
     UpdateForm,
 )
 
-CLEAR_BYTES = 3
+CLEAR_BYTES: Final = 3
 """Size of kind and sequence number, which are not encrypted."""
-SENT_BITS, ECHO_BITS = 24, 8
-TICK_BITS = 16
-CHANGE_TICK_BITS = 32
-UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS = 16, 32
-TOKEN_BYTES = 8
-MOST_LEVELS = 256
+SENT_BITS: Final = 24
+ECHO_BITS: Final = 8
+TICK_BITS: Final = 16
+CHANGE_TICK_BITS: Final = 32
+UPDATE_CREDIT_BITS: Final = 16
+HEARTBEAT_CREDIT_BITS: Final = 32
+TOKEN_BYTES: Final = 8
+MOST_LEVELS: Final = 256
 """Largest number of levels of a sample."""
-LONGEST_REASON = 64
-LONGEST_CHANGE = 200
-LONGEST_DATAGRAM = 4096
+LONGEST_REASON: Final = 64
+LONGEST_CHANGE: Final = 200
+LONGEST_DATAGRAM: Final = 4096
 """Longest datagram that is sent or read [bytes]; only a handshake with a very long agreement comes near it."""
-MARK = 0b1000
-PHASE = 0b1000_0000
-ENCODES, REPORTS = 1, 2
+MARK: Final = 0b1000
+PHASE: Final = 0b1000_0000
+ENCODES: Final = 1
+REPORTS: Final = 2
 """Parts of the selector of a heartbeat."""
 
-_KIND_MASK = 0b0111
-_SELECTOR_SHIFT = 4
-_SHAPE_MASK = _KIND_MASK | MARK
-_U32_MAX = 0xFFFF_FFFF
-_LEVEL_BITS = 16
-_ACK, _ACK_BITS = 1 << ACKNOWLEDGEMENT_BITS, 1 + ACKNOWLEDGEMENT_BITS
-_ECHO_MASK = (1 << ECHO_BITS) - 1
-_LARGEST = (1 << _LEVEL_BITS - 1) - 1
+_KIND_MASK: Final = 0b0111
+_SELECTOR_SHIFT: Final = 4
+_SHAPE_MASK: Final = _KIND_MASK | MARK
+_U32_MAX: Final = 0xFFFF_FFFF
+_LEVEL_BITS: Final = 16
+_ACK: Final = 1 << ACKNOWLEDGEMENT_BITS
+_ACK_BITS: Final = 1 + ACKNOWLEDGEMENT_BITS
+_ECHO_MASK: Final = (1 << ECHO_BITS) - 1
+_LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
 _REPORT_WIDTHS = (64, 32, 32, 16)
 
 
@@ -128,20 +132,9 @@ _UPDATE, _HEARTBEAT, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int
 _BYE, _CHANGE, _PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 
 
-class Envelope(NamedTuple):
-    """What every datagram says beside its content, already truncated.
-
-    Args:
-        sequence: its number.
-        sent: when it leaves, on the sender's clock.
-        echo: as of `Liveness`.
-        acks: by stream of the other direction, the acknowledgement; None if it carries none.
-    """
-
-    sequence: int
-    sent: int
-    echo: int
-    acks: tuple[int | None, ...] = (None,)
+Envelope = tuple[int, int, int, tuple[int | None, ...]]
+"""What every datagram says beside its content, already truncated: its number; when it leaves, on the sender's clock;
+the echo of `Liveness`; by stream of the other direction, the acknowledgement, or None if it carries none."""
 
 
 class Head(NamedTuple):
@@ -394,7 +387,7 @@ class UpdateLayout:
             update: one that `check` accepts.
             acknowledges: whether it carries the acknowledgements.
         """
-        return len(self.pack(Envelope(0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
+        return len(self.pack((0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
     def lengths(self) -> tuple[int, int]:

@@ -7,13 +7,14 @@ there when its buffer is full.
 import asyncio
 import socket
 from collections.abc import Callable
+from typing import Final
 
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
-SLICE_S = 2e-4
+SLICE_S: Final = 2e-4
 """Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
-MOST_S = 2e-3
+MOST_S: Final = 2e-3
 """Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
 
 Take = Callable[[bytes, Address, float], None]
