@@ -8,7 +8,6 @@ wait for the next tick is left out: a received update is decoded at once.
 import asyncio
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from time import monotonic, monotonic_ns
 from typing import Any
@@ -22,8 +21,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.protocol import Role
 from weberlink.protocol.aio.udp import UdpShell
-from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
+from weberlink.protocol.events import Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
@@ -58,9 +56,8 @@ class EchoEnd:
         peer = (HOST, port) if asks else None
         security = build_security(configuration)
         self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
-        attend(self.endpoint, self._hear)
         self._epoch, self._tick_period = epoch, system.tick_period
-        self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0))
+        self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0), on_datagrams=self._hear)
         self.samples = contact()
         self.moments: dict[int, list[int]] = {}
         self.ended = asyncio.Event()
@@ -72,6 +69,7 @@ class EchoEnd:
     def ask(self, _index: int, deadline: float, now: float) -> None:
         """A tick of the daemon: receive, encode, send and flush."""
         self.shell.service(now)
+        self._hear()
         if self.endpoint.state is State.ENGAGED:
             tick = round((deadline - self._epoch) / self._tick_period)
             position = self.position(tick)
@@ -111,19 +109,6 @@ class EchoEnd:
     def answered(self) -> Moments:
         """The moments of the answered questions."""
         return {tick: (pair[0], pair[1]) for tick, pair in self.moments.items() if len(pair) == 2}
-
-
-def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
-    """Make an endpoint call back before its shell sends, so that received updates are answered at once."""
-
-    class Attentive(Endpoint):
-        __slots__ = ()
-
-        def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
-            heard()
-            return super().datagrams_to_send()
-
-    endpoint.__class__ = Attentive
 
 
 def contact() -> list[tuple[Vector, Vector]]:

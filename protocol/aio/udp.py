@@ -42,6 +42,7 @@ class UdpShell:
         now: Callable[[], float],
         listen: Address = _ANY_PORT,
         link: EmulatedLink[Address] | None = None,
+        on_datagrams: Callable[[], None] | None = None,
     ) -> None:
         """Prepare; `open` claims the port.
 
@@ -49,11 +50,14 @@ class UdpShell:
             now: the clock of the endpoint [s], such as `time.monotonic`.
             listen: own host and port; "" for all interfaces, 0 for any port.
             link: applies faults to what is sent; None for none.
+            on_datagrams: called after datagrams have come between ticks, before the answers are sent; None if the owner
+                looks for events in its ticks only.
         """
         self._endpoint = endpoint
         self._now = now
         self._listen = listen
         self._link = link
+        self._heard = on_datagrams
         self._loop: asyncio.AbstractEventLoop | None = None
         self._open: ReceiveQueue | None = None
         self._peer: ReceiveQueue | None = None
@@ -173,6 +177,8 @@ class UdpShell:
 
     def _on_datagrams(self) -> None:
         self._follow_peer()
+        if self._heard is not None:
+            self._heard()
         self.flush(self._now())
 
     def _read(self) -> None:
