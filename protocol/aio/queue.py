@@ -97,6 +97,8 @@ class ReceiveQueue:
         waiting = select.poll()
         waiting.register(bound.fileno(), select.POLLIN)
         self._waiting = waiting.poll
+        # That of uvloop returns None and not the bool of its type, which compiled code would check.
+        self._forget: Callable[[int], object] = loop.remove_reader
         loop.add_reader(bound.fileno(), self._on_readable)
 
     def limit(self, share: float) -> None:
@@ -134,7 +136,7 @@ class ReceiveQueue:
         return True
 
     def _pause(self) -> None:
-        self._loop.remove_reader(self.socket.fileno())
+        self._forget(self.socket.fileno())
         self._resume = self._loop.call_later(self._budget.wait(), self._go_on)
 
     def _go_on(self) -> None:
@@ -154,5 +156,5 @@ class ReceiveQueue:
             return
         self.is_open = False
         if not self._loop.is_closed():
-            self._loop.remove_reader(self.socket.fileno())
+            self._forget(self.socket.fileno())
         self.socket.close()

@@ -137,7 +137,9 @@ class Ticker:
         self._stopped = True
         if self._loop is None:
             return
-        self._loop.remove_reader(self._fd)
+        # That of uvloop returns None and not the bool of its type, which compiled code would check.
+        forget: Callable[[int], object] = self._loop.remove_reader
+        forget(self._fd)
         os.close(self._fd)
         self._loop = None
 
