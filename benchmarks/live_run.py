@@ -15,8 +15,8 @@ from benchmarks.arrangement import Arrangement, BenchError
 from benchmarks.percentiles import Series
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.daemon import DaemonOrder
 from weberlink.system.launcher import Daemon
+from weberlink.system.order import DaemonOrder
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.ring import default_path
 

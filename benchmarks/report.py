@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from benchmarks import host
+from benchmarks import host, start_up
 from benchmarks.arrangement import MAIN_RATE_HZ
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
@@ -139,10 +139,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
             f"{side}: {memory['last_kib'] / 1024:.1f} MiB, {memory['growth_kib_per_minute']:+.0f} KiB a minute, "
             f"{memory['descriptors_first']} descriptors, {memory['descriptors_last']} at the end"
         )
-    yield "start: " + ", ".join(
-        f"{what} {start['median_s']:.2f} s ({start['ratio_to_interpreter']:.0f} x)"
-        for what, start in document["start_up"].items()
-    )
+    yield from start_up.lines(document["start_up"])
 
 
 def _targets(document: Mapping[str, Any]) -> Table:

@@ -12,7 +12,7 @@ from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
 from benchmarks.live_run import LiveSide, Resources
 from benchmarks.meter import Overhead
-from benchmarks.start_up import StartUp
+from benchmarks.start_up import DAEMON_PARTS, LAUNCHER_PARTS, StartUp
 from benchmarks.study import Findings
 from benchmarks.tick_cost import PARTS, TickCost
 from benchmarks.update_cost import UpdateCost
@@ -79,7 +79,11 @@ def findings(
         ),
         tick_cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
         codec=codec() if rate is None else rate,
-        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
+        start_up=StartUp(
+            {"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]},
+            {part: [0.15] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)},
+            [1.0],
+        ),
         rights=RIGHTS,
         host=HOST,
         run_time_s=120.0,

@@ -12,7 +12,7 @@ import typer
 from weberlink.cli.arguments import File, Full, Json, Plots, Set, Workers, finite
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
-from weberlink.system.daemon import FAILED, MISCONFIGURED
+from weberlink.system.order import FAILED, MISCONFIGURED
 
 
 def info(
