@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
+from typing import Final
 
 from weberlink.protocol.events import Address, Connected, Event, PathAnswered, PathAsked, UpdateLost
 from weberlink.protocol.liveness import Liveness
@@ -13,12 +14,13 @@ from weberlink.protocol.states import Role, State, Trigger, next_state
 from weberlink.protocol.wire import LONGEST_CHANGE, TICK_BITS, DirectionLayout
 from weberlink.update import Update, UpdateForm
 
-ENCODING_REPORT_S = 0.02
-ENCODING_REPORT_TICKS = 10
+ENCODING_REPORT_S: Final = 0.02
+ENCODING_REPORT_TICKS: Final = 10
 """How long an encoder counts as running after its owner last reported it: the longer of the two."""
-MOST_TICKS = 1 << TICK_BITS - 1
+MOST_TICKS: Final = 1 << TICK_BITS - 1
 """Ticks that the silence limit may span."""
-QUIET_SHARE, LONGEST_QUIET = 0.2, 0.05
+QUIET_SHARE: Final = 0.2
+LONGEST_QUIET: Final = 0.05
 """How long nothing must come from the peer's address before another one is used: a share of the silence limit, and the
 longest time [s]."""
 
@@ -278,11 +280,8 @@ class Conversation:
         if self._session is not None:
             self._former, self._session = self._session, None
 
-    def _locate(self, session: Session, source: Address, now: float) -> None:
-        """Record where an authentic datagram came from; an initiator knows where its peer is."""
-        path = self._path
-        if path is None:
-            return
+    def _locate(self, path: Path, session: Session, source: Address, now: float) -> None:
+        """Record where an authentic datagram came from."""
         path.hear(source, now, is_fresh=session.is_newest and session.is_fresh)
         self.peer = path.address
         if (challenge := path.challenge(now)) is not None:

@@ -1,20 +1,22 @@
 """Counters that travel truncated: expand them, reject repeated ones, and measure loss from the gaps between them."""
 
-SEQUENCE_BITS = 16
+from typing import Final
+
+SEQUENCE_BITS: Final = 16
 """A number is expanded from what came last, so an outage may take up to 2^15 of them. In the longest that a session
 outlives, an end sends far fewer: a silent one sends heartbeats only."""
-SEQUENCE_MASK = (1 << SEQUENCE_BITS) - 1
-ACKNOWLEDGEMENT_BITS = 16
-ACKNOWLEDGEMENT_MASK = (1 << ACKNOWLEDGEMENT_BITS) - 1
+SEQUENCE_MASK: Final = (1 << SEQUENCE_BITS) - 1
+ACKNOWLEDGEMENT_BITS: Final = 16
+ACKNOWLEDGEMENT_MASK: Final = (1 << ACKNOWLEDGEMENT_BITS) - 1
 
-REPLAY_WINDOW = 1024
+REPLAY_WINDOW: Final = 1024
 """Datagrams that may be overtaken and still be accepted: a second of reordering at 1 kHz."""
-_REPLAY_MASK = (1 << REPLAY_WINDOW) - 1
+_REPLAY_MASK: Final = (1 << REPLAY_WINDOW) - 1
 
-LOSS_PATIENCE = 3
+LOSS_PATIENCE: Final = 3
 """A number is missing once this many later ones were seen (the packet threshold of RFC 9002): swaps do not count."""
-_LOSS_MEMORY = 256
-_LOSS_MASK = (1 << _LOSS_MEMORY) - 1
+_LOSS_MEMORY: Final = 256
+_LOSS_MASK: Final = (1 << _LOSS_MEMORY) - 1
 _LOSS_RATES = (1 / 32, 1 / 1024)
 
 

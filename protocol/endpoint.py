@@ -34,12 +34,15 @@ from weberlink.protocol.handshake import (
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import Opened, OwnersOutcome, Session
+from weberlink.protocol.session import Opened, Outcome, OwnersOutcome, Session
 from weberlink.protocol.states import Role, State, Trigger
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of, length_fault
 from weberlink.update import UpdateForm
 
-_HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
+_HANDSHAKE = frozenset((int(Kind.HELLO), int(Kind.WELCOME)))
+_PATH = (PathAsked, PathAnswered)
+# The class of an enumeration is slow to ask for a member.
+_SILENT = State.SILENT
 TAKEN_OVER = "taken over by "
 """First words of the farewell to a master that another one has replaced; its name follows."""
 
@@ -108,6 +111,7 @@ class Endpoint(Conversation):
         )
         packed = pack_agreement(agreement)
         super().__init__(role, parameters, read_map(packed) or {}, entropy, peer)
+        self._calls = role is Role.INITIATOR
         self._lengths = parameters.incoming.lengths(security.tag_size)
         self._served: Caller | None = None  # the master of the present session
         end = LocalEnd(
@@ -206,7 +210,7 @@ class Endpoint(Conversation):
             self._mailbox.drop(DropReason.TRUNCATED)
             return
         kind = kind_of(data)
-        if self.role is Role.INITIATOR and address != self.peer:
+        if self._calls and address != self.peer:
             self._mailbox.drop(DropReason.FOREIGN_ADDRESS)
         elif kind in _HANDSHAKE:
             self._receive_handshake(kind, data, address, now)
@@ -265,40 +269,56 @@ class Endpoint(Conversation):
         self._post(session.sender.send_heartbeat(now))
 
     def _receive_sealed(self, data: bytes, address: Address, now: float) -> None:
-        if self._session is not None and now >= self._session.expires_at:
+        session = self._session
+        if session is not None and now >= session.expires_at:
             self._watch_silence(now)  # this process has stood still; datagrams that waited may be of any age
-        match = self._match(data)
+            session = self._session
+        opened = None if session is None else session.authenticate(data)
+        if session is None or opened is None:
+            self._receive_other(data, address, now)
+            return
+        outcome = session.accept(opened, now)
+        if outcome is not DropReason.REPLAYED:
+            self._mailbox.count(data)
+        self._follow(session, outcome, address, now)
+
+    def _receive_other(self, data: bytes, address: Address, now: float) -> None:
+        """Take a datagram that is not of the present session: the first of a pending one makes that the present one."""
+        match = self._match_pending(data)
         if isinstance(match, DropReason):
             self._mailbox.drop(match)
             return
         session, opened = match
-        if session is not self._session and now - session.liveness.heard_at > self._parameters.silence:
+        if now - session.liveness.heard_at > self._parameters.silence:
             self._mailbox.drop(DropReason.STALE)
             return
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
             self._mailbox.count(data)
-        if session is not self._session and not self._confirm(session, now):
+        if not self._confirm(session, now):
             self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
+        self._follow(session, outcome, address, now)
+
+    def _follow(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
+        """Do what an authentic datagram of the present session leads to."""
         self._dialer.confirm()
         session.measure()
-        self._locate(session, address, now)
-        if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
+        if self._path is not None:
+            self._locate(self._path, session, address, now)
+        if self.state is _SILENT and session.is_fresh and now < session.silent_at:
             self._turn(Trigger.HEAR)
             self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()
             self._mailbox.tell(PeerReturned())
-        if isinstance(outcome, PathAsked | PathAnswered):
+        if isinstance(outcome, _PATH):
             self._take_path(session, outcome, address, now)
-        else:
+        elif outcome is not None:
             self._take(outcome, now)
 
-    def _match(self, data: bytes) -> tuple[Session, Opened] | DropReason:
-        """The session, present or pending, under whose keys a datagram is authentic."""
-        if self._session is not None and (opened := self._session.authenticate(data)) is not None:
-            return self._session, opened
+    def _match_pending(self, data: bytes) -> tuple[Session, Opened] | DropReason:
+        """The pending session under whose keys a datagram is authentic."""
         for session in self._listener.pending:
             if (opened := session.authenticate(data)) is not None:
                 return session, opened
@@ -320,15 +340,15 @@ class Endpoint(Conversation):
         self._establish(session, address)
         return True
 
-    def _take(self, outcome: OwnersOutcome | DropReason | None, now: float) -> None:
-        if isinstance(outcome, DropReason):
-            self._mailbox.drop(outcome)
-        elif isinstance(outcome, UpdateReceived):
+    def _take(self, outcome: OwnersOutcome | DropReason, now: float) -> None:
+        if isinstance(outcome, UpdateReceived):
             self.statistics.updates_received[outcome.stream] += 1
             self._mailbox.tell(outcome)
+        elif isinstance(outcome, DropReason):
+            self._mailbox.drop(outcome)
         elif isinstance(outcome, PeerClosed):
             self._take_farewell(outcome, now)
-        elif outcome is not None:
+        else:
             self._mailbox.tell(outcome)
 
     def _take_farewell(self, farewell: PeerClosed, now: float) -> None:

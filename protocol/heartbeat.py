@@ -14,31 +14,32 @@ losses that happens at most `FALSE_ALARMS_PER_S` often.
 """
 
 from math import ceil, inf, log
+from typing import Final
 
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE, UNITS
 
-LONGEST_REACH = 0.4
+LONGEST_REACH: Final = 0.4
 """Longest reach [s]."""
-LEAST_SHARE = 0.1
+LEAST_SHARE: Final = 0.1
 """Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
-ROUND_TRIP_SHARE = 0.4
+ROUND_TRIP_SHARE: Final = 0.4
 """Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
 session; where these take longer than the limit, it falls silent for some ticks as it begins."""
-LATE_TICKS = 3
+LATE_TICKS: Final = 3
 """How late both ends together send their heartbeats [ticks]."""
-INTRODUCTIONS = 5
-INTRODUCTION_INTERVAL = 0.02
+INTRODUCTIONS: Final = 5
+INTRODUCTION_INTERVAL: Final = 0.02
 """Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
-REPORT_INTERVAL = 1.0
+REPORT_INTERVAL: Final = 1.0
 """A heartbeat with a report goes out at least this often, however many updates do [s]."""
-ASK_PACE = 0.004
+ASK_PACE: Final = 0.004
 """Least time between two questions [s], so that at most 25 are sent in a silence of 100 ms."""
-LEAST_QUESTIONS = 2
+LEAST_QUESTIONS: Final = 2
 """Questions before the silence limit on a link that has lost nothing yet: the first loss must not end a contact."""
-MOST_QUESTIONS = 50
-FALSE_ALARMS_PER_S = 1.0 / 3600.0
-CHANCE_FADES_PER_S = 1.0 / 10.0
-CHANCE_STOPS_PER_S = 1.0
+MOST_QUESTIONS: Final = 50
+FALSE_ALARMS_PER_S: Final = 1.0 / 3600.0
+CHANCE_FADES_PER_S: Final = 1.0 / 10.0
+CHANCE_STOPS_PER_S: Final = 1.0
 """How often losses may cause a needless silence, a needless fade, and a needless stop of an extrapolated motion [1/s].
 Fades and stops end with the next datagram; a false alarm ends the contact."""
 

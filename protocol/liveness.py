@@ -14,15 +14,16 @@ mapped clocks, which err by less than half a round trip, and is echoed for at mo
 """
 
 from math import floor, inf
+from typing import Final
 
-DEAF = 255
+DEAF: Final = 255
 """The echo of an end that has heard nothing within the limit."""
-UNITS = 64
+UNITS: Final = 64
 """Units of the echo in the silence limit; the loop age is overestimated by at most one."""
-_MODULUS = 255
-FADE_SHARE = 0.8
+_MODULUS: Final = 255
+FADE_SHARE: Final = 0.8
 """Share of the silence limit at which owners begin to fade force out, as loop age."""
-HORIZON_SHARE = 0.6
+HORIZON_SHARE: Final = 0.6
 """Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 
 
@@ -72,14 +73,11 @@ class Liveness:
         if echo == DEAF:
             return -inf
         latest = floor((now - self._epoch) / self._unit) + 1  # a rounding may put an echo of just now ahead of now
-        return min(now, self._epoch + (latest - (latest - echo) % _MODULUS) * self._unit)
+        departed = self._epoch + (latest - (latest - echo) % _MODULUS) * self._unit
+        return departed if departed < now else now
 
-    def is_current(self, echo: int, now: float) -> bool:
-        """Whether the loop age of a datagram with this echo is within the limit as it arrives."""
-        return now - self.confirmation(echo, now) <= self._silence
-
-    def hear(self, sequence: int, departure: float, echo: int, *, says_encoding: bool | None, now: float) -> None:
-        """Take a fresh datagram.
+    def hear(self, sequence: int, departure: float, echo: int, *, says_encoding: bool | None, now: float) -> bool:
+        """Take a fresh datagram; returns whether its loop age as it arrives is within the limit.
 
         Args:
             sequence: its number.
@@ -89,11 +87,13 @@ class Liveness:
             now: [s].
         """
         self.heard_at = now
-        self._departure = max(self._departure, departure)
-        self.confirmed_at = max(self.confirmed_at, self.confirmation(echo, now))
+        self._departure = departure if departure > self._departure else self._departure
+        confirmation = self.confirmation(echo, now)
+        self.confirmed_at = confirmation if confirmation > self.confirmed_at else self.confirmed_at
         if says_encoding is not None and sequence > self._newest:
             self._newest = sequence
             if says_encoding:
                 self.encoder_heard_at = now
             self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf
         self.in_touch_at = min(self.confirmed_at, self.encoder_heard_at)
+        return now - confirmation <= self._silence

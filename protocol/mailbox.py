@@ -2,12 +2,13 @@
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import Final
 
 from weberlink.protocol.events import Address, DatagramDropped, DropReason, Event
 from weberlink.protocol.wire import UPDATE_KINDS
 
-QUEUED_DATAGRAMS = 64
-QUEUED_EVENTS = 256
+QUEUED_DATAGRAMS: Final = 64
+QUEUED_EVENTS: Final = 256
 
 
 @dataclass(slots=True)
@@ -50,13 +51,13 @@ class Mailbox:
 
     def __init__(self, statistics: Statistics) -> None:
         self._statistics = statistics
-        self._datagrams: deque[tuple[bytes, Address]] = deque()
+        self._datagrams: list[tuple[bytes, Address]] = []
         self._events: deque[Event] = deque()
 
     def post(self, datagram: bytes, address: Address) -> None:
         """Queue a datagram to be sent."""
         if len(self._datagrams) >= QUEUED_DATAGRAMS:
-            self._datagrams.popleft()
+            del self._datagrams[0]
             self._statistics.overflowed += 1
         self._datagrams.append((datagram, address))
         self._statistics.sent += 1
@@ -82,10 +83,7 @@ class Mailbox:
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
         """Take all datagrams, oldest first."""
-        if not self._datagrams:
-            return []
-        datagrams = list(self._datagrams)
-        self._datagrams.clear()
+        datagrams, self._datagrams = self._datagrams, []
         return datagrams
 
     def next_event(self) -> Event | None:

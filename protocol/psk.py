@@ -11,6 +11,7 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
 """
 
 from hmac import digest
+from typing import Final
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
@@ -19,10 +20,10 @@ from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiat
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
-SECRET_BYTES = 32
-_CCM_KEY = 16
-_SALT = 5
-_TAG = 8
+SECRET_BYTES: Final = 32
+_CCM_KEY: Final = 16
+_SALT: Final = 5
+_TAG: Final = 8
 
 
 class PresharedKey:

@@ -5,22 +5,23 @@ Only the newest update is ever repeated: it carries the whole state, so an older
 
 from collections import deque
 from math import ceil, inf, log
+from typing import Final
 
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.update import Update
 
-SHORTEST_PACE = 0.005
-LONGEST_PACE = 0.1
-EARLY_PER_S = 6.0
+SHORTEST_PACE: Final = 0.005
+LONGEST_PACE: Final = 0.1
+EARLY_PER_S: Final = 6.0
 """Updates sent again without evidence of a loss, on average; as many may follow each other after a pause."""
-_EVEN_REPEATS = 3
-_REMEMBERED = 8
+_EVEN_REPEATS: Final = 3
+_REMEMBERED: Final = 8
 
-LOSSY = 0.001
+LOSSY: Final = 0.001
 """Measured loss above which a link counts as lossy."""
-MOST_COPIES = 3
-RESIDUAL = 0.02
+MOST_COPIES: Final = 3
+RESIDUAL: Final = 0.02
 """Share of updates that may stay lost although they were sent again early."""
 
 
@@ -76,13 +77,14 @@ class Retransmission:
             now: [s].
             copies: early repeats, as far as the allowance goes.
         """
-        self._sequences.clear()
-        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
+        sequences = self._sequences
+        sequences.clear()
+        sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
         self._count = 0
         self._begun_at = self.sent_at = now
         self._evidence = False
         self._allow(now)
-        self._early = min(copies, int(self._allowance))
+        self._early = min(copies, int(self._allowance)) if copies else 0
 
     def repeated(self, sequence: int, now: float) -> None:
         """The update was sent again in the datagram of that number."""
@@ -97,7 +99,9 @@ class Retransmission:
         self._evidence = False
 
     def _allow(self, now: float) -> None:
-        self._allowance = min(EARLY_PER_S, self._allowance + EARLY_PER_S * min(1.0, now - self._allowed_at))
+        passed = now - self._allowed_at
+        allowance = self._allowance + EARLY_PER_S * (passed if passed < 1.0 else 1.0)
+        self._allowance = allowance if allowance < EARLY_PER_S else EARLY_PER_S
         self._allowed_at = now
 
     def acknowledge(self, ack: int) -> bool:
@@ -155,7 +159,8 @@ class OutgoingStream:
 
     def is_ambiguous(self, sequence: int) -> bool:
         """Whether this number would be confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
-        return sequence & ACKNOWLEDGEMENT_MASK in (0, self._last_ack)
+        truncated = sequence & ACKNOWLEDGEMENT_MASK
+        return truncated == 0 or truncated == self._last_ack  # noqa: PLR1714 - a tuple costs more
 
     def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
         """Take the acknowledgement in a datagram; False if the newest update is not known to have arrived.

@@ -1,7 +1,7 @@
 """The sending half of a session: make its datagrams, and decide when the next one is due."""
 
 from math import inf
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK, Credit, LossMeter, int16
 from weberlink.protocol.heartbeat import HeartbeatSchedule
@@ -25,18 +25,20 @@ from weberlink.protocol.wire import (
 )
 from weberlink.update import Update
 
-SLACK = 0.001
+SLACK: Final = 0.001
 """Added to the measured bound on delays, because both ends work in ticks [s]."""
-UNMEASURED_RTT = 0.2
+UNMEASURED_RTT: Final = 0.2
 """Assumed round trip until it is measured [s]."""
-LOSS_STEP = 0.02
+LOSS_STEP: Final = 0.02
 """Change of the measured loss that is reported with the next heartbeat."""
-REKEY_AFTER_S = 120.0
-REKEY_AFTER = 1 << 20
+REKEY_AFTER_S: Final = 120.0
+REKEY_AFTER: Final = 1 << 20
 """For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
 section 4.5.3)."""
-_CHANGE_TICK_MASK = (1 << CHANGE_TICK_BITS) - 1
-_TICK_MASK = (1 << TICK_BITS) - 1
+_CHANGE_TICK_MASK: Final = (1 << CHANGE_TICK_BITS) - 1
+_TICK_MASK: Final = (1 << TICK_BITS) - 1
+_PHASED = tuple(bytes((first | PHASE,)) for first in range(256))
+"""By first byte, that of the other key phase."""
 
 
 class Parameters(NamedTuple):
@@ -122,7 +124,7 @@ class Sender:
         self._liveness = liveness
         self._parameters = parameters
         self._silence = parameters.silence
-        self._departed = clock.stated(now)
+        _, self._departed = clock.stamp(now)
         self._next_sequence = first_sequence
         self._phase = 0
         self._rekey_at = now + REKEY_AFTER_S
@@ -234,9 +236,9 @@ class Sender:
         liveness, clock = self._liveness, self._clock
         confirmed_at = liveness.confirmed_at
         acks = tuple([each.told(confirmed_at) for each in self.acknowledgements])
-        self._departed = clock.stated(now)
+        stamp, self._departed = clock.stamp(now)
         self.heartbeats.sent(now, liveness.heard_at, self._credit.granted)
-        return Envelope(sequence & SEQUENCE_MASK, clock.stamp(now), liveness.echo(now), acks), sequence
+        return (sequence & SEQUENCE_MASK, stamp, liveness.echo(now), acks), sequence
 
     def acknowledge_update(self, stream: int, number: int) -> None:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
@@ -249,7 +251,7 @@ class Sender:
             self._phase ^= PHASE
             self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + REKEY_AFTER
         if self._phase:
-            clear = bytes((clear[0] | self._phase,)) + clear[1:]
+            clear = _PHASED[clear[0]] + clear[1:]
         return self._protection.seal(sequence, clear)
 
     def next_timer(self, *, is_engaged: bool, is_encoding: bool) -> float:

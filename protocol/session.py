@@ -4,7 +4,7 @@ The sending half is `Session.sender` (`weberlink.protocol.sending`).
 """
 
 from math import inf
-from typing import NamedTuple
+from typing import Final
 
 from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.counters import SEQUENCE_BITS, Credit, LossMeter, ReplayWindow, expand_counter
@@ -41,28 +41,25 @@ from weberlink.protocol.wire import (
 )
 from weberlink.update import Update
 
-TICK_LEAD = 1.0
+TICK_LEAD: Final = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
-CHANGE_LEAD = 30.0
+CHANGE_LEAD: Final = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
-TICK_AGE_SLACK = 0.01
+TICK_AGE_SLACK: Final = 0.01
 """How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
-EXPIRY = 3.0
+EXPIRY: Final = 3.0
 """How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
-_TICK_MASK = (1 << TICK_BITS) - 1
-LONGEST_SILENCE = 10.0
+_TICK_MASK: Final = (1 << TICK_BITS) - 1
+LONGEST_SILENCE: Final = 10.0
 """Largest silence limit [s]; with `EXPIRY` far below half of the range of a time stamp."""
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
 """The content of an authentic datagram, or the reason to drop it; None if only the session needs it."""
 
 
-class Opened(NamedTuple):
-    """An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
-
-    sequence: int
-    first: int
-    body: bytes
+Opened = tuple[int, int, bytes]
+"""An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
+_OF_THE_OWNER = (UpdateContent, ChangeContent)
 
 
 class Session:
@@ -100,6 +97,7 @@ class Session:
         self._protection = protection
         self._parameters = parameters
         self._incoming = parameters.incoming
+        self._silence, self._tick_period = parameters.silence, parameters.tick_period
         self._statistics = statistics
         self.clock = Clock(parameters.epoch, peer_clock, now)
         self.credit = Credit()
@@ -128,12 +126,12 @@ class Session:
     @property
     def silent_at(self) -> float:
         """Time at which the loop age passes the limit [s]."""
-        return self.liveness.confirmed_at + self._parameters.silence
+        return self.liveness.confirmed_at + self._silence
 
     @property
     def expires_at(self) -> float:
         """Time at which the session expires [s]."""
-        return self.silent_at + EXPIRY
+        return self.liveness.confirmed_at + self._silence + EXPIRY
 
     def request_full_state(self) -> None:
         """Acknowledge no update any more, so that the peer sends its full state."""
@@ -143,20 +141,22 @@ class Session:
 
     def measure(self) -> None:
         """Write the present measurements into the statistics."""
-        self._statistics.rtt = self.clock.rtt
-        self._statistics.one_way = self.clock.one_way
-        self._statistics.incoming_loss = self._loss.fraction
+        statistics, clock = self._statistics, self.clock
+        statistics.rtt = clock.rtt
+        statistics.one_way = clock.one_way
+        statistics.incoming_loss = self._loss.fraction
 
     def authenticate(self, data: bytes) -> Opened | None:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
-        sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, self._replay.newest + 1)
+        newest = self._replay.newest
+        sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, newest + 1)
         if data[0] & PHASE == self._incoming_phase:
             body = self._protection.open(sequence, data)
-        elif sequence > self._replay.newest:
+        elif sequence > newest:
             body = self._protection.open_next(sequence, data)
         else:
             body = self._protection.open_previous(sequence, data)
-        return None if body is None else Opened(sequence, data[0], body)
+        return None if body is None else (sequence, data[0], body)
 
     def accept(self, opened: Opened, now: float) -> Outcome:
         """Take an authentic datagram."""
@@ -179,12 +179,13 @@ class Session:
         return self._take(sequence, head, content, now)
 
     def _take(self, sequence: int, head: Head, content: Content, now: float) -> Outcome:
-        departure = self.clock.departure(head.sent, now)
-        if not self.clock.is_plausible(departure, now):
+        clock = self.clock
+        departure = clock.departure(head.sent, now)
+        if not clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
         if sequence <= self._floor:
             return DropReason.STALE
-        self.clock.record(departure, now)
+        clock.record(departure, now)
         for stream, ack in enumerate(head.acks):
             self.sender.acknowledged(sequence, ack, departure, stream, is_newest=self.is_newest)
         if isinstance(content, ByeContent):
@@ -193,7 +194,7 @@ class Session:
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(sequence, head, content, departure, now)
         # A late credit is still true, because the count only grows.
-        if outcome is not DropReason.IMPLAUSIBLE:
+        if self._incoming.carries_credit and outcome is not DropReason.IMPLAUSIBLE:
             self._take_credit(sequence, content)
         return outcome
 
@@ -208,7 +209,7 @@ class Session:
 
         Time stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         """
-        if now - self._marked_at >= self._parameters.silence:
+        if now - self._marked_at >= self._silence:
             self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
     def _take_report(self, sequence: int, report: Report | None) -> bool:
@@ -226,26 +227,26 @@ class Session:
 
     def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:
         age = self.clock.age(departure, now)
-        if age is not None and age > self._parameters.silence:
+        if age is not None and age > self._silence:
             return DropReason.STALE
         self.is_fresh = True
-        says_encoding = self._says_encoding(head, content)
-        self.liveness.hear(sequence, departure, head.echo, says_encoding=says_encoding, now=now)
+        says_encoding = True if isinstance(content, UpdateContent) else self._says_encoding(head, content)
+        is_current = self.liveness.hear(sequence, departure, head.echo, says_encoding=says_encoding, now=now)
         self.sender.heartbeats.heard(now, self.liveness.confirmed_at)
-        if head.asks:
-            self.sender.heartbeats.asked()
-        if isinstance(content, PathContent):
-            return PathAnswered(content.token) if head.mark else PathAsked(content.token)
-        if not isinstance(content, ChangeContent | UpdateContent):
+        if not isinstance(content, _OF_THE_OWNER):
+            if head.asks:
+                self.sender.heartbeats.asked()
+            if isinstance(content, PathContent):
+                return PathAnswered(content.token) if head.mark else PathAsked(content.token)
             return None
-        if age is None or not self.liveness.is_current(head.echo, now):
+        if age is None or not is_current:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if isinstance(content, ChangeContent):
             return self._deliver_change(head, content, departure)
         return self._deliver_update(sequence, head, content, departure, age)
 
     def _says_encoding(self, head: Head, content: Content) -> bool | None:
-        """Whether the peer's encoder runs and this end holds what it encodes; None if the datagram does not say.
+        """Whether the peer's encoder runs and this end holds what it encodes; None if no update, and not said.
 
         A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It does
         not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
@@ -254,7 +255,7 @@ class Session:
             if head.is_encoding and content.ticks != sum(self._held_ticks) & _TICK_MASK:
                 return None
             return head.is_encoding
-        return True if head.is_encoding else None
+        return None
 
     def _deliver_update(
         self, sequence: int, head: Head, content: UpdateContent, departure: float, age: float
@@ -262,11 +263,12 @@ class Session:
         stream = stream_of(head.kind)
         if sequence < self.sender.acknowledgements[stream].number:
             return DropReason.SUPERSEDED
-        tick = self._parameters.tick_at(departure) - content.lag
-        lead = tick * self._parameters.tick_period - departure
+        tick_period = self._tick_period
+        tick = round(departure / tick_period) - content.lag  # `Parameters.tick_at`
+        lead = tick * tick_period - departure
         if lead > TICK_LEAD or tick < 0:
             return DropReason.IMPLAUSIBLE
-        if -lead > self._parameters.silence + TICK_AGE_SLACK:
+        if -lead > self._silence + TICK_AGE_SLACK:
             return DropReason.STALE
         self.sender.acknowledge_update(stream, sequence)
         self._held_ticks[stream] = tick

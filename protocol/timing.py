@@ -13,24 +13,25 @@ Clocks count seconds since the epoch of their owner.
 """
 
 from math import floor, inf
+from typing import Final
 
 from weberlink.protocol.counters import expand
 
-WINDOW = 4.0
+WINDOW: Final = 4.0
 """Length of the minimum filter [s]."""
-_BUCKETS = 8
-_BUCKET = WINDOW / _BUCKETS
-STAMP_BITS = 24
-STAMP_UNIT = 1e-5
+_BUCKETS: Final = 8
+_BUCKET: Final = WINDOW / _BUCKETS
+STAMP_BITS: Final = 24
+STAMP_UNIT: Final = 1e-5
 """Resolution of the time stamps [s]; 24 bits of it wrap every 168 s."""
-_STAMP_MASK = (1 << STAMP_BITS) - 1
-_STAMPS_PER_S = 1e5
+_STAMP_MASK: Final = (1 << STAMP_BITS) - 1
+_STAMPS_PER_S: Final = 1e5
 
-EARLY_LIMIT = 0.05
+EARLY_LIMIT: Final = 0.05
 """A datagram that seems to arrive this much before it left is rejected [s]."""
-_EARLY_LIMIT_UNMAPPED = 5.0
-LONGEST_RTT = 60.0
-_LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off
+_EARLY_LIMIT_UNMAPPED: Final = 5.0
+LONGEST_RTT: Final = 60.0
+_LEAST_RTT: Final = -0.001  # clocks drift between two reports, and stamps are cut off
 
 
 class SlidingMinimum:
@@ -52,7 +53,7 @@ class SlidingMinimum:
         index = bucket % _BUCKETS
         if sample < self._minima[index]:
             self._minima[index] = sample
-            self.value = min(self._minima)
+            self.value = sample if sample < self.value else self.value
         self._newest_at = now
 
     def _rotate(self, bucket: int) -> None:
@@ -95,13 +96,10 @@ class Clock:
         self.jitter = 0.0
         self.record(peer_clock, now)
 
-    def stamp(self, now: float) -> int:
-        """Time stamp of a datagram that leaves now."""
-        return floor((now - self._epoch) * _STAMPS_PER_S) & _STAMP_MASK
-
-    def stated(self, now: float) -> float:
-        """Our clock [s] as the peer reads it from that stamp."""
-        return floor((now - self._epoch) * _STAMPS_PER_S) * STAMP_UNIT
+    def stamp(self, now: float) -> tuple[int, float]:
+        """Time stamp of a datagram that leaves now, and our clock [s] as the peer reads it from that."""
+        units = floor((now - self._epoch) * _STAMPS_PER_S)
+        return units & _STAMP_MASK, units * STAMP_UNIT
 
     def departure(self, stamp: int, now: float) -> float:
         """Time on the peer's clock [s] of a stamp that has just arrived."""
@@ -120,10 +118,11 @@ class Clock:
     def record(self, departure: float, now: float) -> None:
         """Update the mapping with the raw delay of a plausible datagram."""
         delay = now - self._epoch - departure
-        before = self._inward.value
-        self._inward.record(delay, now)
+        inward = self._inward
+        before = inward.value
+        inward.record(delay, now)
         self._latest = delay
-        minimum = self._inward.value
+        minimum = inward.value
         excess = delay - minimum
         # The shape of RFC 6298: mean plus four mean deviations is a bound that few datagrams exceed.
         self._variation += (abs(excess - self._excess) - self._variation) / 16
@@ -132,10 +131,16 @@ class Clock:
             self._map()
         self._measure()
 
+    @property
+    def _late_inward(self) -> float:
+        """By how much few datagrams of the peer exceed their least delay [s]."""
+        excess = self._excess
+        return (excess if excess > 0.0 else 0.0) + 4.0 * self._variation
+
     def report(self) -> tuple[float, float, float]:
         """Raw delays for the peer [s]: the least, and above it the latest and a bound that few datagrams exceed."""
         minimum = self._inward.value
-        return minimum, self._latest - minimum, max(0.0, self._excess) + 4.0 * self._variation
+        return minimum, self._latest - minimum, self._late_inward
 
     def learn(self, minimum: float, latest: float, late: float) -> bool:
         """Take the peer's report; False, with nothing changed, if no real link can cause it."""
@@ -180,7 +185,10 @@ class Clock:
 
     def _measure(self) -> None:
         """Compute what is read in every tick and changes with a datagram only."""
-        latest = self._latest
-        self.rtt = None if self._outward is None else max(0.0, latest + self._outward + self._outward_latest)
-        self.one_way = None if self._offset is None else max(0.0, latest + self._offset)
-        self.jitter = max(self.late, self.report()[2])
+        latest, late = self._latest, self._late_inward
+        outward, offset = self._outward, self._offset
+        rtt = 0.0 if outward is None else latest + outward + self._outward_latest
+        one_way = 0.0 if offset is None else latest + offset
+        self.rtt = None if outward is None else rtt if rtt > 0.0 else 0.0
+        self.one_way = None if offset is None else one_way if one_way > 0.0 else 0.0
+        self.jitter = self.late if self.late > late else late

@@ -50,9 +50,20 @@ what follows it. Handshake datagrams (`weberlink.protocol.handshake`) share only
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from weberlink.protocol.bits import WIDTH_BITS, BitReader, BitWriter, MalformedError
+from weberlink.protocol.bits import (
+    WIDTH_BITS,
+    MalformedError,
+    end,
+    put_count,
+    put_group,
+    take,
+    take_count,
+    take_group,
+    take_rest,
+    to_bytes,
+)
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_BITS, int16
 from weberlink.protocol.events import DropReason
 from weberlink.update import (
@@ -66,30 +77,36 @@ from weberlink.update import (
     UpdateForm,
 )
 
-CLEAR_BYTES = 3
+CLEAR_BYTES: Final = 3
 """Size of kind and sequence number, which are not encrypted."""
-SENT_BITS, ECHO_BITS = 24, 8
-TICK_BITS = 16
-CHANGE_TICK_BITS = 32
-UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS = 16, 32
-TOKEN_BYTES = 8
-MOST_LEVELS = 256
+SENT_BITS: Final = 24
+ECHO_BITS: Final = 8
+TICK_BITS: Final = 16
+CHANGE_TICK_BITS: Final = 32
+UPDATE_CREDIT_BITS: Final = 16
+HEARTBEAT_CREDIT_BITS: Final = 32
+TOKEN_BYTES: Final = 8
+MOST_LEVELS: Final = 256
 """Largest number of levels of a sample."""
-LONGEST_REASON = 64
-LONGEST_CHANGE = 200
-LONGEST_DATAGRAM = 4096
+LONGEST_REASON: Final = 64
+LONGEST_CHANGE: Final = 200
+LONGEST_DATAGRAM: Final = 4096
 """Longest datagram that is sent or read [bytes]; only a handshake with a very long agreement comes near it."""
-MARK = 0b1000
-PHASE = 0b1000_0000
-ENCODES, REPORTS = 1, 2
+MARK: Final = 0b1000
+PHASE: Final = 0b1000_0000
+ENCODES: Final = 1
+REPORTS: Final = 2
 """Parts of the selector of a heartbeat."""
 
-_KIND_MASK = 0b0111
-_SELECTOR_SHIFT = 4
-_SHAPE_MASK = _KIND_MASK | MARK
-_U32_MAX = 0xFFFF_FFFF
-_LEVEL_BITS = 16
-_LARGEST = (1 << _LEVEL_BITS - 1) - 1
+_KIND_MASK: Final = 0b0111
+_SELECTOR_SHIFT: Final = 4
+_SHAPE_MASK: Final = _KIND_MASK | MARK
+_U32_MAX: Final = 0xFFFF_FFFF
+_LEVEL_BITS: Final = 16
+_ACK: Final = 1 << ACKNOWLEDGEMENT_BITS
+_ACK_BITS: Final = 1 + ACKNOWLEDGEMENT_BITS
+_ECHO_MASK: Final = (1 << ECHO_BITS) - 1
+_LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
 _REPORT_WIDTHS = (64, 32, 32, 16)
 
 
@@ -115,20 +132,9 @@ _UPDATE, _HEARTBEAT, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int
 _BYE, _CHANGE, _PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 
 
-class Envelope(NamedTuple):
-    """What every datagram says beside its content, already truncated.
-
-    Args:
-        sequence: its number.
-        sent: when it leaves, on the sender's clock.
-        echo: as of `Liveness`.
-        acks: by stream of the other direction, the acknowledgement; None if it carries none.
-    """
-
-    sequence: int
-    sent: int
-    echo: int
-    acks: tuple[int | None, ...] = (None,)
+Envelope = tuple[int, int, int, tuple[int | None, ...]]
+"""What every datagram says beside its content, already truncated: its number; when it leaves, on the sender's clock;
+the echo of `Liveness`; by stream of the other direction, the acknowledgement, or None if it carries none."""
 
 
 class Head(NamedTuple):
@@ -212,22 +218,15 @@ def sequence_of(data: bytes) -> int:
     return int.from_bytes(data[1:CLEAR_BYTES], "little")
 
 
-def _clear(kind: int, sequence: int, *, mark: bool = False, selector: int = 0) -> bytes:
-    first = kind | mark * MARK | selector << _SELECTOR_SHIFT
+def _begun(first: int, envelope: Envelope) -> int:
+    """The clear part and the head, as a string of bits (`weberlink.protocol.bits`)."""
+    sequence, sent, echo, acks = envelope
     # Low byte first: otherwise the sequence number in the start value of `Checksum` would cancel this one.
-    return (first | sequence << 8).to_bytes(CLEAR_BYTES, "little")
-
-
-def _begun(envelope: Envelope) -> BitWriter:
-    """The head."""
-    writer = BitWriter()
-    writer.put(envelope.sent << ECHO_BITS | envelope.echo, SENT_BITS + ECHO_BITS)
-    for ack in envelope.acks:
-        if ack is None:
-            writer.put(0, 1)
-        else:
-            writer.put(1 << ACKNOWLEDGEMENT_BITS | ack, 1 + ACKNOWLEDGEMENT_BITS)
-    return writer
+    string = 1 << 24 | first << 16 | (sequence & 0xFF) << 8 | sequence >> 8
+    string = string << SENT_BITS + ECHO_BITS | sent << ECHO_BITS | echo
+    for ack in acks:
+        string = string << 1 if ack is None else string << _ACK_BITS | _ACK | ack
+    return string
 
 
 # Each `pack` makes a datagram without tag.
@@ -243,10 +242,10 @@ def pack_heartbeat(
     is_encoding: bool = False,
 ) -> bytes:
     """A heartbeat; `ticks` is truncated already, `credit` is None where the session carries none."""
-    writer = _begun(envelope)
-    writer.put(ticks, TICK_BITS)
+    selector = is_encoding * ENCODES | (report is not None) * REPORTS
+    string = _begun(_HEARTBEAT | asks * MARK | selector << _SELECTOR_SHIFT, envelope) << TICK_BITS | ticks
     if credit is not None:
-        writer.put(credit & _U32_MAX, HEARTBEAT_CREDIT_BITS)
+        string = string << HEARTBEAT_CREDIT_BITS | credit & _U32_MAX
     if report is not None:
         delays = (
             report.minimum_us & 0xFFFF_FFFF_FFFF_FFFF,
@@ -254,27 +253,24 @@ def pack_heartbeat(
             min(report.late_us, _U32_MAX),
         )
         for number, width in zip((*delays, report.loss_65535), _REPORT_WIDTHS, strict=True):
-            writer.put(number, width)
-    selector = is_encoding * ENCODES | (report is not None) * REPORTS
-    return _clear(_HEARTBEAT, envelope.sequence, mark=asks, selector=selector) + writer.to_bytes()
+            string = string << width | number
+    return to_bytes(string)
 
 
 def pack_bye(envelope: Envelope, reason: str) -> bytes:
     text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return _clear(_BYE, envelope.sequence) + _begun(envelope).to_bytes() + text
+    return to_bytes(_begun(_BYE, envelope)) + text
 
 
 def pack_change(envelope: Envelope, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
     """A proposed change, or the answer to one; the tick is truncated already."""
-    writer = _begun(envelope)
-    writer.put(tick, CHANGE_TICK_BITS)
-    clear = _clear(_CHANGE, envelope.sequence, mark=is_answer, selector=number)
-    return clear + writer.to_bytes() + body[:LONGEST_CHANGE]
+    begun = _begun(_CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT, envelope)
+    return to_bytes(begun << CHANGE_TICK_BITS | tick) + body[:LONGEST_CHANGE]
 
 
 def pack_path(envelope: Envelope, token: bytes, *, is_answer: bool) -> bytes:
     """The question whether the peer is at an address, or the answer."""
-    return _clear(_PATH, envelope.sequence, mark=is_answer) + _begun(envelope).to_bytes() + token
+    return to_bytes(_begun(_PATH | is_answer * MARK, envelope)) + token
 
 
 class UpdateLayout:
@@ -308,31 +304,25 @@ class UpdateLayout:
             if form.previous is not None and form.previous != form.newest[: len(form.previous)]:
                 raise ValueError(f"a previous sample has the first groups of the newest, not {form.previous}")
         self.forms = tuple(forms)
+        self._sizes = tuple(sum(form.newest) for form in forms)
         self._carries_credit = carries_credit
         self._acks = acks
         self._kind = int(kind)
 
     def pack(self, envelope: Envelope, lag: int, update: Update, credit: int = 0) -> bytes:
         """An update that `check` accepts, with the tick of `sent` minus that of its sample, -2^15 to 2^15 - 1."""
-        newest, payload, form = update.newest, update.payload, self.forms[update.selector]
-        writer = _begun(envelope)
-        if lag:
-            writer.put(1, 1)
-            writer.put_group((lag,))
-        else:
-            writer.put(0, 1)
-        _put_groups(writer, form.newest, newest)
+        _, selector, newest, payload = update
+        form = self.forms[selector]
+        first = self._kind | selector << _SELECTOR_SHIFT
+        string = _begun(first if payload is None else first | MARK, envelope)
+        string = put_group(string << 1 | 1, (lag,)) if lag else string << 1
+        string = _put_groups(string, form.newest, newest)
         if isinstance(payload, PreviousSample):
-            writer.put_count(payload.gap)
-            _put_groups(
-                writer,
-                form.previous or (),
-                [int16(new - old) for new, old in zip(newest, payload.levels, strict=False)],
-            )
+            differences = [int16(new - old) for new, old in zip(newest, payload.levels, strict=False)]
+            string = _put_groups(put_count(string, payload.gap), form.previous or (), differences)
         if self._carries_credit:
-            writer.put(credit & 0xFFFF, UPDATE_CREDIT_BITS)
-        clear = _clear(self._kind, envelope.sequence, mark=payload is not None, selector=update.selector)
-        packed = clear + writer.to_bytes()
+            string = string << UPDATE_CREDIT_BITS | credit & 0xFFFF
+        packed = to_bytes(string)
         return packed + payload.data if isinstance(payload, ModelParameters) else packed
 
     def check(self, update: Update) -> None:
@@ -344,7 +334,7 @@ class UpdateLayout:
         if not 0 <= update.selector < len(self.forms):
             raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {update.selector}")
         form, payload = self.forms[update.selector], update.payload
-        _check_levels("a sample", update.newest, form.newest)
+        _check_levels("a sample", update.newest, self._sizes[update.selector])
         if payload is None:
             return
         if isinstance(payload, PreviousSample) is (form.previous is None):
@@ -358,26 +348,36 @@ class UpdateLayout:
             return
         if not 1 <= payload.gap <= MAX_GAP:
             raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
-        _check_levels("a previous sample", payload.levels, form.previous or ())
+        _check_levels("a previous sample", payload.levels, sum(form.previous or ()))
 
-    def read(self, reader: BitReader, head: Head) -> UpdateContent:
-        """The content that follows the head; raises `MalformedError` if it does not fit its form."""
+    def read(self, bits: int, left: int, head: Head) -> UpdateContent:
+        """The content in the lowest `left` bits, after the head.
+
+        Raises:
+            MalformedError: if it does not fit its form.
+        """
         if head.selector >= len(self.forms):
             raise MalformedError(f"selector {head.selector} of {len(self.forms)}")
         form = self.forms[head.selector]
-        lag = reader.take_group(1)[0] if reader.take(1) else 0
-        newest = _take_groups(reader, form.newest)
+        lag = 0
+        left -= 1
+        if left >= 0 and bits >> left & 1:
+            (lag,), left = take_group(bits, left, 1)
+        newest, left = _take_groups(bits, left, form.newest)
         payload: Payload = None
         if head.mark and form.previous is not None:
-            gap, steps = reader.take_count(), _take_groups(reader, form.previous)
+            gap, left = take_count(bits, left)
+            steps, left = _take_groups(bits, left, form.previous)
             payload = PreviousSample(gap, tuple([int16(new - step) for new, step in zip(newest, steps, strict=False)]))
-        credit = reader.take(UPDATE_CREDIT_BITS) if self._carries_credit else None
+        credit: int | None = None
+        if self._carries_credit:
+            credit, left = take(bits, left, UPDATE_CREDIT_BITS)
         if head.mark and form.previous is None:
-            payload = ModelParameters(reader.rest())
+            payload = ModelParameters(take_rest(bits, left))
             if len(payload.data) > MOST_PARAMETER_BYTES:
                 raise MalformedError(f"{len(payload.data)} bytes of parameters")
         else:
-            reader.end()
+            end(bits, left)
         return UpdateContent(lag, newest, payload, credit)
 
     def length(self, update: Update, *, acknowledges: bool = True) -> int:
@@ -387,7 +387,7 @@ class UpdateLayout:
             update: one that `check` accepts.
             acknowledges: whether it carries the acknowledgements.
         """
-        return len(self.pack(Envelope(0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
+        return len(self.pack((0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
     def lengths(self) -> tuple[int, int]:
@@ -414,23 +414,25 @@ def _bits(groups: Sequence[int], width: int) -> int:
     return sum(WIDTH_BITS + width * count for count in groups)
 
 
-def _put_groups(writer: BitWriter, groups: Sequence[int], numbers: Sequence[int]) -> None:
+def _put_groups(string: int, groups: Sequence[int], numbers: Sequence[int]) -> int:
     start = 0
     for count in groups:
-        writer.put_group(numbers[start : start + count])
+        string = put_group(string, numbers[start : start + count])
         start += count
+    return string
 
 
-def _take_groups(reader: BitReader, groups: Sequence[int]) -> tuple[int, ...]:
+def _take_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int, ...], int]:
     numbers: tuple[int, ...] = ()
     for count in groups:
-        numbers += reader.take_group(count)
-    return numbers
+        group, left = take_group(bits, left, count)
+        numbers += group
+    return numbers, left
 
 
-def _check_levels(what: str, levels: Sequence[int], groups: Sequence[int]) -> None:
-    if len(levels) != sum(groups) or not all(-_LARGEST - 1 <= level <= _LARGEST for level in levels):
-        raise ValueError(f"{what} must be {sum(groups)} levels of int16, not {levels!r}")
+def _check_levels(what: str, levels: Sequence[int], size: int) -> None:
+    if len(levels) != size or (size and (min(levels) < -_LARGEST - 1 or max(levels) > _LARGEST)):
+        raise ValueError(f"{what} must be {size} levels of int16, not {levels!r}")
 
 
 class DirectionLayout:
@@ -467,38 +469,53 @@ class DirectionLayout:
         Raises:
             MalformedError: if it is none that a peer of these layouts sends.
         """
-        reader = BitReader(body)
-        kind, mark, selector = first & _KIND_MASK, bool(first & MARK), first >> _SELECTOR_SHIFT & MAX_SELECTOR
-        word = reader.take(SENT_BITS + ECHO_BITS)
-        acks = tuple([reader.take(ACKNOWLEDGEMENT_BITS) if reader.take(1) else None for _ in range(self.acks)])
-        head = Head(kind, mark, selector, word >> ECHO_BITS, word & (1 << ECHO_BITS) - 1, acks)
-        return head, self._content(head, reader)
+        bits = int.from_bytes(body, "big")
+        word, left = take(bits, 8 * len(body), SENT_BITS + ECHO_BITS)
+        acks: list[int | None] = []
+        for _ in range(self.acks):
+            ack: int | None = None
+            tells, left = take(bits, left, 1)
+            if tells:
+                ack, left = take(bits, left, ACKNOWLEDGEMENT_BITS)
+            acks.append(ack)
+        kind = first & _KIND_MASK
+        selector = first >> _SELECTOR_SHIFT & MAX_SELECTOR
+        head = Head(kind, first & MARK != 0, selector, word >> ECHO_BITS, word & _ECHO_MASK, tuple(acks))
+        if kind in (_UPDATE, _SECOND_UPDATE):
+            stream = stream_of(kind)
+            if stream >= len(self.updates):
+                raise MalformedError(f"stream {stream} of {len(self.updates)}")
+            return head, self.updates[stream].read(bits, left, head)
+        return head, self._other(bits, left, head)
 
-    def _content(self, head: Head, reader: BitReader) -> Content:
+    def _other(self, bits: int, left: int, head: Head) -> Content:
+        """The content of a datagram that is no update."""
         match head.kind:
-            case Kind.UPDATE | Kind.SECOND_UPDATE:
-                stream = stream_of(head.kind)
-                if stream >= len(self.updates):
-                    raise MalformedError(f"stream {stream} of {len(self.updates)}")
-                return self.updates[stream].read(reader, head)
             case Kind.HEARTBEAT:
-                return self._heartbeat(head, reader)
+                return self._heartbeat(bits, left, head)
             case Kind.BYE:
-                return ByeContent(reader.rest().decode(errors="replace"))
+                return ByeContent(take_rest(bits, left).decode(errors="replace"))
             case Kind.CHANGE:
-                return ChangeContent(reader.take(CHANGE_TICK_BITS), reader.rest())
+                tick, left = take(bits, left, CHANGE_TICK_BITS)
+                return ChangeContent(tick, take_rest(bits, left))
             case Kind.PATH:
-                return PathContent(reader.rest())
+                return PathContent(take_rest(bits, left))
         raise MalformedError(f"kind {head.kind}")
 
-    def _heartbeat(self, head: Head, reader: BitReader) -> HeartbeatContent:
-        ticks = reader.take(TICK_BITS)
-        credit = reader.take(HEARTBEAT_CREDIT_BITS) if self.carries_credit else None
+    def _heartbeat(self, bits: int, left: int, head: Head) -> HeartbeatContent:
+        ticks, left = take(bits, left, TICK_BITS)
+        credit: int | None = None
+        if self.carries_credit:
+            credit, left = take(bits, left, HEARTBEAT_CREDIT_BITS)
         report = None
         if head.selector & REPORTS:
-            minimum, latest, late, loss = (reader.take(width) for width in _REPORT_WIDTHS)
+            numbers = []
+            for width in _REPORT_WIDTHS:
+                number, left = take(bits, left, width)
+                numbers.append(number)
+            minimum, latest, late, loss = numbers
             report = Report((minimum ^ 1 << 63) - (1 << 63), latest, late, loss)
-        reader.end()
+        end(bits, left)
         return HeartbeatContent(ticks, credit, report)
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:

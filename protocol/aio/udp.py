@@ -12,7 +12,6 @@ address may change meanwhile.
 import asyncio
 import socket
 from collections.abc import Callable
-from contextlib import suppress
 from errno import EADDRINUSE
 from math import inf
 
@@ -229,6 +228,7 @@ class UdpShell:
     def _send(self, data: bytes, address: Address) -> None:
         if self._open is None:
             return
-        # A send that the system refuses (peer not there, buffer full, no route) is a lost datagram.
-        with suppress(OSError):
+        try:
             self._open.socket.sendto(data, self._numeric.get(address, address))
+        except OSError:  # refused by the system (peer not there, buffer full, no route): a lost datagram
+            return

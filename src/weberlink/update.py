@@ -1,12 +1,12 @@
 """An update: everything one transmission of a coded signal carries, as integers."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-MAX_GAP = 65_535
+MAX_GAP: Final = 65_535
 """Longest time between the two samples of an update [ticks], 65 s at 1 kHz; an older sample is not sent."""
-MAX_SELECTOR = 7
+MAX_SELECTOR: Final = 7
 """Largest selector: it has three bits on the wire."""
-MOST_PARAMETER_BYTES = 48
+MOST_PARAMETER_BYTES: Final = 48
 """Largest size of the parameters of a model [bytes]."""
 
 

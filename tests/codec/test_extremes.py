@@ -23,7 +23,7 @@ from weberlink.codec.predictors.model import Hold
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale
 from weberlink.master.safety import ForceLimiter
-from weberlink.protocol.wire import CLEAR_BYTES, DirectionLayout, Envelope, UpdateContent, UpdateLayout
+from weberlink.protocol.wire import CLEAR_BYTES, DirectionLayout, UpdateContent, UpdateLayout
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 Samples = Sequence[tuple[int, Vector, Vector]]
@@ -118,7 +118,7 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 def wire(update: Update, layout: UpdateLayout) -> Update:
     """An update as the receiver decodes it, sent `LATENCY` ticks after its sample."""
     layout.check(update)
-    data = layout.pack(Envelope(0, 0, 0), LATENCY, update)
+    data = layout.pack((0, 0, 0, (None,)), LATENCY, update)
     head, content = DirectionLayout([layout.forms]).read(data[0], data[CLEAR_BYTES:])
     assert isinstance(content, UpdateContent)
     return Update(update.tick + LATENCY - content.lag, head.selector, content.newest, content.payload)

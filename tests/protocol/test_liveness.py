@@ -34,7 +34,7 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
     peer = Liveness(0.0, SILENCE, floor(now * 1e5) * 1e-5, now)
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     for arrival in (now, nextafter(now, -inf), nextafter(now, inf)):
-        assert end.is_current(peer.echo(now), arrival)
+        assert end.hear(0, now, peer.echo(now), says_encoding=None, now=arrival)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:

@@ -12,7 +12,7 @@ from weberlink.protocol.heartbeat import INTRODUCTIONS
 from weberlink.protocol.security import Security
 from weberlink.protocol.sending import REKEY_AFTER_S, Parameters
 from weberlink.protocol.session import Session
-from weberlink.protocol.wire import PHASE, DirectionLayout, Envelope
+from weberlink.protocol.wire import PHASE, DirectionLayout
 from weberlink.update import PreviousSample, Update
 
 
@@ -136,7 +136,7 @@ def test_an_update_that_goes_on_after_its_end_is_malformed() -> None:
     receiver.clock.learn(0.0, 0.0, 0.0)
     outcomes = []
     for sequence, extra in ((1, b"\1"), (2, b"")):
-        envelope = Envelope(sequence, receiver.clock.stamp(0.01), receiver.liveness.echo(0.01))
+        envelope = (sequence, receiver.clock.stamp(0.01)[0], receiver.liveness.echo(0.01), (None,))
         clear = layout.pack(envelope, 0, Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))) + extra
         outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
     assert outcomes[0] is DropReason.MALFORMED

@@ -107,18 +107,20 @@ def test_every_deadline_is_a_tick_or_missed():
     assert max(works) >= 4500.0
 
 
+@pytest.mark.parametrize("busy_poll", [False, True])
 @pytest.mark.parametrize(("number", "reason"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
-def test_a_signal_begins_an_orderly_stop(number, reason):
+def test_a_signal_begins_an_orderly_stop(number, reason, busy_poll):
     side = Side(at_tick={4: send(number)})
-    result = go(side)
+    result = go(side, busy_poll=busy_poll)
     assert side.stops == [reason]
     assert (result.outcome, result.orderly, side.failures) == (reason, True, [])
 
 
-def test_a_signal_from_outside_wakes_the_loop_while_it_waits():
+@pytest.mark.parametrize("busy_poll", [False, True])
+def test_a_signal_from_outside_wakes_the_loop_while_it_waits(busy_poll):
     timer = threading.Timer(0.03, send(signal.SIGTERM))
     timer.start()
-    result = go(Side())
+    result = go(Side(), busy_poll=busy_poll)
     timer.join()
     assert result.outcome == "terminated"
 

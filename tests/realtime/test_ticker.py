@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import uvloop
 
-from weberlink.realtime.ticker import LARGEST_LEAD_SHARE, Ticker
+from weberlink.realtime.ticker import LARGEST_LEAD_SHARE, POLL_REST_SHARE, Ticker
 
 PERIOD = 0.001
 
@@ -21,11 +21,16 @@ def loop_run(request):
     return run
 
 
+@pytest.fixture(params=[False, True], ids=["sleeps", "polls"])
+def polls(request):
+    return request.param
+
+
 def open_files():
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
-def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda index: None):
+def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda index: None, polls=False):
     """Run a ticker for `count` calls; returns the calls and the ticker."""
     calls, kept = [], []
 
@@ -39,7 +44,7 @@ def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda inde
                 ticker.stop()
                 done.set()
 
-        ticker = Ticker(period, on_tick, start_at=start_at)
+        ticker = Ticker(period, on_tick, start_at=start_at, polls=polls)
         kept.append(ticker)
         with ticker:
             await done.wait()
@@ -48,23 +53,23 @@ def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda inde
     return calls, kept[0]
 
 
-def test_deadlines_are_multiples_of_the_period_from_the_start(loop_run):
+def test_deadlines_are_multiples_of_the_period_from_the_start(loop_run, polls):
     start_ns = time.monotonic_ns() + 5_000_000
-    calls, ticker = collect(loop_run, 30, start_at=start_ns / 1e9, period=1 / 3000)
+    calls, ticker = collect(loop_run, 30, start_at=start_ns / 1e9, period=1 / 3000, polls=polls)
     assert ticker.period_s == 333_333 / 1e9
     for index, deadline, now in calls:
         assert deadline == pytest.approx((start_ns + index * 333_333) / 1e9, abs=1e-9)
         assert now >= deadline
 
 
-def test_indices_rise_and_every_deadline_is_a_call_or_missed(loop_run):
-    calls, ticker = collect(loop_run, 30)
+def test_indices_rise_and_every_deadline_is_a_call_or_missed(loop_run, polls):
+    calls, ticker = collect(loop_run, 30, polls=polls)
     indices = [index for index, _, _ in calls]
     assert indices == sorted(set(indices))
     assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
-def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run):
+def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run, polls):
     seen = []
 
     def block_once(index):
@@ -72,7 +77,7 @@ def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run):
         if len(seen) == 3:
             time.sleep(5.5 * PERIOD)
 
-    calls, ticker = collect(loop_run, 10, during=block_once)
+    calls, ticker = collect(loop_run, 10, during=block_once, polls=polls)
     indices = [index for index, _, _ in calls]
     assert indices[3] - indices[2] >= 5
     assert calls[3][2] - calls[2][2] >= 5.5 * PERIOD
@@ -88,6 +93,27 @@ def test_the_timer_is_set_ahead_once_wake_ups_are_known_and_no_tick_is_early(loo
     assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
+def test_a_polling_ticker_serves_what_comes_between_its_ticks_and_rests(loop_run):
+    """Callbacks of the loop come between ticks, and some of each period goes to other programs."""
+
+    async def main():
+        calls = []
+        ticker = Ticker(0.02, lambda *call: calls.append(call), polls=True)
+        loop = asyncio.get_running_loop()
+        with ticker:
+            began, ran, served = time.monotonic(), time.process_time(), set()
+            while len(calls) < 6:
+                asked = loop.create_future()
+                loop.call_later(0.001, asked.set_result, None)
+                await asked
+                served.add(len(calls))
+            share = (time.process_time() - ran) / (time.monotonic() - began)
+        assert len(served) >= 4, "callbacks came between nearly all ticks"
+        assert share <= 1.0 - 0.5 * POLL_REST_SHARE
+
+    loop_run(main)
+
+
 def test_lead_is_bounded_by_a_share_of_the_period_where_ticks_are_always_late(loop_run):
     def stall(index):
         time.sleep(0.0003)
@@ -96,17 +122,17 @@ def test_lead_is_bounded_by_a_share_of_the_period_where_ticks_are_always_late(lo
     assert ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0004
 
 
-def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run):
-    calls, ticker = collect(loop_run, 2, start_at=time.monotonic() - 100 * PERIOD)
+def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run, polls):
+    calls, ticker = collect(loop_run, 2, start_at=time.monotonic() - 100 * PERIOD, polls=polls)
     assert calls[0][0] >= 100
     assert ticker.missed < 100, "deadlines before the first tick do not count"
 
 
-def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run):
+def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run, polls):
     async def main():
         calls = []
         before = open_files()
-        ticker = Ticker(PERIOD, lambda *call: (calls.append(call), ticker.stop()))
+        ticker = Ticker(PERIOD, lambda *call: (calls.append(call), ticker.stop()), polls=polls)
         ticker.start()
         assert ticker.running
         await asyncio.sleep(10 * PERIOD)
@@ -117,7 +143,7 @@ def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run):
     loop_run(main)
 
 
-def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run):
+def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run, polls):
     async def main():
         errors, calls = asyncio.Queue(), []
 
@@ -125,7 +151,7 @@ def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run):
             calls.append(index)
             raise ZeroDivisionError("in the tick")
 
-        ticker = Ticker(PERIOD, on_tick, on_error=lambda error: errors.put_nowait((error, ticker.running)))
+        ticker = Ticker(PERIOD, on_tick, on_error=lambda error: errors.put_nowait((error, ticker.running)), polls=polls)
         ticker.start()
         error, running = await errors.get()
         await asyncio.sleep(5 * PERIOD)
@@ -136,11 +162,11 @@ def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run):
     loop_run(main)
 
 
-def test_error_without_a_handler_goes_to_the_loop_and_stops_the_ticker(loop_run):
+def test_error_without_a_handler_goes_to_the_loop_and_stops_the_ticker(loop_run, polls):
     async def main():
         contexts = asyncio.Queue()
         asyncio.get_running_loop().set_exception_handler(lambda _, context: contexts.put_nowait(context))
-        ticker = Ticker(PERIOD, lambda *_: 1 / 0)
+        ticker = Ticker(PERIOD, lambda *_: 1 / 0, polls=polls)
         ticker.start()
         context = await contexts.get()
         assert isinstance(context["exception"], ZeroDivisionError)

@@ -44,6 +44,14 @@ def refusal(*overrides: str) -> str:
     return str(raised.value)
 
 
+@pytest.mark.parametrize(("count", "warns"), [(2, True), (3, False)])
+def test_polling_daemons_need_a_processor_each_and_one_more(
+    count: int, warns: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _pid: set(range(count)))
+    assert any("realtime.busy_poll" in note for note in notes("realtime.busy_poll=true")) is warns
+
+
 def with_stiffness(part: Any, stiffness: float) -> Any:
     part.spec = replace(part.spec, stiffness_n_m=stiffness)
     return part

@@ -138,6 +138,19 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     assert second["link"]["rtt_us"]["p50"] >= 10_000
 
 
+def test_daemons_that_poll_leave_room_for_others_and_end_by_a_signal() -> None:
+    """At ordinary priority: two processors may be all that the host has."""
+    polling = ("--set", "realtime.busy_poll=true", "--set", "realtime.priority=0")
+    with Program("loopback", "--json", "-", *polling, *PATIENT) as program:
+        program.engaged("master")
+        sleep(0.3)
+        program.send(signal.SIGTERM)
+        status, output, _ = program.finish()
+    summary = document(output)
+    assert (status, summary["outcome"]) == (0, "terminated")
+    assert faults_of(summary) == {"master": {}, "slave": {}}
+
+
 def test_a_signal_ends_the_run_with_its_report() -> None:
     with Program("loopback") as program:
         sides = [program.engaged(side) for side in ("master", "slave")]

@@ -77,6 +77,7 @@ def run(
     stop_limit_s: float = 1.0,
     after_tick: AfterTick | None = None,
     garbage: GarbageSchedule | None = None,
+    busy_poll: bool = False,
 ) -> Run:
     """Run a side in this process until it has stopped.
 
@@ -93,6 +94,7 @@ def run(
         stop_limit_s: hard bound on an orderly stop [s].
         after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
         garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
+        busy_poll: poll sockets and clock instead of sleeping between ticks (`Ticker`); takes a processor.
 
     Returns:
         The figures of the run; `orderly` is False if it ended through `side.fail`.
@@ -101,7 +103,7 @@ def run(
         BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has been
             called and the transport is closed.
     """
-    shell = _Shell(side, transport, ticker_period, duration_s, start_at, stop_limit_s, after_tick, garbage)
+    shell = _Shell(side, transport, ticker_period, duration_s, start_at, stop_limit_s, after_tick, garbage, busy_poll)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(shell.main(stop_signals))
 
@@ -117,8 +119,9 @@ class _Shell:
         stop_limit_s: float,
         after_tick: AfterTick | None,
         garbage: GarbageSchedule | None,
+        busy_poll: bool,
     ) -> None:
-        self._ticker = Ticker(period_s, self._tick, start_at=start_at, on_error=self._fault)
+        self._ticker = Ticker(period_s, self._tick, start_at=start_at, on_error=self._fault, polls=busy_poll)
         self._side = side
         self._transport = transport
         self._period = self._ticker.period_s

@@ -17,6 +17,12 @@ LARGEST_LEAD_S, LARGEST_LEAD_SHARE = 1e-4, 0.2
 wake up, ticks are late."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
+POLL_REST_SHARE = 0.1
+"""Share of the period in which a polling ticker sleeps after each tick. The kernel leaves real-time tasks 95 % of a
+processor unless told otherwise, and stops one that takes more for the rest of a second."""
+_LAST_POLL_NS = 20_000
+"""Time before a deadline from which a polling ticker watches only the clock, longer than the loop takes to come round
+[ns]."""
 _WOKEN_BY = 0.5
 """Share of wake-ups that come within the lead: with a larger one, more CPU time goes into busy waiting."""
 
@@ -33,12 +39,16 @@ class Ticker:
     the median of the last wake-ups, revised once a second and bounded by `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE`; the
     rest is busy waiting.
 
+    A polling ticker (`polls`) keeps the event loop running instead: but for a short rest after each tick, the loop asks
+    its sockets again and again, so neither a datagram nor a deadline waits for the processor to wake up.
+
     Args:
         period_s: time between deadlines [s], rounded to 1 ns.
         on_tick: receives the index, its deadline and the present [s, clock of `time.monotonic`].
         start_at: deadline of index 0 [s, same clock]; one period after `start()` if not given.
         on_error: receives what `on_tick` raised, after the ticker has stopped; None to raise it into the event loop.
         leads: False to be woken at the deadlines themselves.
+        polls: whether to poll, which takes a processor.
     """
 
     __slots__ = (
@@ -51,6 +61,7 @@ class Ticker:
         "_on_error",
         "_on_tick",
         "_period_ns",
+        "_polls",
         "_revised_after",
         "_start_ns",
         "_stopped",
@@ -65,6 +76,7 @@ class Ticker:
         start_at: float | None = None,
         on_error: Callable[[BaseException], None] | None = None,
         leads: bool = True,
+        polls: bool = False,
     ) -> None:
         if not (isfinite(period_s) and period_s >= SHORTEST_PERIOD_S):
             raise ValueError(f"period_s must be finite and at least {SHORTEST_PERIOD_S} s, got {period_s}")
@@ -74,7 +86,8 @@ class Ticker:
         self._start_ns = 0 if start_at is None else round(start_at * NANOSECONDS)
         self._on_tick = on_tick
         self._on_error = on_error
-        self._leads = leads
+        self._leads = leads and not polls
+        self._polls = polls
         self._lead_ns = 0
         self._latencies: list[int] = []
         self._revised_after = _FIRST_REVISION
@@ -112,7 +125,10 @@ class Ticker:
         self._fd = timerfd.create()
         if self._start_ns == 0:
             self._start_ns = monotonic_ns() + self._period_ns
-        timerfd.arm(self._fd, self._start_ns, self._period_ns)
+        if self._polls:
+            timerfd.arm(self._fd, monotonic_ns(), 0)
+        else:
+            timerfd.arm(self._fd, self._start_ns, self._period_ns)
         loop.add_reader(self._fd, self._wake)
         self._loop = loop
 
@@ -121,7 +137,9 @@ class Ticker:
         self._stopped = True
         if self._loop is None:
             return
-        self._loop.remove_reader(self._fd)
+        # That of uvloop returns None and not the bool of its type, which compiled code would check.
+        forget: Callable[[int], object] = self._loop.remove_reader
+        forget(self._fd)
         os.close(self._fd)
         self._loop = None
 
@@ -136,12 +154,38 @@ class Ticker:
         passed = timerfd.expirations(self._fd)
         if passed == 0:
             return
+        if self._polls:
+            self._poll()
+            return
+        now = monotonic_ns()
+        latency = now - self._deadline(passed) + self._lead_ns
+        self._tick(passed, now)
+        if self._leads and self._loop is not None:
+            self._learn(latency)
+
+    def _poll(self) -> None:
+        """Come round with the event loop until the next deadline; then tick, and rest."""
+        if self._loop is None:
+            return
+        now, deadline = monotonic_ns(), self._deadline(1)
+        if deadline - now > _LAST_POLL_NS:
+            self._loop.call_soon(self._poll)
+            return
+        self._tick(1 + max(0, now - deadline) // self._period_ns, now)
+        if self._loop is not None:
+            rest = int(POLL_REST_SHARE * self._period_ns)
+            timerfd.arm(self._fd, monotonic_ns() + rest, 0)
+
+    def _deadline(self, passed: int) -> int:
+        """The deadline that comes so many after that of the last tick [ns]."""
+        return self._start_ns + (self._index + passed) * self._period_ns
+
+    def _tick(self, passed: int, now: int) -> None:
+        """Wait for the last of so many deadlines if it is ahead, and do its tick."""
         if self._index >= 0:
             self.missed += passed - 1
         self._index += passed
-        deadline = self._start_ns + self._index * self._period_ns
-        now = monotonic_ns()
-        latency = now - deadline + self._lead_ns
+        deadline = self._deadline(0)
         while now < deadline:
             now = monotonic_ns()
         try:
@@ -151,8 +195,6 @@ class Ticker:
             if self._on_error is None:
                 raise
             self._on_error(error)
-        if self._leads and self._loop is not None:
-            self._learn(latency)
 
     def _learn(self, latency: int) -> None:
         """Note how long a wake-up took [ns]; now and then, set the timer ahead by the median."""
@@ -166,5 +208,4 @@ class Ticker:
         self._revised_after = max(_FIRST_REVISION, round(_REVISED_EVERY_S / self.period_s))
         largest = min(LARGEST_LEAD_S * NANOSECONDS, LARGEST_LEAD_SHARE * self._period_ns)
         self._lead_ns = int(min(usual, largest))
-        following = self._start_ns + (self._index + 1) * self._period_ns
-        timerfd.arm(self._fd, following - self._lead_ns, self._period_ns)
+        timerfd.arm(self._fd, self._deadline(1) - self._lead_ns, self._period_ns)

@@ -11,7 +11,7 @@ if sys.version_info >= (3, 13):
         return os.timerfd_create(time.CLOCK_MONOTONIC, flags=os.TFD_NONBLOCK | os.TFD_CLOEXEC)
 
     def arm(fd: int, first_ns: int, interval_ns: int) -> None:
-        """Expire at `first_ns` of the monotonic clock, at once if that has passed, then every `interval_ns`."""
+        """Expire at `first_ns` of the monotonic clock, at once if it has passed, then every `interval_ns` or never."""
         os.timerfd_settime_ns(fd, flags=os.TFD_TIMER_ABSTIME, initial=first_ns, interval=interval_ns)
 
 else:
@@ -37,7 +37,7 @@ else:
         return checked(LIBC.timerfd_create(time.CLOCK_MONOTONIC, _FLAGS))
 
     def arm(fd: int, first_ns: int, interval_ns: int) -> None:
-        """Expire at `first_ns` of the monotonic clock, at once if that has passed, then every `interval_ns`."""
+        """Expire at `first_ns` of the monotonic clock, at once if it has passed, then every `interval_ns` or never."""
         spec = _TimerSpec(_timespec(interval_ns), _timespec(first_ns))
         checked(LIBC.timerfd_settime(fd, _ABSOLUTE, ctypes.byref(spec), None))
 

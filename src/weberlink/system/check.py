@@ -3,6 +3,7 @@
 The parts are built as the daemons build them; nothing is opened or sent.
 """
 
+import os
 from collections.abc import Iterator
 from math import cos, pi, sin, sqrt
 from statistics import median
@@ -31,6 +32,7 @@ from weberlink.system.configuration.model import (
     EmulationSettings,
     MappingSettings,
     PredictedSettings,
+    is_loopback,
 )
 
 UDP_IP_BYTES = 28
@@ -223,6 +225,12 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield (
             f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {loop_ms:g} ms, a tick "
             f"of each side included: sessions would be interrupted; use at least {loop_ms / ROUND_TRIP_SHARE:.0f}"
+        )
+    sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
+    if system.realtime.busy_poll and cpus <= sides:
+        yield (
+            f"realtime.busy_poll: each daemon takes a processor, and this machine has {cpus} for {sides} of them and "
+            "everything else; use false, or a machine with more processors"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
         yield (

@@ -165,6 +165,7 @@ def _drive(
             start_at=epoch,
             after_tick=write,
             garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
+            busy_poll=system.realtime.busy_poll,
         )
     finally:
         side.close()

@@ -25,6 +25,8 @@ class Needs:
     lock_memory: bool = DEFAULTS.lock_memory
     wakeful: bool = DEFAULTS.wakeful
     """Whether daemons keep processors out of deep idle states."""
+    busy_poll: bool = DEFAULTS.busy_poll
+    """Whether each daemon takes a processor."""
     cpus: tuple[int, int] | None = None
     """Processors of the master and the slave."""
     listen: tuple[str, int] | None = None
@@ -51,6 +53,7 @@ class Needs:
             priority=realtime.priority,
             lock_memory=realtime.lock_memory,
             wakeful=realtime.wakeful,
+            busy_poll=realtime.busy_poll,
             cpus=realtime.cpus,
             listen=listen if SLAVE in sides and listen[1] else None,
             slave=slave if MASTER in sides and slave[1] else None,
@@ -81,6 +84,7 @@ class Needs:
             "priority": self.priority,
             "lock_memory": self.lock_memory,
             "wakeful": self.wakeful,
+            "busy_poll": self.busy_poll,
             "cpus": None if self.cpus is None else list(self.cpus),
             "listen": _joined(self.listen),
             "slave": _joined(self.slave),

@@ -23,6 +23,11 @@ def processors(machine: Machine, needs: Needs) -> Finding:
         return problem(f"the file pins {which}, which this process may not use", pin)
     if len(set(needs.pinned.values())) < len(needs.pinned):
         return advice("the file pins both sides to one processor", pin)
+    if needs.busy_poll and len(allowed) <= len(needs.sides):
+        return problem(
+            f"{online}, and with busy_poll each daemon takes one: little is left for everything else",
+            "in the file: realtime: {busy_poll: false}; or add a processor",
+        )
     if len(allowed) < len(needs.sides):
         return advice(
             f"{online}, for two daemons and everything else",
@@ -44,6 +49,11 @@ def isolation(machine: Machine, needs: Needs) -> Finding:
         return advice(
             f"processors {names} are isolated, and the file pins no daemon to them",
             f"in the file: realtime: {{cpus: [{first}, {others[0] if others else first}]}}",
+        )
+    if not pinned and needs.busy_poll:
+        return advice(
+            "with busy_poll a daemon takes a processor, and the file pins none",
+            "in the file: realtime: {cpus: [MASTER, SLAVE]}, with kernel parameter isolcpus= for the same",
         )
     if not pinned:
         return ok("no processor isolated, no daemon pinned")

@@ -212,7 +212,7 @@ class LinkSettings(Settings):
         if self.security == "psk":
             if self.key_file is None:
                 raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
-        elif not (_is_loopback(self.listen) and _is_loopback(self.slave)):
+        elif not (is_loopback(self.listen) and is_loopback(self.slave)):
             raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
         return self
 
@@ -366,6 +366,8 @@ class RealtimeSettings(Settings):
     """Keep all pages in memory."""
     wakeful: bool = True
     """Keep processors out of deep idle states while the daemon runs: they wake up sooner, and cost more power."""
+    busy_poll: bool = False
+    """Poll sockets and clock instead of sleeping: datagrams and ticks wait less, and each daemon takes a processor."""
     cpus: tuple[int, int] | None = None
     """Processors to pin the master and the slave to."""
 
@@ -587,7 +589,7 @@ def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interva
     return box
 
 
-def _is_loopback(address: str) -> bool:
+def is_loopback(address: str) -> bool:
     host, _ = split_address(address)
     if host == "localhost":
         return True
