@@ -158,6 +158,8 @@ class AdaptiveChoice:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         deadband, history, grid = self._deadband, self._history, self._grid
         self._add(history, tick, actual, place, bound, learns=not self._channel.lookahead)
+        if len(self._shadows) == 1:  # there is no choice
+            return
         sample: Sample | None = None
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, deadband):

@@ -75,10 +75,10 @@ class Noted:
         weight: 1 / squared deadband.
         state: of the signal.
         expected: for each of the two estimates, the displacement at each horizon.
-        along: K_1 of the second estimate; `normal` is K_2.
+        stiffness: K_1 and K_2 of the second estimate.
     """
 
-    __slots__ = ("along", "direction", "expected", "normal", "place", "state", "value", "weight")
+    __slots__ = ("direction", "expected", "place", "state", "stiffness", "value", "weight")
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class Noted:
         self.weight = weight
         self.state = state
         self.expected = expected
-        self.along, self.normal = stiffness
+        self.stiffness = stiffness
 
 
 class PathLearner:
@@ -136,8 +136,11 @@ class PathLearner:
         self._changes = np.zeros(horizons * (3 * kinds + 1))
         self._weighted = np.zeros((horizons, size + kinds, 3))
         self._products = np.zeros_like(self._sums[0])
-        # Of a solution: sums, left sides, their diagonals and what is added there, results.
+        # Of a solution: sums, those of squared changes of value and place, left sides, their diagonals and what is
+        # added there, results.
         self._staged = np.zeros_like(self._sums[0])
+        count = size + kinds
+        self._squares = self._staged.reshape(horizons, count * count)[:, size * (count + 1) :: count + 1][:, :2]
         self._left = np.zeros((horizons, size, size))
         self._diagonals = self._left.reshape(horizons, size * size)[:, :: size + 1]
         self._ridge = np.full(size, RIDGE)
@@ -157,6 +160,7 @@ class PathLearner:
             self._begin()
         self._values, self._places, self._bound = history.values, history.places, history.bound
         self._newest: tuple[Array, int, Displacements] | None = None
+        self._learned: tuple[Learned, ...] | None = None
         if len(self._totals) == 4 * self._kept:
             # The sums begin anew, so that they keep their digits.
             start = self._totals[-1]
@@ -174,11 +178,13 @@ class PathLearner:
 
     def learned(self) -> tuple[Learned, ...]:
         """What is expected after the newest sample: with K = 0 and, if the signal has positions, with K."""
-        with np.errstate(all="ignore"):
-            _, state, expected = self._expect()
-        stiffness = ((0.0, 0.0), self._stiffness[state])
-        paths = [[(x, y, z) for x, y, z in path] for path in expected]
-        return tuple([Learned(path, stiffness[index]) for index, path in enumerate(paths)])
+        if self._learned is None:
+            with np.errstate(all="ignore"):
+                _, state, expected = self._expect()
+            paths = [[(x, y, z) for x, y, z in path] for path in expected]
+            stiffness = ((0.0, 0.0), self._stiffness[state])
+            self._learned = tuple([Learned(path, stiffness[index]) for index, path in enumerate(paths)])
+        return self._learned
 
     def _look(self) -> tuple[list[float], int]:
         """The regressors of the newest sample, three numbers each, and its state."""
@@ -233,27 +239,26 @@ class PathLearner:
         while self._known < len(HORIZONS) and HORIZONS[self._known] <= steps:
             self._known += 1
         known = self._known
+        (f, g, h), (p, q, r) = now.value, now.place
         changes: list[float] = []
         for index in range(known):
             before = noted[(steps - HORIZONS[index]) % _SLOTS]
-            x, y, z = subtract(now.value, before.value)
+            x, y, z = before.value
+            x, y, z = f - x, g - y, h - z
             changes += (x, y, z)
             a, b, c = before.expected[0][index]
             missed = _square(x - a, y - b, z - c)
             if self._has_positions:
-                u, v, w = subtract(now.place, before.place)
-                d, e, f = before.direction
-                pressed = d * u + e * v + f * w
-                d, e, f = d * pressed, e * pressed, f * pressed
-                changes += (u, v, w, d, e, f)
+                u, v, w = before.place
+                u, v, w = p - u, q - v, r - w
+                a, b, c = before.direction
+                pressed = a * u + b * v + c * w
+                a, b, c = a * pressed, b * pressed, c * pressed
+                changes += (u, v, w, a, b, c)
+                along, normal = before.stiffness
+                u, v, w = along * u + normal * a, along * v + normal * b, along * w + normal * c
                 a, b, c = before.expected[1][index]
-                along, normal = before.along, before.normal
-                x, y, z = (
-                    x - a - (along * u + normal * d),
-                    y - b - (along * v + normal * e),
-                    z - c - (along * w + normal * f),
-                )
-                other = _square(x, y, z)
+                other = _square(x - a - u, y - b - v, z - c - w)
                 if other < missed or isnan(other):
                     missed = other
             weight = before.weight
@@ -287,7 +292,10 @@ class PathLearner:
         left[:] = sums[:, :size, :size]
         self._scale = scale = 0.0
         if self._has_positions:
-            own, moved = float(sums[:, size, size].sum()), float(sums[:, size + 1, size + 1].sum())
+            own = moved = 0.0
+            for of_value, of_place in self._squares.tolist():
+                own += of_value
+                moved += of_place
             self._scale = scale = moved / own if own > 0.0 else 0.0
             self._ridge[2 * len(self._lags) - 1 : -1] = RIDGE * (scale if scale > 0.0 else 1.0)
         np.add(self._diagonals, self._ridge, self._diagonals)
@@ -314,11 +322,11 @@ class PathLearner:
                     np.subtract(path, found[:, :, 1:] @ stiffness, weights[1])
         except np.linalg.LinAlgError:
             weights[:] = np.nan
-        if not (np.isfinite(weights).all() and np.isfinite(stiffness).all()):
+        if not np.isfinite(weights).all():  # nor is a stiffness then
             sums[:] = weights[:] = stiffness[:] = 0.0
         along, normal = stiffness.tolist()
         self._sums[state], self._weights[state], self._stiffness[state] = sums, weights, (along, normal)
-        self._newest = None
+        self._newest = self._learned = None
 
 
 def _square(x: float, y: float, z: float) -> float:
