@@ -1,7 +1,7 @@
 """Learns the near future of a signal from its recent past, by recursive least squares.
 
 At tick k let X be a few numbers about the past of each axis: differences over 1 to 27 ms, distances from running means,
-the motion of the hand and the value itself. For each of five horizons h, 4 to 64 ms, the displacement that follows is
+the motion of the hand and the value itself. For each of six horizons h, 4 to 128 ms, the displacement that follows is
 estimated as
 
     f(k+h) - f(k) = w_h X + K_1 d + K_2 u (u d)
@@ -102,7 +102,7 @@ class Noted:
 class PathLearner:
     """The estimates of one signal.
 
-    The work of a step is spread over its ticks: its largest part in one tick is one solution, of 5 systems of 10
+    The work of a step is spread over its ticks: its largest part in one tick is one solution, of 6 systems of 10
     unknowns. Sums and weights are changed in the tick that needs them, so a gap between two ticks leaves them whole.
 
     Args:
