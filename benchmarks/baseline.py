@@ -12,7 +12,7 @@ from weberlink.studies.result import plain_table
 from weberlink.system.configuration import ConfigurationError
 
 KIND = "weberlink bench"
-VERSION = 1
+VERSION = 2
 """Version of the document, raised when a figure changes its place or its meaning."""
 
 Document = Mapping[str, Any]
@@ -63,8 +63,11 @@ def _figures(document: Document) -> Iterator[tuple[str, float | None]]:
         yield f"{way.replace('_', ' ')} p50 [us]", _float(summary["p50"])
         yield f"{way.replace('_', ' ')} p99 [us]", _float(summary["p99"])
     yield "plain round trip p50 [us]", _float(document["latency"]["plain_socket_us"]["round_trip"]["p50"])
-    for side, total in document["tick_cost"]["total_us"].items():
-        yield f"{side} tick, sum of parts [us]", _float(total)
+    yield "sealed round trip p50 [us]", _float(document["latency"]["sealed_socket_us"]["round_trip"]["p50"])
+    for side, found in document["budget"]["sides"].items():
+        for caches, total in found["sum_us"].items():
+            yield f"{side} tick, sum of parts, {caches} [us]", _float(total)
+        yield f"{side} work p50 [us]", _float(document["cpu"][side]["work_p50_us"])
         yield f"{side} CPU, share of a core [%]", 100.0 * document["cpu"][side]["cpu_share"]
     yield "codec live [samples/s]", _float(document["codec"]["live_samples_per_s"])
     for side, memory in document["memory"].items():
@@ -88,6 +91,7 @@ def _circumstances(document: Document) -> dict[str, Any]:
     found |= facts.get("packages", {})
     found |= {name: about.get(name) for name in ("preemption", "governors", "isolated_cpus", "command_line")}
     found |= dict(document.get("rights", {}))
+    found["file"] = document.get("file")
     found["duration_s"] = document.get("duration_s")
     found["limit of lateness"] = [rate["limit"]["name"] for rate in document["lateness"]][:1]
     fast = document["latency"].get("sockperf")

@@ -8,7 +8,6 @@ wait for the next tick is left out: a received update is decoded at once.
 import asyncio
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from time import monotonic, monotonic_ns
 from typing import Any
@@ -22,8 +21,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.protocol import Role
 from weberlink.protocol.aio.udp import UdpShell
-from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
+from weberlink.protocol.events import Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
@@ -58,9 +56,9 @@ class EchoEnd:
         peer = (HOST, port) if asks else None
         security = build_security(configuration)
         self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
-        attend(self.endpoint, self._hear)
         self._epoch, self._tick_period = epoch, system.tick_period
-        self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0))
+        # The shell asks for the time after every datagram that it takes: the moment to answer it.
+        self.shell = UdpShell(self.endpoint, now=self._heard, listen=(HOST, 0))
         self.samples = contact()
         self.moments: dict[int, list[int]] = {}
         self.ended = asyncio.Event()
@@ -82,9 +80,11 @@ class EchoEnd:
                 self.moments[tick] = [began]
         self.shell.flush(now)
 
-    def _hear(self) -> None:
+    def _heard(self) -> float:
+        """Take all events; the time [s]."""
         while (event := self.endpoint.next_event()) is not None:
             self._meet(event)
+        return monotonic()
 
     def _meet(self, event: Event) -> None:
         if isinstance(event, UpdateReceived):
@@ -111,19 +111,6 @@ class EchoEnd:
     def answered(self) -> Moments:
         """The moments of the answered questions."""
         return {tick: (pair[0], pair[1]) for tick, pair in self.moments.items() if len(pair) == 2}
-
-
-def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
-    """Make an endpoint call back before its shell sends, so that received updates are answered at once."""
-
-    class Attentive(Endpoint):
-        __slots__ = ()
-
-        def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
-            heard()
-            return super().datagrams_to_send()
-
-    endpoint.__class__ = Attentive
 
 
 def contact() -> list[tuple[Vector, Vector]]:

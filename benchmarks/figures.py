@@ -3,19 +3,21 @@
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from benchmarks.budget import PARTS, Budget
 from benchmarks.lateness import Lateness
-from benchmarks.tick_cost import PARTS, TickCost
 
 COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
 """Colours of Okabe and Ito, distinct for colour-blind readers; the limit is black and dashed."""
-PART_COLOURS = ("#0072B2", "#E69F00", "#F0E442", "#56B4E9", "#CC79A7", "#009E73", "#D55E00", "0.55")
-WAKING = "waking up early, event loop, cold caches"
+PART_COLOURS = "tab20"
+BEYOND = "beyond the sum"
 LEAST_US = 1.0
 STEPS_PER_DECADE = 400
 WIDTH_IN = 10.0
@@ -76,18 +78,19 @@ def exceedance(values: ArrayLike) -> tuple[list[float], list[float]]:
     return ordered[firsts].tolist(), (1.0 - firsts / len(ordered)).tolist()
 
 
-def cpu_figure(cost: TickCost, live: Lateness, path: Path, caption: str) -> None:
-    """CPU time of a tick by part, a bar for each side, up to the CPU time of the live daemon."""
-    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
+def cpu_figure(cost: Budget, live: Lateness, path: Path, caption: str) -> None:
+    """CPU time of a tick by part with cold caches, a bar for each side, up to the CPU time of the live daemon."""
+    figure = Figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
     axes = figure.subplots()
-    sides = list(cost.parts_us)
+    sides = list(live.sides)
+    parts = {side: cost.parts(side) for side in sides}
     left = np.zeros(len(sides))
-    for part, colour in zip(PARTS, PART_COLOURS, strict=True):
-        widths = np.array([cost.parts_us[side][part] for side in sides])
+    for part, colour in zip(PARTS, colormaps[PART_COLOURS](range(len(PARTS))), strict=True):
+        widths = np.array([max(0.0, parts[side][part]["cold_us"] or 0.0) for side in sides])
         _bars(axes, sides, widths, left, colour, part)
         left += widths
     booked = np.array([live.sides[side].cpu_s / live.sides[side].ticks * 1e6 for side in sides])
-    _bars(axes, sides, np.maximum(booked - left, 0.0), left, "0.88", WAKING)
+    _bars(axes, sides, np.maximum(booked - left, 0.0), left, "0.88", BEYOND)
     for place, (side, total) in enumerate(zip(sides, booked.tolist(), strict=True)):
         share = live.sides[side].cpu_s / live.sides[side].elapsed_s
         end = max(total, float(left[place]))
@@ -95,12 +98,12 @@ def cpu_figure(cost: TickCost, live: Lateness, path: Path, caption: str) -> None
     axes.set_xlim(right=1.25 * float(np.maximum(booked, left).max()))
     axes.invert_yaxis()
     axes.set_xlabel(f"CPU time of a tick at {live.rate_hz / 1e3:g} kHz [us]")
-    figure.legend(loc="outside upper center", ncols=5, fontsize=8, frameon=False)
+    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
     figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
     figure.savefig(path, dpi=160)
 
 
-def _bars(axes: Axes, sides: Sequence[str], widths: ArrayLike, left: ArrayLike, colour: str, label: str) -> None:
+def _bars(axes: Axes, sides: Sequence[str], widths: ArrayLike, left: ArrayLike, colour: Any, label: str) -> None:
     axes.barh(sides, widths, left=np.array(left), color=colour, edgecolor="white", linewidth=0.6, label=label)
 
 

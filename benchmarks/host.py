@@ -4,7 +4,7 @@ import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 WORDS = (
     "isolcpus",
@@ -69,6 +69,31 @@ def in_words(facts: Mapping[str, Any]) -> str:
         f"load before {load}",
     ]
     return "; ".join(parts)
+
+
+class Stolen(NamedTuple):
+    """Time that all processors have been through, and that the host of a virtual machine took of it [kernel ticks]."""
+
+    elapsed: int
+    stolen: int
+
+    def share_until(self, later: "Stolen") -> float | None:
+        """Share of the time between two readings that was stolen; None without any time between them."""
+        elapsed = later.elapsed - self.elapsed
+        return (later.stolen - self.stolen) / elapsed if elapsed > 0 else None
+
+
+def stolen(root: Path = Path("/")) -> Stolen:
+    """Read it; 0 of 0 where the kernel does not tell."""
+    times = [int(word) for word in _read(root / "proc/stat").partition("\n")[0].split()[1:]]
+    # After user, nice, system, idle, iowait, irq and softirq; the two for guests are contained in user and nice.
+    return Stolen(sum(times[:8]), times[7] if len(times) > 7 else 0)
+
+
+def during(share: float | None, load: tuple[float, float, float] | None = None) -> str:
+    """What disturbed a run, as a few words."""
+    one = (load or os.getloadavg())[0]
+    return f"steal during the run {'unknown' if share is None else f'{100 * share:.2f} %'}; load after {one:.2f}"
 
 
 def _realtime_share(root: Path) -> float | None:

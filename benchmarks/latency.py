@@ -1,16 +1,18 @@
-"""Latency of an update between two processes, beside plain sockets and sockperf with the same bytes and rights.
+"""Latency of an update between two processes, beside limits with the same bytes and rights.
 
-All three are measured in turn, the limits before and after, with one question at a time. This module is also a process:
-one end of an echo over plain blocking sockets. `coded_echo` is the echo through codec, endpoint and event loop. An
-answering process prints its port and, at its end, its moments; an asking one prints its moments. All moments are of the
-monotonic clock of this host [ns].
+The limits are plain sockets, bare Python processes that seal and open (`sealed_echo`), and sockperf. All are measured
+in turn, the limits before and after, with one question at a time.
+
+This module is also a process: one end of an echo over plain blocking sockets. `coded_echo` is the echo through codec,
+endpoint and event loop. An answering process prints its port and, at its end, its moments; an asking one prints its
+moments. All moments are of the monotonic clock of this host [ns].
 """
 
 import gc
 import os
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from struct import Struct
@@ -26,6 +28,7 @@ from weberlink.realtime import timerfd
 
 WAYS = ("position", "force", "round_trip")
 """Master to slave, slave to master, and both."""
+ONE_WAY = WAYS[:2]
 CODED_SHARE, LIMIT_SHARE = 0.25, 0.125
 """Shares of the duration for the coded echo, and for each half of each limit."""
 WARM_UP_S = 0.3
@@ -51,24 +54,32 @@ class Trips:
     back_us: Series
     round_us: Series
 
+    def of(self, way: str) -> Series:
+        """The times of one of the `WAYS`."""
+        return {"position": self.there_us, "force": self.back_us, "round_trip": self.round_us}[way]
+
 
 @dataclass(frozen=True)
 class Latency:
-    """Trips of updates, of the same bytes through plain sockets, and of sockperf if it is installed."""
+    """Trips of updates, of the same bytes plain and sealed between bare processes, and of sockperf if it is there."""
 
     coded: Trips
     plain: Trips
+    sealed: Trips
     sockperf: Series | None
     sockperf_version: str | None
 
-    @property
-    def worst_ratio(self) -> float | None:
-        """Median of the slower way over that of a plain socket."""
-        found = self.as_json()["ratio_to_plain"]
-        return max((found[way]["p50"] for way in ("position", "force") if found[way]["p50"] is not None), default=None)
+    def one_way_us(self, name: str) -> float:
+        """A percentile of the slower way [us]."""
+        return max(value for way in ONE_WAY if (value := summary(self.coded.of(way))[name]) is not None)
+
+    def worst_ratio(self, name: str) -> float | None:
+        """A percentile of a way over that of a sealed exchange between bare processes, of the worse way."""
+        found = [ratios(summary(self.coded.of(way)), summary(self.sealed.of(way)))[name] for way in ONE_WAY]
+        return max((value for value in found if value is not None), default=None)
 
     def as_json(self) -> dict[str, Any]:
-        coded, plain = _summaries(self.coded), _summaries(self.plain)
+        coded, plain, sealed = (_summaries(trips) for trips in (self.coded, self.plain, self.sealed))
         fast = None if self.sockperf is None else summary(self.sockperf)
         return {
             "rate_hz": MAIN_RATE_HZ,
@@ -76,10 +87,12 @@ class Latency:
             "updates": len(self.coded.round_us),
             "weberlink_us": coded,
             "plain_socket_us": plain,
+            "sealed_socket_us": sealed,
             "sockperf": None
             if fast is None or self.sockperf is None
             else {"version": self.sockperf_version, "questions": len(self.sockperf), "round_trip_us": fast},
             "ratio_to_plain": {way: ratios(coded[way], plain[way]) for way in WAYS},
+            "ratio_to_sealed": {way: ratios(coded[way], sealed[way]) for way in WAYS},
             "ratio_to_sockperf": None if fast is None else {"round_trip": ratios(coded["round_trip"], fast)},
         }
 
@@ -93,19 +106,23 @@ def measure(arrangement: Arrangement, rights: Rights) -> Latency:
     version = programs.sockperf_version()
     half_s = LIMIT_SHARE * arrangement.duration_s
     order = {"file": str(arrangement.file), "overrides": arrangement.overrides(MAIN_RATE_HZ)}
-    fast, plain = [], []
+    fast, plain, sealed = [], [], []
     for turn in range(2):
         if version is not None:
             fast.append(programs.sockperf(SIZE, half_s, rights))
         plain.append(echo("latency", {}, MAIN_RATE_HZ, half_s, rights))
+        sealed.append(echo("sealed_echo", {}, MAIN_RATE_HZ, half_s, rights))
         if turn == 0:
             coded = echo("coded_echo", order, MAIN_RATE_HZ, CODED_SHARE * arrangement.duration_s, rights)
-    joined = (np.concatenate(both) for both in zip(*(vars(part).values() for part in plain), strict=True))
-    return Latency(coded, Trips(*joined), np.concatenate(fast) if fast else None, version)
+    return Latency(coded, _joined(plain), _joined(sealed), np.concatenate(fast) if fast else None, version)
+
+
+def _joined(halves: Sequence[Trips]) -> Trips:
+    return Trips(*(np.concatenate(both) for both in zip(*(vars(part).values() for part in halves), strict=True)))
 
 
 def _summaries(trips: Trips) -> Mapping[str, Summary]:
-    return {way: summary(values) for way, values in zip(WAYS, vars(trips).values(), strict=True)}
+    return {way: summary(trips.of(way)) for way in WAYS}
 
 
 def echo(module: str, order: Mapping[str, Any], rate_hz: float, duration_s: float, rights: Rights) -> Trips:

@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks import programs
 from benchmarks.arrangement import Arrangement, Rights, answers, child, rights_of, serve
-from benchmarks.live_run import LiveSide, live_run
+from benchmarks.live_run import live_run
+from benchmarks.live_side import LiveSide
 from benchmarks.percentiles import Series, ratios, summary
 from weberlink.realtime import timerfd
 
@@ -71,6 +72,16 @@ class Lateness:
     def missed_share(self) -> float:
         """Share of the daemon that missed more."""
         return max(side.missed_share for side in self.sides.values())
+
+    @property
+    def cpu_share(self) -> float:
+        """Share of a core of the daemon that uses more."""
+        return max(side.cpu_s / side.elapsed_s for side in self.sides.values())
+
+    @property
+    def work_p50_us(self) -> float:
+        """Median work of a tick of the side that works more [us]."""
+        return max(summary(side.records["work_us"])["p50"] or 0.0 for side in self.sides.values())
 
     def as_json(self) -> dict[str, Any]:
         limit = summary(self.limit.lateness_us)

@@ -8,7 +8,8 @@ from time import monotonic
 from typing import Any
 
 from benchmarks import baseline as baseline_
-from benchmarks import codec_speed, latency, lateness, start_up, tick_cost, update_cost
+from benchmarks import budget as budget_
+from benchmarks import codec_speed, latency, lateness, start_up, update_cost
 from benchmarks.arrangement import (
     DURATION_S,
     MAIN_RATE_HZ,
@@ -20,14 +21,14 @@ from benchmarks.arrangement import (
     granted,
 )
 from benchmarks.baseline import Document
+from benchmarks.budget import Budget
 from benchmarks.codec_speed import CodecSpeed
-from benchmarks.host import host, in_words
+from benchmarks.host import during, host, in_words, stolen
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
-from benchmarks.live_run import memory
-from benchmarks.report import report, targets
+from benchmarks.live_side import memory
+from benchmarks.report import budget_report, report, targets
 from benchmarks.start_up import StartUp
-from benchmarks.tick_cost import TickCost
 from benchmarks.update_cost import UpdateCost
 from weberlink.protocol.keys import generate
 from weberlink.studies.result import StudyResult
@@ -48,23 +49,25 @@ class Findings:
         rates: lateness by rate [Hz].
         latency: of an update.
         update_cost: run time of the code of an update at each end.
-        tick_cost: CPU time of a tick.
+        budget: cost of each part of a tick.
         codec: samples per second.
         start_up: of the program.
         rights: granted to the daemons and to their limits.
         host: facts of the machine, before the run.
         run_time_s: of all of it.
+        steal_share: of all processors' time, during the run; None if unknown.
     """
 
     rates: Mapping[float, Lateness]
     latency: Latency
     update_cost: UpdateCost
-    tick_cost: TickCost
+    budget: Budget
     codec: CodecSpeed
     start_up: StartUp
     rights: Rights
     host: Mapping[str, Any]
     run_time_s: float
+    steal_share: float | None
 
 
 def run(
@@ -76,6 +79,7 @@ def run(
     quick: bool = False,
     baseline: Path | None = None,
     plots: bool = False,
+    only_budget: bool = False,
     progress: Progress = lambda *_: None,
 ) -> StudyResult:
     """Measure everything.
@@ -88,12 +92,15 @@ def run(
         quick: measure briefly.
         baseline: document of an earlier run to compare with.
         plots: whether figures will be drawn.
+        only_budget: measure nothing but the cost of each part of a tick.
         progress: called before each part.
 
     Raises:
         ConfigurationError: for an argument that cannot be used; nothing was measured then.
         BenchError: if a measurement fails.
     """
+    if only_budget and (plots or baseline is not None):
+        raise ConfigurationError("--budget: has neither figures nor a baseline; leave --plots and --baseline out")
     if plots:
         need("matplotlib", "plots", "--plots")
     earlier = None if baseline is None else baseline_.read(baseline)
@@ -106,6 +113,8 @@ def run(
         key = Path(folder) / "bench.key"
         generate(key)
         arrangement = Arrangement(file, key, tuple(overrides), ports, length, quick)
+        if only_budget:
+            return measure_budget(arrangement, progress)
         findings = measure(arrangement, progress)
     compared = None if earlier is None or baseline is None else (earlier, baseline.name)
     return assemble(arrangement, findings, compared)
@@ -119,8 +128,8 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
         ConfigurationError: if the file or an override is wrong.
     """
     began = monotonic()
-    facts = host()  # before the run, so that its own load does not count
-    rights = granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
+    facts, taken = host(), stolen()  # before the run, so that its own load does not count
+    rights = _rights(arrangement)
     rates: dict[float, Lateness] = {}
     for done, rate_hz in enumerate(RATES_HZ):
         progress(done, PARTS, f"lateness at {rate_hz / 1e3:g} kHz")
@@ -129,14 +138,54 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
     trips = latency.measure(arrangement, rights)
     progress(PARTS - 4, PARTS, "run time of an update")
     update = update_cost.measure(arrangement, rights)
-    progress(PARTS - 3, PARTS, "CPU time of a tick")
-    tick = tick_cost.measure(arrangement)
+    progress(PARTS - 3, PARTS, "cost of a tick")
+    tick = budget_.measure(arrangement, rights)
     progress(PARTS - 2, PARTS, "codec")
     codec = codec_speed.measure(quick=arrangement.quick)
     progress(PARTS - 1, PARTS, "start-up")
     start = start_up.measure(arrangement)
     progress(PARTS, PARTS, "")
-    return Findings(rates, trips, update, tick, codec, start, rights, facts, monotonic() - began)
+    share = taken.share_until(stolen())
+    return Findings(rates, trips, update, tick, codec, start, rights, facts, monotonic() - began, share)
+
+
+def measure_budget(arrangement: Arrangement, progress: Progress) -> StudyResult:
+    """Measure only the cost of each part of a tick.
+
+    Raises:
+        BenchError: if a measurement fails.
+        ConfigurationError: if the file or an override is wrong.
+    """
+    began, facts, taken = monotonic(), host(), stolen()
+    rights = _rights(arrangement)
+    progress(0, 1, "cost of a tick")
+    found = budget_.measure(arrangement, rights)
+    progress(1, 1, "")
+    document = {
+        "kind": f"{baseline_.KIND} --budget",
+        "version": baseline_.VERSION,
+        **_circumstances(arrangement, rights),
+        "budget": found.as_json(),
+        "run_time_s": monotonic() - began,
+        "host": facts,
+        "steal_share": taken.share_until(stolen()),
+        "environment": environment(),
+    }
+    return StudyResult(document, budget_report(document), lambda _: None)
+
+
+def _rights(arrangement: Arrangement) -> Rights:
+    return granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
+
+
+def _circumstances(arrangement: Arrangement, rights: Rights) -> dict[str, Any]:
+    return {
+        "file": arrangement.file.name,
+        "duration_s": arrangement.duration_s,
+        "quick": arrangement.quick,
+        "overrides": list(arrangement.given),
+        "rights": rights.as_json(),
+    }
 
 
 def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> StudyResult:
@@ -146,34 +195,32 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
     document: dict[str, Any] = {
         "kind": baseline_.KIND,
         "version": baseline_.VERSION,
-        "duration_s": arrangement.duration_s,
-        "quick": arrangement.quick,
-        "overrides": list(arrangement.given),
-        "rights": findings.rights.as_json(),
+        **_circumstances(arrangement, findings.rights),
         "lateness": [rate.as_json() for rate in findings.rates.values()],
         "latency": findings.latency.as_json(),
         "update_cost_us": findings.update_cost.as_json(),
         "cpu": cpu(main),
-        "tick_cost": findings.tick_cost.as_json(),
+        "budget": findings.budget.as_json(),
         "codec": findings.codec.as_json(),
         "memory": memory(main.sides),
         "start_up": findings.start_up.as_json(),
         "targets": [target.as_json() for target in targets(findings.rates, findings.latency)],
         "run_time_s": findings.run_time_s,
         "host": dict(findings.host),
+        "steal_share": findings.steal_share,
         "environment": facts,
     }
     comparison = None
     if earlier is not None:
         document["baseline"] = baseline_.as_json(earlier[0], document)
         comparison = baseline_.comparison(document["baseline"], earlier[1])
-    caption = f"{in_words(findings.host)}\n{footer(facts)}"
+    caption = f"{in_words(findings.host)}; {during(findings.steal_share)}\n{footer(facts)}"
 
     def draw(folder: Path) -> None:
         from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - slow import
 
         lateness_figure(list(findings.rates.values()), folder / "lateness.png", caption)
-        cpu_figure(findings.tick_cost, main, folder / "cpu.png", caption)
+        cpu_figure(findings.budget, main, folder / "cpu.png", caption)
 
     return StudyResult(document, report(document, comparison), draw)
 

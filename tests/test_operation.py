@@ -18,10 +18,11 @@ from weberlink.apps.doctor import rights
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES
 from weberlink.protocol.states import State
+from weberlink.realtime.process import LATENCY_REQUEST
 from weberlink.system import journal
 from weberlink.system.configuration.model import RealtimeSettings
-from weberlink.system.daemon import MISCONFIGURED
 from weberlink.system.launcher import STOP_LIMIT_S
+from weberlink.system.order import MISCONFIGURED
 from weberlink.system.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.fault import Fault
 
@@ -89,7 +90,7 @@ def test_a_session_may_ask_for_what_a_file_may_ask_for(name: str) -> None:
     assert "RestrictRealtime" not in settings
     assert "CPUSchedulingPolicy" not in settings
     allowed = {line.split()[0] for line in settings["DeviceAllow"]}
-    assert rights.LATENCY_DEVICE in allowed
+    assert LATENCY_REQUEST in allowed
     assert all(line.endswith(" rw") for line in settings["DeviceAllow"])
 
 

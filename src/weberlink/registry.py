@@ -5,8 +5,10 @@ from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 
@@ -94,12 +96,14 @@ class Registry(Mapping[str, T], Generic[T]):
         return cast(T, entry)
 
     @property
-    def _installed(self) -> Mapping[str, EntryPoint]:
+    def _installed(self) -> Mapping[str, "EntryPoint"]:
         return {} if self.group is None else _installed(self.group, tuple(sys.path))
 
 
 @lru_cache
-def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - the key of the cache
+def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:  # noqa: ARG001 - the key of the cache
+    from importlib.metadata import entry_points  # noqa: PLC0415 - with its parsers as long an import as all of ours
+
     return {entry.name: entry for entry in entry_points(group=group)}
 
 

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
+from benchmarks.budget import Budget
 from benchmarks.codec_speed import CodecSpeed
+from benchmarks.kernel_counts import ALL_CALLS, MISSES, KernelCounts
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
-from benchmarks.live_run import LiveSide, Resources
-from benchmarks.meter import Overhead
-from benchmarks.start_up import StartUp
+from benchmarks.live_side import LiveSide, Resources
+from benchmarks.staged_tick import PARTS
+from benchmarks.start_up import DAEMON_PARTS, LAUNCHER_PARTS, StartUp
 from benchmarks.study import Findings
-from benchmarks.tick_cost import PARTS, TickCost
 from benchmarks.update_cost import UpdateCost
 from weberlink.telemetry.reader import DTYPE
 
@@ -44,20 +45,45 @@ def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSi
     return LiveSide(records, rate_hz, used, {"realtime": None, "faults": {}})
 
 
-def lateness(rate_hz: float, *, late_us: float = 30.0, missed: int = 0, cpu_s: float = 1.0) -> Lateness:
-    """The slave twice as late as the master; the limit is 20 us throughout."""
+def lateness(
+    rate_hz: float, *, late_us: float = 30.0, missed: int = 0, cpu_s: float = 1.0, stalls: int = 0
+) -> Lateness:
+    """The slave twice as late as the master; the limit is 20 us in 1000 wake-ups, of which some miss a period."""
     sides = {
         "master": side(rate_hz, late_us=late_us / 2.0, missed=0, cpu_s=cpu_s / 2.0),
         "slave": side(rate_hz, late_us=late_us, missed=missed, cpu_s=cpu_s),
     }
-    return Lateness(rate_hz, sides, LatenessLimit("cyclictest 2.40", np.full(1000, 20.0)))
+    late = np.full(1000, 20.0)
+    late[:stalls] = 1.5e6 / rate_hz
+    return Lateness(rate_hz, sides, LatenessLimit("cyclictest 2.40", late))
 
 
 def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool = True) -> Latency:
-    """Plain sockets take 50 us each way."""
+    """Plain sockets take 50 us each way, sealed ones 100."""
     coded = Trips(np.full(10, position_us), np.full(10, force_us), np.full(10, position_us + force_us))
     plain = Trips(np.full(10, 50.0), np.full(10, 50.0), np.full(10, 100.0))
-    return Latency(coded, plain, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
+    sealed = Trips(np.full(10, 100.0), np.full(10, 100.0), np.full(10, 200.0))
+    return Latency(coded, plain, sealed, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
+
+
+def budget() -> Budget:
+    """Every stage takes 4 us with cold caches and 2 us with warm ones; a whole tick takes 1 us more than its work."""
+    stages = len(PARTS) - 1  # telemetry is no work
+
+    def found(us: float) -> dict[str, Any]:
+        parts = {part: {"times": 1.0, "us": us, "each_us": us} for part in PARTS}
+        return {"parts": parts, "whole_us": us * stages + 1.0, "ticks": 100, "datagram_bytes": 40}
+
+    cold = {name: found(4.0) | {"outside_us": 30.0} for name in ("master", "slave")}
+    bare = {
+        "wakes_us": {"epoll": 20.0, "uvloop": 22.0, "ticker": 23.0, "leading": 26.0},
+        "cyclictest_us": 15.0,
+        "cold_us": {"send": 3.0, "decrypt": 2.0},
+        "warm_us": {"send": 1.0, "decrypt": 0.5},
+    }
+    counts = KernelCounts({name: {ALL_CALLS: 3.5, MISSES: None} for name in ("master", "slave")})
+    live = {name: side(1000.0, late_us=10.0, missed=0, cpu_s=1.0) for name in ("master", "slave")}
+    return Budget(cold, {name: found(2.0) for name in ("master", "slave")}, bare, live, counts)
 
 
 def codec() -> CodecSpeed:
@@ -67,7 +93,6 @@ def codec() -> CodecSpeed:
 def findings(
     *, rates: Mapping[float, Lateness] | None = None, trips: Latency | None = None, rate: CodecSpeed | None = None
 ) -> Findings:
-    parts = {side: {part: 1.0 + place for place, part in enumerate(PARTS)} for side in ("master", "slave")}
     return Findings(
         rates={hz: lateness(hz) for hz in RATES_HZ} if rates is None else rates,
         latency=latency() if trips is None else trips,
@@ -77,10 +102,15 @@ def findings(
                 "receive": {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)},
             }
         ),
-        tick_cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
+        budget=budget(),
         codec=codec() if rate is None else rate,
-        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
+        start_up=StartUp(
+            {"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]},
+            {part: [0.15] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)},
+            [1.0],
+        ),
         rights=RIGHTS,
         host=HOST,
         run_time_s=120.0,
+        steal_share=0.015,
     )

@@ -2,19 +2,25 @@
 
 import os
 from pathlib import Path
+from time import monotonic_ns
 
 import numpy as np
 import pytest
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from benchmarks import latency, lateness
 from benchmarks.arrangement import Arrangement, BenchError, Rights, granted
-from benchmarks.host import host, in_words
+from benchmarks.host import during, host, in_words, stolen
 from benchmarks.latency import echo, join
 from benchmarks.lateness import LatenessLimit
-from benchmarks.live_run import LiveSide, Resources, memory, resident_kib, resources
+from benchmarks.live_side import LiveSide, Resources, memory, resident_kib, resources
 from benchmarks.percentiles import summary
+from benchmarks.sealed_echo import KEYS, SALT, TAG_BYTES, expand, seal, steps_of, unseal, work
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
+from weberlink.protocol.psk import CcmCipher
+from weberlink.protocol.wire import CLEAR_BYTES
 from weberlink.system.configuration.model import RealtimeSettings
 from weberlink.telemetry.reader import DTYPE
 
@@ -54,13 +60,54 @@ def test_without_programs_the_limits_are_python(tmp_path: Path, monkeypatch: pyt
     document = latency.measure(arrangement, BARE).as_json()
     assert document["sockperf"] is None
     assert document["ratio_to_sockperf"] is None
-    for name in ("weberlink_us", "plain_socket_us"):
+    for name in ("weberlink_us", "plain_socket_us", "sealed_socket_us"):
         for way in latency.WAYS:
             assert 0.0 < document[name][way]["p50"] <= document[name][way]["p99_9"] <= document[name][way]["max"]
         there, back, both = (document[name][way]["p50"] for way in latency.WAYS)
         assert both > max(there, back)
     assert document["updates"] > 100
-    assert document["ratio_to_plain"]["force"]["p50"] > 0.0
+    for limit_name in ("ratio_to_plain", "ratio_to_sealed"):
+        assert document[limit_name]["force"]["p50"] > 0.0
+
+
+def test_a_sealed_question_is_opened_under_its_number_alone() -> None:
+    cipher, other = (AESCCM(key, tag_length=TAG_BYTES) for key in KEYS)
+    datagram = seal(cipher, 70_000)
+    assert len(datagram) == latency.SIZE
+    assert expand(int.from_bytes(datagram[:CLEAR_BYTES], "little"), 69_000) == 70_000
+    assert unseal(cipher, 70_000, datagram) == 70_000
+    for wrong, number in ((cipher, 70_001), (other, 70_000)):
+        with pytest.raises(InvalidTag):
+            unseal(wrong, number, datagram)
+
+
+def test_the_sealed_limit_seals_as_a_session_does() -> None:
+    """Cipher, nonce and overhead: a session opens what the limit seals, given its key and salt."""
+    session = CcmCipher(bytes(32))
+    sealed = session.seal(3, bytes(CLEAR_BYTES) + b"twelve bytes")
+    assert len(sealed) == CLEAR_BYTES + 12 + TAG_BYTES
+    assert len(SALT + (3).to_bytes(8, "little")) == 13  # the nonce of AES-CCM with lengths of two bytes
+
+
+def test_the_work_of_a_bare_tick_takes_about_its_time() -> None:
+    steps = range(steps_of(50.0))
+    took = []
+    for _ in range(50):
+        began = monotonic_ns()
+        work(steps)
+        took.append(monotonic_ns() - began)
+    assert 10e3 < min(took) < 250e3
+
+
+def test_stolen_time_is_a_share_of_what_passed(tmp_path: Path) -> None:
+    write(tmp_path, {"proc/stat": "cpu  100 0 50 800 10 0 5 35 7 0\ncpu0 1 2 3\n"})
+    before = stolen(tmp_path)
+    write(tmp_path, {"proc/stat": "cpu  150 0 60 820 10 0 5 55 7 0\ncpu0 1 2 3\n"})
+    assert before.share_until(stolen(tmp_path)) == pytest.approx(0.2)
+    assert before.share_until(before) is None
+    assert stolen(tmp_path / "nowhere") == (0, 0)
+    assert "steal during the run unknown" in during(None)
+    assert stolen().elapsed > 0
 
 
 def test_rights_are_tried_in_another_process() -> None:

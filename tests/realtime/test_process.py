@@ -90,7 +90,7 @@ def test_process_without_rights_names_what_it_lacks_and_goes_on():
 AWAKE = """
 import json, os, sys
 from weberlink.realtime import process
-process._LATENCY_REQUEST = sys.argv[1]
+process.LATENCY_REQUEST = sys.argv[1]
 grant = process.prepare(0, False, None, wakeful=json.loads(sys.argv[2])).wakeful
 opened = [os.path.realpath(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")]
 held = [path for path in opened if path == os.path.realpath(sys.argv[1])]

@@ -17,8 +17,8 @@ from tests.soak.wire import Wire
 from tests.system.processes import free_port
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import SIDES, Configuration, load
-from weberlink.system.daemon import DaemonOrder
 from weberlink.system.launcher import Daemon
+from weberlink.system.order import DaemonOrder
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path

@@ -31,6 +31,7 @@ PATIENCE = 60.0
 PATIENT = ("--set", "link.silence_ms=2000")
 """For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value
+WATCHER = b"weberlink.realtime.host"
 
 
 def until(condition: Callable[[], T], what: str) -> T:
@@ -160,27 +161,30 @@ class Program:
         """Of the launcher."""
         return self._process.pid
 
-    def daemons(self) -> list[int]:
-        """Its child processes that live."""
-        found = []
+    def children(self) -> dict[int, bytes]:
+        """Its child processes that live, and their command lines."""
+        found = {}
         for path in Path("/proc").glob("[0-9]*/stat"):
             with suppress(FileNotFoundError, ProcessLookupError):
                 state, parent = path.read_text(errors="replace").rpartition(")")[2].split()[:2]
                 if int(parent) == self.pid and state not in "ZX":
-                    found.append(int(path.parent.name))
+                    found[int(path.parent.name)] = (path.parent / "cmdline").read_bytes()
         return found
+
+    def daemons(self) -> list[int]:
+        """Its child processes, without the one that watches the host."""
+        return [pid for pid, command in self.children().items() if WATCHER not in command]
 
     def recorder(self) -> int:
         """The process that writes the recording."""
+        return until(lambda: self._running(b"weberlink.telemetry.recording.recorder"), "the recorder to start")
 
-        def find() -> int:
-            for pid in self.daemons():
-                with suppress(FileNotFoundError, ProcessLookupError):
-                    if b"weberlink.telemetry.recording.recorder" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                        return pid
-            return 0
+    def watcher(self) -> int:
+        """The process that watches the host; 0 while there is none."""
+        return self._running(WATCHER)
 
-        return until(find, "the recorder to start")
+    def _running(self, module: bytes) -> int:
+        return next((pid for pid, command in self.children().items() if module in command), 0)
 
     def rings(self) -> list[Path]:
         path = default_path(f"{self.pid}-side")

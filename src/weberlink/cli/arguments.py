@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from weberlink.system.daemon import COMPLETED, MISCONFIGURED
+from weberlink.system.order import COMPLETED, MISCONFIGURED
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
 OptionalFile = Annotated[

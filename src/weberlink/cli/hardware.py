@@ -8,7 +8,7 @@ import typer
 
 from weberlink.cli.arguments import Json, OneLineErrors
 from weberlink.cli.output import errors, fail, write
-from weberlink.system.daemon import FAILED
+from weberlink.system.order import FAILED
 
 Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")

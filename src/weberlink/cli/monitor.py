@@ -6,9 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from weberlink.cli.output import errors, fail
-from weberlink.system.configuration.model import split_address
-from weberlink.system.daemon import FAILED, MISCONFIGURED
-from weberlink.system.extras import need
+from weberlink.system.order import FAILED, MISCONFIGURED
 
 
 def monitor(
@@ -38,10 +36,12 @@ def monitor(
     ] = None,
 ) -> None:
     """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
+    from weberlink.system.extras import need  # noqa: PLC0415 - each command imports what it needs
+
     with errors():
         for package in ("aiohttp", "prometheus_client"):
             need(package, "monitor", "weberlink monitor")
-    from weberlink.apps.monitor import access  # noqa: PLC0415 - a web server is imported on use
+    from weberlink.apps.monitor import access  # noqa: PLC0415
     from weberlink.apps.monitor.program import MonitorError, MonitorSettings, run, tell  # noqa: PLC0415
 
     addresses = _address("--share", share), _address("--from", source)
@@ -62,6 +62,8 @@ def monitor(
 
 
 def _address(option: str, text: str | None) -> tuple[str, int] | None:
+    from weberlink.system.configuration.model import split_address  # noqa: PLC0415
+
     if text is None:
         return None
     try:

@@ -5,15 +5,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
-from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
 
 STANDARD_OUTPUT = Path("-")
 
@@ -25,7 +25,7 @@ class Study(Protocol):
     def document(self) -> dict[str, Any]: ...
 
     @property
-    def table(self) -> RenderableType: ...
+    def table(self) -> "RenderableType": ...
 
     def draw(self, folder: Path) -> None: ...
 
@@ -33,6 +33,8 @@ class Study(Protocol):
 @contextmanager
 def errors() -> Iterator[None]:
     """Report a wrong file with status 2, a missing runtime directory with status 1; one line each."""
+    from weberlink.system.configuration import ConfigurationError  # noqa: PLC0415 - not for the help
+
     try:
         yield
     except ConfigurationError as error:
@@ -47,7 +49,7 @@ def fail(message: str, status: int) -> NoReturn:
     raise typer.Exit(status)
 
 
-def write(document: dict[str, Any], out: Path | None, show: Callable[[Console], None]) -> None:
+def write(document: dict[str, Any], out: Path | None, show: Callable[["Console"], None]) -> None:
     """Write JSON to `out`, and print the report unless JSON goes to standard output."""
     text = json.dumps(document, indent=2, allow_nan=False)
     if out == STANDARD_OUTPUT:
@@ -59,6 +61,8 @@ def write(document: dict[str, Any], out: Path | None, show: Callable[[Console], 
         except OSError as error:
             sys.stderr.write(text + "\n")  # nothing is lost
             fail(f"{out}: cannot be written: {error.strerror}", FAILED)
+    from rich.console import Console  # noqa: PLC0415 - not before there is something to print
+
     console = Console()
     fits = console.is_terminal and 80 <= console.width <= 100  # narrower, a table would cut its numbers
     show(console if fits else Console(width=80))
@@ -105,6 +109,15 @@ def finish(
 @contextmanager
 def progress_bar() -> Iterator[Callable[..., None]]:
     """Show progress on standard error if it is a terminal; yields `report(done, total, what)`."""
+    from rich.console import Console  # noqa: PLC0415 - for long commands alone
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     done_of = TextColumn("{task.completed}/{task.total} {task.description}")
     console = Console(stderr=True)
     columns = (BarColumn(), done_of, TimeElapsedColumn(), TimeRemainingColumn())

@@ -8,14 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
 from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish
-from weberlink.system.configuration import MASTER, SIDES, SLAVE, load
-from weberlink.system.daemon import MISCONFIGURED
+from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
 
 
 def loopback(
@@ -62,6 +58,7 @@ def slave(
 def check(file: File, set_: Set = None) -> None:
     """Validate FILE; print its parts, their cost and warnings."""
     from weberlink.system.check import describe  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.system.configuration import load  # noqa: PLC0415
 
     with errors():
         lines = list(describe(load(file, set_ or ())))
@@ -90,6 +87,7 @@ def simulate(
     set_: Set = None,
 ) -> None:
     """Run the whole system in virtual time."""
+    from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
     with errors():
@@ -111,9 +109,8 @@ def _live(
     take_over: bool = False,
 ) -> None:
     from weberlink.system.composition.trial import try_out  # noqa: PLC0415
+    from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.launcher import Session  # noqa: PLC0415
-    from weberlink.system.recorder import check_target  # noqa: PLC0415
-    from weberlink.system.report import status_line  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
     with errors():
@@ -121,24 +118,40 @@ def _live(
         notes = try_out(configuration)
         directory()
         if record is not None:
+            from weberlink.system.recorder import check_target  # noqa: PLC0415
+
             check_target(record)
     for note in notes:
         typer.echo(f"weberlink: note: {note}", err=True)
-    console = Console(stderr=True)
     with (
         journal_to(log, json_out, configuration.system.rate_hz) as journal,
-        Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live,
+        Session(
+            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over
+        ) as session,
     ):
+        summary = session.run()
+    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+
+
+@contextmanager
+def status_display() -> Iterator[Any]:
+    """Show the status of a session in one line on standard error if it is a terminal; None if it is not."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.live import Live  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    from weberlink.system.report import status_line  # noqa: PLC0415
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
 
         def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
             live.update(Text(status_line(records, summary)))
 
-        watcher = watch if console.is_terminal else None
-        with Session(
-            configuration, overrides, sides, duration, watcher, record, journal, take_over=take_over
-        ) as session:
-            summary = session.run()
-    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+        yield watch
 
 
 @contextmanager
@@ -162,6 +175,7 @@ def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
     """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once."""
     import socket  # noqa: PLC0415
 
+    from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.configuration.model import split_address  # noqa: PLC0415
 
     with errors():

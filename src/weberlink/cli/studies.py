@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.arguments import File, Full, Json, Plots, Set, Workers, finite
+from weberlink.cli.arguments import File, Full, Json, OptionalFile, Plots, Set, Workers, finite
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
-from weberlink.system.daemon import FAILED, MISCONFIGURED
+from weberlink.system.order import FAILED, MISCONFIGURED
 
 
 def info(
@@ -129,6 +129,7 @@ def stability(
 
 
 def bench(
+    file: OptionalFile = None,
     duration: Annotated[
         float | None,
         typer.Option(
@@ -139,6 +140,7 @@ def bench(
     baseline: Annotated[
         Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with the --json file of an earlier run.")
     ] = None,
+    budget: Annotated[bool, typer.Option("--budget", help="Measure only what each part of a tick costs.")] = False,
     json_out: Json = None,
     plots: Plots = None,
     set_: Set = None,
@@ -154,12 +156,12 @@ def bench(
             raise
         fail("bench runs from a clone of the repository: make bench", MISCONFIGURED)
 
-    file = Path(str(files("weberlink.configs") / "loopback.yaml"))
+    path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
     try:
         with errors(), progress_bar() as progress:
             result = run(
-                file, set_ or (), lambda overrides: free_port(file, overrides), duration=duration, quick=quick,
-                baseline=baseline, plots=plots is not None, progress=progress,
+                path, set_ or (), lambda overrides: free_port(path, overrides), duration=duration, quick=quick,
+                baseline=baseline, plots=plots is not None, only_budget=budget, progress=progress,
             )  # fmt: skip
     except BenchError as error:
         fail(str(error), FAILED)

@@ -18,7 +18,8 @@ _SET_PARENT_DEATH_SIGNAL = 1
 _SET_TIMER_SLACK = 29
 _LOCK_CURRENT = 1
 _LOCK_FUTURE = 2
-_LATENCY_REQUEST = "/dev/cpu_dma_latency"
+HIGHEST_PRIORITY = os.sched_get_priority_max(os.SCHED_FIFO)
+LATENCY_REQUEST = "/dev/cpu_dma_latency"
 
 LIBC.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
 LIBC.mlockall.argtypes = (ctypes.c_int,)
@@ -68,9 +69,8 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool 
     Raises:
         ValueError: priority or cpu is a number that no machine has.
     """
-    highest = os.sched_get_priority_max(os.SCHED_FIFO)
-    if not 0 <= priority <= highest:
-        raise ValueError(f"priority must be 0 (ordinary) or 1 to {highest} (SCHED_FIFO), got {priority}")
+    if not 0 <= priority <= HIGHEST_PRIORITY:
+        raise ValueError(f"priority must be 0 (ordinary) or 1 to {HIGHEST_PRIORITY} (SCHED_FIFO), got {priority}")
     if cpu is not None and cpu < 0:
         raise ValueError(f"cpu must be 0 or more, got {cpu}")
     return Grants(
@@ -143,11 +143,11 @@ def _sharpen_timers() -> None:
 def _stay_awake() -> Grant:
     """Hold the kernel's request for the least wake-up latency (its PM QoS interface) until this process ends."""
     try:
-        fd = os.open(_LATENCY_REQUEST, os.O_WRONLY | os.O_CLOEXEC)
+        fd = os.open(LATENCY_REQUEST, os.O_WRONLY | os.O_CLOEXEC)
     except FileNotFoundError:
-        return Grant(False, f"not possible: this kernel has no {_LATENCY_REQUEST}")
+        return Grant(False, f"not possible: this kernel has no {LATENCY_REQUEST}")
     except OSError as error:
-        return Grant(False, f"not permitted: needs write access to {_LATENCY_REQUEST} ({error.strerror})")
+        return Grant(False, f"not permitted: needs write access to {LATENCY_REQUEST} ({error.strerror})")
     os.write(fd, (0).to_bytes(4, "little"))  # in force until the kernel closes the descriptor of the ended process
     return Grant(True, "processors awake")
 

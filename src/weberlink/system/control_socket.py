@@ -3,7 +3,6 @@
 The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring.
 """
 
-import asyncio
 import json
 import os
 import socket
@@ -12,12 +11,16 @@ from collections.abc import Awaitable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from weberlink.control.tuning import Tuning
-from weberlink.realtime.shell import Transport
 from weberlink.system.bounded_json import parse
 from weberlink.telemetry.runtime_directory import ForeignFileError, check
+
+if TYPE_CHECKING:  # who only asks needs no event loop
+    import asyncio
+
+    from weberlink.control.tuning import Tuning
+    from weberlink.realtime.shell import Transport
 
 LONGEST_QUESTION = 1024
 LONGEST_ANSWER = 4096
@@ -34,7 +37,7 @@ class LiveChangeError(RuntimeError):
 class Askable(Protocol):
     """A side whose settings can be changed."""
 
-    tuning: Tuning
+    tuning: "Tuning"
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
 
@@ -90,7 +93,7 @@ class ControlSocket:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
 
-    def open(self, loop: asyncio.AbstractEventLoop) -> None:
+    def open(self, loop: "asyncio.AbstractEventLoop") -> None:
         """Listen.
 
         Raises:
@@ -169,13 +172,13 @@ class ControlSocket:
 class WithControlSocket:
     """A transport with a control socket that is open as long as it is."""
 
-    def __init__(self, transport: Transport, control: ControlSocket) -> None:
+    def __init__(self, transport: "Transport", control: ControlSocket) -> None:
         self._transport = transport
         self._control = control
         self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
         self.flush = transport.flush
 
-    def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
+    def open(self, loop: "asyncio.AbstractEventLoop") -> Awaitable[None] | None:
         self._control.open(loop)
         return self._transport.open(loop)
 

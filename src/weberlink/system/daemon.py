@@ -8,11 +8,10 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from getpass import getuser
 from pathlib import Path
 from random import Random
-from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
+from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
 from socket import gethostname
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
@@ -29,15 +28,10 @@ from weberlink.system.composition.link import Identity, build_link, build_securi
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
-COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
-"""Exit statuses of every command."""
-
-STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
-HEAD_START = 0.2
-"""From the beginning of a side's composition to its first tick [s]."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 
@@ -48,37 +42,6 @@ class StartError(Exception):
 
 class Stopped(Exception):  # noqa: N818 - an end like any other
     """A signal came while the device or the robot was being opened; the message is the outcome."""
-
-
-@dataclass(frozen=True)
-class DaemonOrder:
-    """What a daemon runs.
-
-    Args:
-        side: "master" or "slave".
-        file: the configuration.
-        overrides: as of `--set`.
-        ring: where to write telemetry.
-        parent: process that the daemon stops with.
-        duration_s: length of the run; None to run until it is stopped.
-        take_over: whether a master replaces another one that the slave serves.
-    """
-
-    side: str
-    file: str
-    overrides: tuple[str, ...]
-    ring: str
-    parent: int
-    duration_s: float | None = None
-    take_over: bool = False
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "DaemonOrder":
-        values = json.loads(text)
-        return cls(**{**values, "overrides": tuple(values["overrides"])})
 
 
 def main(text: str) -> int:
@@ -108,7 +71,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     system = configuration.system
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
-    epoch = monotonic() + HEAD_START
+    epoch = monotonic()  # the first tick is that of the first deadline after opening
     side = _build(order, configuration, epoch)
     # After the imports of the side: with real-time rights they would hold up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
@@ -233,11 +196,6 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
         "realtime": grants.as_dict(),
         "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }
-
-
-def failure(outcome: str) -> dict[str, Any]:
-    """The summary of a daemon without a first tick, or one that could not report its end."""
-    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
 
 
 def _complain(order: DaemonOrder, error: Exception, status: int) -> int:

@@ -309,7 +309,7 @@ def _timestamp(wall_s: float) -> str:
 def _outcome(summary: dict[str, Any]) -> Fields:
     """The part of a session's report that the log keeps."""
     kept: Fields = {
-        key: summary[key] for key in ("status", "duration_s", "faults", "drops", "realtime") if key in summary
+        key: summary[key] for key in ("status", "duration_s", "faults", "drops", "realtime", "host") if key in summary
     }
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {

@@ -1,6 +1,7 @@
 """Start daemons, watch their telemetry and report: the parent process of every live run.
 
-The daemons do not wait for this process; if it dies, they stop in order.
+The daemons do not wait for this process; if it dies, they stop in order. What reads and scores records is imported when
+there are any: until then the daemons need the processors.
 """
 
 import json
@@ -9,8 +10,9 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from signal import (
     SIG_BLOCK,
@@ -25,21 +27,24 @@ from signal import (
 )
 from time import sleep, time
 from types import FrameType, TracebackType
-from typing import Any, Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Self
 
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
-from weberlink.system.journal import Journal
-from weberlink.system.recorder import Recorder
-from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
+
+if TYPE_CHECKING:
+    from weberlink.system.host_watch import HostWatch
+    from weberlink.system.journal import Journal
+    from weberlink.system.recorder import Recorder
+    from weberlink.system.scoring.session import Records, SessionScore
+    from weberlink.telemetry.reader import RingReader
+
+Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
@@ -57,6 +62,7 @@ class Daemon:
         self.side = order.side
         self._order = order
         self._reader: RingReader | None = None
+        self._ring = Path(order.ring)
         # In its own process group: Ctrl-C reaches the launcher only, which stops the sides in order.
         # Signals are inherited blocked and wait for the event loop: an early one is an orderly end too.
         held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
@@ -81,7 +87,7 @@ class Daemon:
     @property
     def begun(self) -> bool:
         """Whether it has created its ring; it has read the file and the key by then."""
-        return self._reader is not None
+        return self._reader is not None or self._ring.exists()
 
     @property
     def wall_offset_s(self) -> float:
@@ -89,11 +95,15 @@ class Daemon:
         reader = self._reader
         return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
 
-    def records(self) -> Records:
+    def records(self) -> "Records":
         """Records since the last call."""
+        import numpy as np  # noqa: PLC0415 - see above
+
+        from weberlink.telemetry.reader import DTYPE, RingReader  # noqa: PLC0415
+
         if self._reader is None:
             try:
-                self._reader = RingReader(self._order.ring)
+                self._reader = RingReader(self._ring)
             except FileNotFoundError:
                 return np.empty(0, DTYPE)
         return self._reader.read()
@@ -122,9 +132,9 @@ class Daemon:
         if self._reader is not None:
             self._reader.close()
         for left in (
-            Path(self._order.ring),
-            description.path_beside(self._order.ring),
-            control_socket.path_beside(self._order.ring),
+            self._ring,
+            description.path_beside(self._ring),
+            control_socket.path_beside(self._ring),
         ):
             left.unlink(missing_ok=True)
 
@@ -138,7 +148,8 @@ class Session:
         overrides: as given on the command line; the daemons read the file themselves.
         sides: which daemons to start.
         duration_s: length of the run; None until it is stopped.
-        watch: called about ten times a second with the newest records and the figures so far.
+        display: opened when the first daemon has created its ring, closed at the end; what it gives is called about ten
+            times a second with the newest records and the figures so far, unless it is None.
         record: where to record the session, as MCAP; None to record nothing.
         journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
@@ -148,14 +159,16 @@ class Session:
     overrides: Sequence[str]
     sides: Sequence[str] = SIDES
     duration_s: float | None = None
-    watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
+    display: Callable[[], AbstractContextManager[Watch | None]] = nullcontext
     record: Path | None = None
-    journal: Journal | None = None
+    journal: "Journal | None" = None
     take_over: bool = False
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
-    _recorder: Recorder | None = None
+    _recorder: "Recorder | None" = None
+    _begun: bool = False
+    _watch: Watch | None = None
     _key: Path | None = None
 
     def __enter__(self) -> Self:
@@ -163,21 +176,39 @@ class Session:
         system = self.configuration.system
         if system.link.security == "session":
             self._make_key()
-        self.score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
             self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
+        rings = {side: _ring(side) for side in self.sides}
+        for ring in rings.values():  # left by an earlier process with this process id
+            Path(ring).unlink(missing_ok=True)
         if self.record is not None:  # before the daemons, so that it sees their rings appear
-            rings = {side: _ring(side) for side in self.sides}
-            for ring in rings.values():  # left by an earlier process with this process id
-                Path(ring).unlink(missing_ok=True)
+            from weberlink.system.recorder import Recorder  # noqa: PLC0415
+
             self._recorder = Recorder(self.configuration, rings, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))
             self.daemons[side] = daemon
             self._stack.callback(daemon.release)
         return self
+
+    @cached_property
+    def score(self) -> "SessionScore":
+        """Figures of the records so far."""
+        from weberlink.system.scoring.session import SessionScore  # noqa: PLC0415
+
+        system = self.configuration.system
+        return SessionScore(system.rate_hz, *banks(system), measures_of(system))
+
+    @cached_property
+    def _host(self) -> "HostWatch":
+        from weberlink.system.host_watch import HostWatch  # noqa: PLC0415
+
+        system = self.configuration.system
+        watch = HostWatch(self.sides, system.realtime, system.tick_period)
+        self._stack.callback(watch.stop)
+        return watch
 
     def _make_key(self) -> None:
         """Write a key to memory for both daemons; it is removed when they have read it."""
@@ -238,18 +269,24 @@ class Session:
         return daemon.finish()
 
     def _look(self) -> None:
-        empty = np.empty(0, DTYPE)
+        if not self._begun:
+            self._begun = any(daemon.begun for daemon in self.daemons.values())
+            if not self._begun:
+                return
+            self._watch = self._stack.enter_context(self.display())
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
         if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
             self._key.unlink(missing_ok=True)
             self._key = None
-        self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
+        self._host.look(records)
+        none = next(iter(records.values()))[:0]
+        self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
             for side, daemon in self._in_order():
                 self.journal.look(side, records[side], daemon.wall_offset_s)
-        if self.watch is not None:
+        if self._watch is not None:
             recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
-            self.watch(self.score.state, self.score.summary() | recording)
+            self._watch(self.score.state, self.score.summary() | recording)
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
@@ -259,6 +296,7 @@ class Session:
             "faults": {side: summary["faults"] for side, summary in summaries.items()},
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "host": self._host.end(),
             "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
             "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
         }

@@ -31,7 +31,7 @@ def session_report(summary: dict[str, Any], title: str, console: Console) -> Non
         return  # no tick ran; the outcome says why
     console.print(_channels(summary))
     console.print(_ticks(summary))
-    for line in _lines(summary):
+    for line in [*_host(summary), *_lines(summary)]:
         console.print(line, soft_wrap=False)
     if "environment" in summary:
         console.print(Text(footer(summary["environment"], summary.get("seed")), style="dim"))
@@ -144,6 +144,20 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         yield _recording(summary["recording"])
     if "run_time_s" in summary:
         yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
+
+
+def _host(summary: dict[str, Any]) -> Iterator[str]:
+    """What the host of a live session took, and which missed ticks are its."""
+    host = summary.get("host")
+    if host is None:
+        return
+    if host["unknown"] is None:
+        missed = sum(ticks["missed"] for ticks in summary["ticks"].values())
+        line = f"host: {host['stalls']} stalls, longest {host['longest_ms']:.1f} ms"
+        line += f"; {sum(host['missed'].values())} of {missed} missed ticks"
+    else:
+        line = f"host not watched: {host['unknown']}"
+    yield f"{line}; steal {_percent(host['steal'], 2) if host['steal'] is not None else 'not counted'}"
 
 
 def _felt(force: dict[str, Any]) -> Iterator[str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from weberlink.apps.doctor import Finding, Machine, Needs
 from weberlink.apps.doctor.findings import Check
+from weberlink.apps.doctor.host_trial import HostRequest, HostTrial
 from weberlink.apps.doctor.machine import Unreadable
 from weberlink.apps.doctor.report import run
 from weberlink.apps.doctor.trial import RightsRequest, RightsTrial
@@ -27,6 +28,8 @@ TRIAL = RightsTrial(
     lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
     missed=0,
 )
+STRETCH: dict[str, float | None] = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
+HOST = HostTrial(asleep=[STRETCH] * 4, awake=[STRETCH] * 4)
 FILES: Mapping[str, str] = {
     "proc/version": "Linux version 6.1.0-21-rt-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_RT Debian",
     "proc/cmdline": "root=/dev/sda1 quiet",
@@ -76,6 +79,9 @@ def _answers() -> dict[str, Any]:
     def trial(_request: RightsRequest) -> RightsTrial:
         return TRIAL
 
+    def host_trial(_request: HostRequest) -> HostTrial:
+        return HOST
+
     def run_tool(*command: str) -> tuple[int, str]:
         raise Unreadable(f"{command[0]} is not there")
 
@@ -85,6 +91,7 @@ def _answers() -> dict[str, Any]:
         "limit": lambda _which: 98,
         "resolution_ns": lambda: 1.0,
         "trial": trial,
+        "host_trial": host_trial,
         "which": lambda _name: None,
         "run": run_tool,
         "bind": lambda _host, _port: None,

@@ -23,7 +23,7 @@ from weberlink.cli import app
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import load
 
-REAL = {name: group for name, group in CHECKS.items() if name not in ("rights", "devices")}
+REAL = {name: group for name, group in CHECKS.items() if name not in ("rights", "host", "devices")}
 """Checks that start no process and ask no library of devices."""
 
 
@@ -103,7 +103,7 @@ def test_report_of_this_machine_fits_80_columns(tmp_path: Path) -> None:
     generate(tmp_path / "weberlink.key")
     found = examine(Needs.of(load(CONFIGS / "lan.yaml", [f"link.key_file={tmp_path / 'weberlink.key'}"])), Machine())
     checks = {each.check for each in everything(found)}
-    assert {"clock source", "scheduling", "memory lock", "punctuality", "port", "key file", "Python"} <= checks
+    assert {"clock source", "scheduling", "memory lock", "punctuality", "host", "port", "key file", "Python"} <= checks
     for line in shown(found):
         assert len(line) <= 80 or line.startswith(" " * 10 + "-> ") or str(tmp_path) in line, line
 

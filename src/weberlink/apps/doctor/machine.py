@@ -12,6 +12,7 @@ from pathlib import Path
 from time import CLOCK_MONOTONIC, clock_getres
 from typing import Any
 
+from weberlink.apps.doctor.host_trial import HostRequest, HostTrial, run_host_trial
 from weberlink.apps.doctor.trial import RightsRequest, RightsTrial, run_trial
 
 LOOK_UP_LIMIT_S = 3.0
@@ -85,6 +86,9 @@ class Machine:
 
     def trial(self, request: RightsRequest) -> RightsTrial:
         return run_trial(request)
+
+    def host_trial(self, request: HostRequest) -> HostTrial:
+        return run_host_trial(request)
 
     def which(self, name: str) -> str | None:
         return shutil.which(name)

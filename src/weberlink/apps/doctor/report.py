@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from weberlink.apps.doctor import kernel, network, processors, rights, software
+from weberlink.apps.doctor import host, kernel, network, processors, rights, software
 from weberlink.apps.doctor.findings import Check, Finding, Grade, unknown
 from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
@@ -24,6 +24,7 @@ CHECKS: Mapping[str, tuple[Check, ...]] = {
         processors.cpu_quota,
     ),
     "rights": (rights.rights,),
+    "host": (host.host,),
     "memory": (rights.swap, rights.huge_pages, rights.shared_memory),
     "network": (network.receive_buffer, network.port, network.slave_address, network.firewall),
     "key": (network.key_file,),

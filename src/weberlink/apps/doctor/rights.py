@@ -9,13 +9,13 @@ from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
 from weberlink.apps.doctor.processors import slow_states
 from weberlink.apps.doctor.trial import RightsRequest, RightsTrial
+from weberlink.realtime.process import LATENCY_REQUEST
 from weberlink.system.daemon import RING_SECONDS
 from weberlink.telemetry.record import RECORD
 from weberlink.telemetry.ring import RECORDS_AT
 from weberlink.telemetry.runtime_directory import Places
 
 LIMITS_FILE = "/etc/security/limits.d/weberlink.conf"
-LATENCY_DEVICE = "/dev/cpu_dma_latency"
 LATENCY_RULE = 'KERNEL=="cpu_dma_latency", GROUP="dialout", MODE="0660"'
 LATENCY_RULES_FILE = "/etc/udev/rules.d/48-weberlink-latency.rules"
 HUGE_PAGES = "/sys/kernel/mm/transparent_hugepage/enabled"
@@ -94,9 +94,9 @@ def _wakeful(machine: Machine, needs: Needs, trial: RightsTrial) -> Iterator[Fin
     if trial.grants["wakeful"]["granted"]:
         yield ok("daemons may keep processors out of deep idle states", check)
         return
-    found = f"daemons may not keep processors awake ({LATENCY_DEVICE})"
+    found = f"daemons may not keep processors awake ({LATENCY_REQUEST})"
     if machine.in_container:
-        fix = f"podman/docker run --device {LATENCY_DEVICE} ..."
+        fix = f"podman/docker run --device {LATENCY_REQUEST} ..."
     else:
         fix = f"echo '{LATENCY_RULE}' | sudo tee {LATENCY_RULES_FILE}    (then restart)"
     if slow_states(machine, needs):

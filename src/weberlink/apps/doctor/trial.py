@@ -9,13 +9,17 @@ import os
 import select
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from math import ceil
 from pathlib import Path
 from time import monotonic_ns
+from typing import Any, TypeVar
 
 from weberlink.realtime import timerfd
 from weberlink.realtime.process import prepare
+
+T = TypeVar("T")
 
 MEASURE_S = 0.5
 LIMIT_S = 30.0
@@ -62,9 +66,20 @@ class RightsTrial:
 
 def run_trial(request: RightsRequest) -> RightsTrial:
     """Run the trial in a child process; a failure is in the result."""
+    return run_child(__name__, request, RightsTrial)
+
+
+def run_child(module: str, request: Any, answer: Callable[..., T]) -> T:
+    """Run a module as a program.
+
+    Args:
+        module: reads a request as JSON from its command line, and writes the fields of an answer as JSON.
+        request: a dataclass.
+        answer: what to make of these fields, or of `failure`: why there are none.
+    """
     try:
         done = subprocess.run(  # noqa: S603
-            [sys.executable, "-m", "weberlink.apps.doctor.trial", json.dumps(asdict(request))],
+            [sys.executable, "-m", module, json.dumps(asdict(request))],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -72,12 +87,12 @@ def run_trial(request: RightsRequest) -> RightsTrial:
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return RightsTrial(failure=f"a child process cannot be tried: {error}")
+        return answer(failure=f"a child process cannot be tried: {error}")
     try:
-        return RightsTrial(**json.loads(done.stdout))
+        return answer(**json.loads(done.stdout))
     except (ValueError, TypeError):
         last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        return RightsTrial(failure=f"the child process of the trial failed: {last}")
+        return answer(failure=f"the child process of the trial failed: {last}")
 
 
 def main(text: str) -> None:

@@ -26,7 +26,7 @@ from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
-from weberlink.system.daemon import COMPLETED, FAILED
+from weberlink.system.order import COMPLETED, FAILED
 
 PORT = "{port}"
 """Placeholder for the port in the arguments of the command."""

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -128,7 +129,8 @@ class LiveRunner:
         def watch(_: dict[str, Any], summary: dict[str, Any]) -> None:
             elapsed(summary["duration_s"])
 
-        with Session(configuration, overrides, SIDES, self.plan.duration_s, watch, recording) as session:
+        display, duration = (lambda: nullcontext(watch)), self.plan.duration_s
+        with Session(configuration, overrides, SIDES, duration, display, recording) as session:
             summary = session.run()
         return _felt(summary)
 

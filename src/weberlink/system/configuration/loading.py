@@ -13,11 +13,11 @@ from weberlink.system.configuration.document import override, parse
 from weberlink.system.configuration.errors import ConfigurationError, describe
 from weberlink.system.configuration.model import DriverSettings, System
 from weberlink.system.extras import need
+from weberlink.system.order import MASTER, SIDES, SLAVE
 
 M = TypeVar("M", bound=BaseModel)
 
-MASTER, SLAVE = "master", "slave"
-SIDES = (MASTER, SLAVE)
+__all__ = ["MASTER", "SIDES", "SLAVE", "Configuration", "Part", "load", "load_device", "make_absolute"]
 
 
 @dataclass(frozen=True)

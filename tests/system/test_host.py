@@ -1,0 +1,105 @@
+"""Missed ticks of a live session: of a processor that was taken away they are the host's, of a stopped daemon not."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from time import sleep
+from typing import Any
+
+import pytest
+
+from tests.conftest import may_use_fifo
+from tests.system.processes import PATIENT, Program, Telemetry, document, until
+
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="needs a processor for each daemon"),
+]
+fifo = pytest.mark.skipif(not may_use_fifo(), reason="needs the right to SCHED_FIFO")
+
+PROCESSORS = sorted(os.sched_getaffinity(0))[:2]
+TAKEN_S = 0.1
+HOG = f"""
+import os, time
+os.sched_setaffinity(0, {{{PROCESSORS[0]}}})
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(99))
+end = time.monotonic() + {TAKEN_S}
+while time.monotonic() < end: pass
+"""
+ARGUMENTS = ("--json", "-", *PATIENT, "--set", f"realtime.cpus={PROCESSORS}")
+
+
+def watched(program: Program) -> Telemetry:
+    """The telemetry of the master, once the watcher of the host is at work."""
+    master = program.engaged("master")
+    program.engaged("slave")
+    until(program.watcher, "the watcher of the host")
+    sleep(0.5)
+    return master
+
+
+def finished(program: Program) -> tuple[dict[str, Any], dict[str, int], dict[str, int]]:
+    """The host's part of the report; missed ticks of each side, and those that are the host's."""
+    program.send(signal.SIGTERM)
+    status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    summary = document(output)
+    return (
+        summary["host"],
+        {side: ticks["missed"] for side, ticks in summary["ticks"].items()},
+        summary["host"]["missed"],
+    )
+
+
+@fifo
+def test_ticks_on_a_processor_that_was_taken_away_are_the_hosts() -> None:
+    with Program("loopback", *ARGUMENTS) as program:
+        master = watched(program)
+        before = int(master.last["ticks_missed"])
+        subprocess.run([sys.executable, "-S", "-c", HOG], check=True)
+        until(lambda: master.last["ticks_missed"] > before + 50, "missed ticks")
+        sleep(0.2)
+        facts, missed, of_host = finished(program)
+    assert facts["unknown"] is None
+    assert facts["longest_ms"] >= 900 * TAKEN_S
+    assert 900 * TAKEN_S <= of_host["master"] <= missed["master"]
+    assert of_host["slave"] <= missed["slave"]
+
+
+@fifo
+def test_ticks_of_a_daemon_that_was_stopped_are_its_own() -> None:
+    with Program("loopback", *ARGUMENTS) as program:
+        master = watched(program)
+        before = int(master.last["ticks_missed"])
+        for _ in range(3):
+            os.kill(master.pid, signal.SIGSTOP)
+            sleep(TAKEN_S)
+            os.kill(master.pid, signal.SIGCONT)
+            sleep(TAKEN_S)
+        until(lambda: master.last["ticks_missed"] > before + 200, "missed ticks")
+        facts, missed, of_host = finished(program)
+    assert facts["unknown"] is None
+    assert missed["master"] - of_host["master"] >= 2000 * TAKEN_S
+
+
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv, to take from root what only root may")
+def test_without_the_right_nothing_is_attributed() -> None:
+    incapable = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice") if os.geteuid() == 0 else ()
+    prefix = ("prlimit", "--rtprio=0:0", *incapable)
+    with Program("loopback", "--duration", 2, "--json", "-", *PATIENT, prefix=prefix) as program:
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    facts = document(output)["host"]
+    assert "SCHED_FIFO 51 not permitted" in facts["unknown"]
+    assert facts["missed"] is facts["stalls"] is facts["longest_ms"] is facts["watched_s"] is None
+
+
+@fifo
+def test_a_watcher_that_is_killed_is_told() -> None:
+    with Program("loopback", "--duration", 3, "--json", "-", *PATIENT) as program:
+        os.kill(until(program.watcher, "the watcher of the host"), signal.SIGKILL)
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    assert "ended with status -9" in document(output)["host"]["unknown"]
