@@ -14,10 +14,11 @@ The bound is not one of the sends of a session: after a send the model in use is
 sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/codec/test_selection.py).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import exp
 
 from weberlink.codec.channel import Channel
+from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors.contract import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
@@ -35,8 +36,6 @@ PRESENT = 12.0
 the known signal says more."""
 LEAST_FORCE_STEPS = 10.0
 """Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""
-
-Measure = Callable[[Vector, Vector], float]
 
 
 class Shadow:
@@ -67,7 +66,7 @@ class Shadow:
         self._wakes = -self._rest
         self.error = 0.0
 
-    def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
+    def follow(self, tick: int, actual: Vector, place: Vector, bound: float, deadband: Deadband) -> bool:
         """Predict a sample; returns whether this candidate would send it."""
         if self.is_suspended(tick):
             return False
@@ -78,7 +77,7 @@ class Shadow:
             predicted = model.at(tick, place)
         else:
             predicted, self._remembered = model.advance(tick, place, self._remembered)
-        self.error = error = measure(predicted, actual)
+        self.error = error = deadband.error(predicted, actual)
         return not error <= bound
 
     def is_suspended(self, tick: int) -> bool:
@@ -117,7 +116,7 @@ class AdaptiveChoice:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._grid = channel.grid
-        self._measure: Measure = channel.deadband.error
+        self._deadband = channel.deadband
         self.reset()
 
     def reset(self) -> None:
@@ -134,28 +133,36 @@ class AdaptiveChoice:
         ]
         self._estimators = tuple(self._signal.estimators.values())
 
-    def measure_with(self, measure: Measure) -> None:
-        """Measure errors with this function of a deadband from now on."""
-        self._measure = measure
+    def retune(self, deadband: Deadband) -> None:
+        """Measure errors with this deadband from now on."""
+        self._deadband = deadband
 
     def learn(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
         """Let the estimators take in a sample that is not coded yet."""
         self._add(self._known, tick, actual, place, bound, learns=True)
 
     def _add(self, history: History, tick: int, actual: Vector, place: Vector, bound: float, *, learns: bool) -> None:
-        for each in (*history.missing(tick, actual, place), (tick, actual, place)):
-            history.add(*each, bound)
+        for earlier, value, there in history.missing(tick, actual, place):
+            history.add(earlier, value, there, bound)
             if learns:
-                for estimator in self._estimators:
-                    estimator.follow(history)
+                self._estimate(history)
+        history.add(tick, actual, place, bound)
+        if learns:
+            self._estimate(history)
+
+    def _estimate(self, history: History) -> None:
+        for estimator in self._estimators:
+            estimator.follow(history)
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead = NOTHING) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
-        measure, history, grid = self._measure, self._history, self._grid
+        deadband, history, grid = self._deadband, self._history, self._grid
         self._add(history, tick, actual, place, bound, learns=not self._channel.lookahead)
+        if len(self._shadows) == 1:  # there is no choice
+            return
         sample: Sample | None = None
         for shadow in self._shadows:
-            if shadow.follow(tick, actual, place, bound, measure):
+            if shadow.follow(tick, actual, place, bound, deadband):
                 if sample is None:
                     sample = grid.sample(tick, grid.levels(actual, place))
                 shadow.send(sample, bound, history, ahead)
@@ -181,7 +188,7 @@ class AdaptiveChoice:
                 continue
             surface = model is not None and model.surface() is not None and not shadow.is_suspended(newest.tick)
             suits = not renders or surface
-            rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self._measure))
+            rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self._deadband.error))
             if rank > highest:
                 highest, best = rank, (shadow.selector, model)
             if rank == (True, len(ahead.values)):
@@ -192,7 +199,7 @@ class AdaptiveChoice:
         """Error of a new model at the newest sample; a surface may not hold a force outside of its friction cone."""
         actual, place, memory = self._history.values[-1], self._history.places[-1], model.memory
         first = model.first(newest) if memory is None else model.advance(newest.tick, place, memory)[0]
-        return self._measure(first, actual)
+        return self._deadband.error(first, actual)
 
     def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
         record = shadow.doubt * shadow.record(tick)

@@ -47,14 +47,13 @@ class Encoder:
         self._grid = channel.grid
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
-        self._mirrored = self.mirror.value
-        self._confine = channel.value_quantizer.confine
+        self._quantizer = channel.value_quantizer
         self._choice = AdaptiveChoice(channel) if channel.estimates else None
         self._bucket: TokenBucket | None = None
         if channel.rate is not None:
             at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
             self._bucket = TokenBucket(channel.rate, max(at_rest, channel.value_quantizer.step))
-        self._measure_with(channel.deadband)
+        self._deadband = channel.deadband
         self._selectors = tuple(range(len(self._predictors)))
         self._window = Window(channel.lookahead)
         self.rejected = 0
@@ -104,7 +103,9 @@ class Encoder:
         count = len(self._predictors)
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
-        self._measure_with(deadband)
+        self._deadband = deadband
+        if self._choice is not None:
+            self._choice.retune(deadband)
         self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = self._arrived = None
@@ -124,88 +125,91 @@ class Encoder:
             The update to send; None if the prediction is good enough, if there is no sample of L ticks ago, or if that
             was not finite (counted in `rejected`).
         """
-        if is_finite(value) and is_finite(position):
-            self._window.take(self._taken(Taken(tick, value, self._confine(value), position, most)))
-        else:
+        if not (is_finite(value) and is_finite(position)):
             self.rejected += 1
+            return self.decide(tick)
+        actual = self._quantizer.confine(value)
+        if self._window.length == 0:
+            return self._code(tick, tick, value, actual, position, most, NOTHING)
+        self._window.take(self._taken(tick, value, actual, position, most))
         return self.decide(tick)
 
-    def _taken(self, sample: Taken) -> Taken:
-        """A sample with its deadband if the encoder looks ahead; what learns from all samples learns from it."""
-        if not self._window.length:
-            return sample
-        actual, moved = sample.actual, 0.0
-        if self._reads_motion:
-            place = self._moving(sample)
+    def _taken(self, tick: int, value: Vector, actual: Vector, position: Vector, most: float) -> Taken:
+        """A sample that waits, with its deadband; what learns from all samples learns from it."""
+        deadband, moved = self._deadband, 0.0
+        if deadband.reads_motion:
+            place = self._moving(actual, position)
             moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
-        sample = sample._replace(bound=min(self._allowed(actual, actual, actual, moved), sample.most))
+        bound = min(deadband.bound(actual, actual, actual, moved), most)
         if self._choice is not None:
-            self._choice.learn(sample.tick, actual, self._channel.place(sample.position), sample.bound)
-        return sample
+            self._choice.learn(tick, actual, self._channel.place(position), bound)
+        return Taken(tick, value, actual, position, most, bound)
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does."""
         sample = self._window.due(tick)
-        return None if sample is None else self._code(tick, sample)
+        if sample is None:
+            return None
+        coded, value, actual, position, most, _ = sample
+        return self._code(tick, coded, value, actual, position, most, self._ahead(coded))
 
-    def _code(self, now: int, coming: Taken) -> Update | None:
-        tick, self.coded, actual, position, most, _ = coming
-        moved = 0.0
-        if self._reads_motion:
-            place = self._moving(coming)
+    def _code(
+        self, now: int, tick: int, value: Vector, actual: Vector, position: Vector, most: float, ahead: Ahead
+    ) -> Update | None:
+        """Code the sample of `tick`."""
+        self.coded = value
+        deadband, bucket, newest, moved = self._deadband, self._bucket, self._newest, 0.0
+        if deadband.reads_motion:
+            place = self._moving(actual, position)
             moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = self.predicted = self._mirrored(now, position)
+        displayed = self.predicted = self.mirror.value(now, position)
         compared = displayed if displayed is not None else actual
-        newest = self._newest
         sent = newest.value if newest is not None else compared
-        bucket, allowed = self._bucket, min(self._allowed(actual, compared, sent, moved), most)
-        self.bound = allowed if bucket is None else bucket.widened(tick, allowed)
-        self.widened = self.bound > allowed
-        ahead = self._ahead(coming) if self._window.length else NOTHING
+        allowed = min(deadband.bound(actual, compared, sent, moved), most)
+        self.bound = bound = allowed if bucket is None else bucket.widened(tick, allowed)
+        self.widened = bound > allowed
         if self._choice is not None:
-            self._choice.follow(tick, actual, self._channel.place(position), self.bound, ahead)
+            self._choice.follow(tick, actual, self._channel.place(position), bound, ahead)
         forced = displayed is None or self._forced
-        error = inf if displayed is None or forced else self._measure(displayed, actual)
-        if error <= self.bound:
+        error = inf if displayed is None or forced else deadband.error(displayed, actual)
+        if error <= bound:
             return None
         levels = self._grid.levels(actual, position)
         sample = self._grid.sample(tick, levels)
-        if error <= self._measure(sample.value, actual):
+        least = deadband.error(sample.value, actual)
+        if error <= least:
             return None
         if bucket is not None and not bucket.take(forced=forced):
             self.bound = error
             return None
-        update = self._update(sample, levels, coming, ahead)
+        update = self._update(sample, levels, actual, position, ahead)
         self._levels, self._forced = levels, False
         self._newest, self._previous = sample, self._usable(tick)
         self.mirror.apply(update)
-        if self._measure(self.mirror.first, actual) > max(self.bound, self._measure(sample.value, actual)):
+        if deadband.error(self.mirror.first, actual) > max(bound, least):
             update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
             self.mirror.apply(update)
         return update
 
-    def _measure_with(self, deadband: Deadband) -> None:
-        self._allowed, self._measure, self._reads_motion = deadband.bound, deadband.error, deadband.reads_motion
-        if self._choice is not None:
-            self._choice.measure_with(deadband.error)
-
-    def _moving(self, sample: Taken) -> Vector:
+    def _moving(self, actual: Vector, position: Vector) -> Vector:
         """The position whose motion the deadband reads [m]."""
-        return sample.position if self._channel.position_quantizer is not None else sample.actual
+        return position if self._channel.position_quantizer is not None else actual
 
-    def _ahead(self, coming: Taken) -> Ahead:
-        """The samples that follow without a gap."""
-        following, place = self._window.following(coming.tick), self._channel.place
+    def _ahead(self, tick: int) -> Ahead:
+        """The samples that follow a tick without a gap."""
+        following, place = self._window.following(tick), self._channel.place
         return Ahead(
             tuple(sample.actual for sample in following),
             tuple(place(sample.position) for sample in following),
             tuple(sample.bound for sample in following),
         )
 
-    def _update(self, sample: Sample, levels: tuple[int, ...], coming: Taken, ahead: Ahead) -> Update:
+    def _update(
+        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead
+    ) -> Update:
         earlier = self._usable(sample.tick)
         if self._choice is None:
-            selector, model = self._choose(sample, coming, earlier, ahead), None
+            selector, model = self._choose(sample, actual, position, earlier, ahead), None
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
         payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
@@ -216,7 +220,7 @@ class Encoder:
         earlier = self._newest
         return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
-    def _choose(self, sample: Sample, coming: Taken, earlier: Sample | None, ahead: Ahead) -> int:
+    def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.
 
         With look-ahead it is made among the predictors whose new models last longest in the known signal.
@@ -225,13 +229,11 @@ class Encoder:
         if newest is None or len(selectors) == 1:
             return selectors[0]
         channel, predictors = self._channel, self._predictors
-        place, limits = channel.place(coming.position), channel.fit_limits
+        place, limits = channel.place(position), channel.fit_limits
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
-            lasts = [ahead.lasts(model, sample.tick, self._measure) for model in new]
+            lasts = [ahead.lasts(model, sample.tick, self._deadband.error) for model in new]
             selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
         models = [predictors[selector].model(newest, previous, limits) for selector in selectors]
-        errors = [
-            distance(channel.displayable(model.at(coming.tick, place), newest), coming.actual) for model in models
-        ]
+        errors = [distance(channel.displayable(model.at(sample.tick, place), newest), actual) for model in models]
         return selectors[errors.index(min(errors))]

@@ -72,7 +72,9 @@ class Path(Model):
         x, y, z = value
         ahead = tick - newest_tick
         before, start = 0, ZERO
-        for knot, end in zip(self.knots, self.displacements, strict=True):
+        knots, displacements = self.knots, self.displacements
+        for index in range(len(knots)):
+            knot, end = knots[index], displacements[index]
             if ahead < knot:
                 share = max(0.0, (ahead - before) / (knot - before))
                 x += start[0] + (end[0] - start[0]) * share
@@ -82,7 +84,8 @@ class Path(Model):
             before, start = knot, end
         else:
             x, y, z = x + start[0], y + start[1], z + start[2]
-        if self.stiffness == (0.0, 0.0):
+        along, normal = self.stiffness
+        if along == normal == 0.0:
             return (x, y, z)
         a, b, c = _yielded(self.newest, self.stiffness, position)
         x, y, z = x + a, y + b, z + c
@@ -241,8 +244,12 @@ def _exponent(ratio: float) -> int:
 
 
 def _rounded(displacement: Vector, digit: float) -> Vector:
-    x, y, z = (digit * max(-_LARGEST, min(_LARGEST, round(each / digit))) for each in displacement)
-    return (x, y, z)
+    x, y, z = displacement
+    return (digit * _level(x / digit), digit * _level(y / digit), digit * _level(z / digit))
+
+
+def _level(ratio: float) -> int:
+    return max(-_LARGEST, min(_LARGEST, round(ratio)))
 
 
 def _unit(grid: SampleGrid) -> float:

@@ -31,9 +31,10 @@ from weberlink.codec.predictors.model import Hold, Line
 from weberlink.codec.predictors.surface import FrictionalHypothesis
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.geometry.vector import ZERO, Vector
 
 LIMITS = FitLimits()
+DEADBAND = ForceDeadband(0.1)
 
 
 def up(force: float) -> Vector:
@@ -114,7 +115,7 @@ def shadowed(channel: Channel, shadow: Shadow, stream: Stream, signal: Signal | 
         history.add(tick, force, position, bound)
         for estimator in estimators:
             estimator.follow(history)
-        if shadow.follow(tick, force, position, bound, deadband.error):
+        if shadow.follow(tick, force, position, bound, deadband):
             sent.append(tick)
             shadow.send(channel.grid.sample(tick, channel.grid.levels(force, position)), bound, history)
     return sent
@@ -141,20 +142,20 @@ def test_the_shadow_of_friction_remembers_the_motion() -> None:
 
 
 def test_before_the_first_sample_a_force_rests_and_a_position_is_sent() -> None:
-    assert not zoh_shadow().follow(0, up(0.05), ZERO, 0.1, distance)
-    assert zoh_shadow().follow(0, up(0.2), ZERO, 0.1, distance)
-    assert Shadow(0, FittedCandidate(PREDICTORS["zoh"], LIMITS), None).follow(0, ZERO, ZERO, 0.1, distance)
+    assert not zoh_shadow().follow(0, up(0.05), ZERO, 0.1, DEADBAND)
+    assert zoh_shadow().follow(0, up(0.2), ZERO, 0.1, DEADBAND)
+    assert Shadow(0, FittedCandidate(PREDICTORS["zoh"], LIMITS), None).follow(0, ZERO, ZERO, 0.1, DEADBAND)
 
 
 def test_the_error_is_that_of_the_prediction_before_the_send() -> None:
     shadow = zoh_shadow(3)
-    assert shadow.follow(5, up(2.0), ZERO, 0.2, distance)
+    assert shadow.follow(5, up(2.0), ZERO, 0.2, DEADBAND)
     assert (shadow.selector, shadow.error) == (3, 2.0)
     shadow.send(Sample(5, up(2.0), ZERO), 0.2, History(1e-3))
-    assert not shadow.follow(6, up(2.15), ZERO, 0.2, distance)
+    assert not shadow.follow(6, up(2.15), ZERO, 0.2, DEADBAND)
     assert shadow.error == pytest.approx(0.15)
     shadow.send(Sample(17, up(nan), ZERO), 0.1, History(1e-3))
-    assert shadow.follow(18, ZERO, ZERO, 0.1, distance)
+    assert shadow.follow(18, ZERO, ZERO, 0.1, DEADBAND)
 
 
 class Noted:
@@ -174,7 +175,7 @@ def test_a_candidate_is_told_of_its_own_sends_and_held_without_a_model() -> None
     one, other, third = (Sample(tick, up(1.0), ZERO) for tick in (2, 10, 10 + 65_536))
     for sample in (one, other, third):
         shadow.send(sample, 0.3, history)
-        shadow.follow(sample.tick + 5, up(1.0), ZERO, 9.0, distance)
+        shadow.follow(sample.tick + 5, up(1.0), ZERO, 9.0, DEADBAND)
         assert shadow.error == pytest.approx(0.0 if sample is one else 0.5)
     assert [(told.newest, told.earlier) for told in noted.contexts] == [(one, None), (other, one), (third, None)]
     assert all((told.bound, told.history) == (0.3, history) for told in noted.contexts)
@@ -200,7 +201,7 @@ def test_a_record_is_the_sends_slowly_forgotten(now: int) -> None:
 def test_a_tick_count_that_restarts_forgets_nothing() -> None:
     assert sent_at(2**24 - 5).record(3) == pytest.approx(1.0)
     # Nor is the candidate suspended for all the ticks there were.
-    assert sent_at(2**24 - 6, 2**24 - 5).follow(3, up(1.0), ZERO, 0.1, distance)
+    assert sent_at(2**24 - 6, 2**24 - 5).follow(3, up(1.0), ZERO, 0.1, DEADBAND)
 
 
 def test_a_hopeless_candidate_is_suspended_and_its_record_goes_on() -> None:
