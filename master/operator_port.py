@@ -8,6 +8,7 @@ from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
+from weberlink.telemetry.record import RELEASED, Row
 
 
 class HandPosition:
@@ -102,26 +103,6 @@ class Display:
             self._write(ZERO, now)
 
 
-COLUMNS = {
-    "position": "port.hand.value",
-    "raw": "port.hand.command",
-    "decoded": "port.displays[0].decoded",
-    "output": "port.displays[0].output",
-    "selected": "force.decoder.selected",
-    "position_selected": "position.encoder.mirror.selected",
-    "slew_ticks": "port.slew_ticks",
-    "clipped": "port.clipped",
-    "ramping": "port.gate.ramping if port.enabled else RELEASED",
-    "buttons": "port.buttons & 0xFF",
-}
-"""Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {
-    "rotation_decoded": "port.displays[1].decoded",
-    "rotation_output": "port.displays[1].output",
-    "rotation_selected": "torque.decoder.selected",
-}
-
-
 class OperatorPort:
     """A haptic device; a `weberlink.control.port.Port`.
 
@@ -153,7 +134,6 @@ class OperatorPort:
     ) -> None:
         self.device, self.displays, self.control, self.gate = device, displays, control, gate
         self.hand = hand
-        self.columns = COLUMNS | (ROTATION_COLUMNS if len(displays) > 1 else {})
         self.name = device.spec.name
         self.buttons = 0
         self.enabled = button is None
@@ -225,6 +205,17 @@ class OperatorPort:
         self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
         self.slew_ticks += held_back
         self.clipped = clipped
+
+    def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
+        force = self.displays[0]
+        row.position, row.raw = self.hand.value, self.hand.command
+        row.decoded, row.output = force.decoded, force.output
+        row.slew_ticks, row.clipped = self.slew_ticks, self.clipped
+        row.ramping = self.gate.ramping if self.enabled else RELEASED
+        row.buttons = self.buttons & 0xFF
+        if len(self.displays) > 1:
+            torque = self.displays[1]
+            row.rotation_decoded, row.rotation_output = torque.decoded, torque.output
 
     def halt(self, now: float) -> None:
         for display in self.displays:

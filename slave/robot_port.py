@@ -10,24 +10,7 @@ from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
 from weberlink.slave.safety import CommandGuard, PressLimit
-
-COLUMNS = {
-    "position": "port.commanded",
-    "decoded": "force.held or ZERO",
-    "output": "port.applied",
-    "contact_ticks": "port.contact_ticks",
-    "selected": "force.encoder.mirror.selected",
-    "position_selected": "position.decoder.selected",
-    "clipped": "port.clipped",
-    "ramping": "RELEASED if port.by_button and endpoint.state is ENGAGED and not (side.engaged or side.pace.settling)"
-    " else port.ramping",
-}
-"""Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {
-    "rotation_decoded": "torque.held or ZERO",
-    "rotation_output": "port.followers[0].applied",
-    "rotation_selected": "torque.encoder.mirror.selected",
-}
+from weberlink.telemetry.record import RELEASED, Row
 
 
 class ChannelFollower(Protocol):
@@ -123,10 +106,9 @@ class RobotPort:
         trip_force: float,
         by_button: bool = False,
     ) -> None:
-        self.robot, self.followers, self.control, self.by_button = robot, followers, control, by_button
+        self.robot, self.followers, self.control, self._by_button = robot, followers, control, by_button
         self.name = robot.spec.name
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
-        self.columns = COLUMNS | (ROTATION_COLUMNS if followers else {})
         self.commanded: Vector = ZERO
         """The decoded position that was last followed [m]."""
         self.applied: Vector = ZERO
@@ -247,6 +229,13 @@ class RobotPort:
         endpoint = self._endpoint
         quality = LinkQuality(endpoint.rtt, endpoint.jitter)
         return self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, quality)
+
+    def report(self, row: Row, *, is_led: bool) -> None:
+        row.position, row.output = self.commanded, self.applied
+        row.contact_ticks, row.clipped = self.contact_ticks, self.clipped
+        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
+        if self.followers:
+            row.rotation_output = self.followers[0].applied
 
     def halt(self, now: float) -> None:
         self.robot.command(self.applied, now)
