@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import hypot, inf
 
-from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl
+from weberlink.control.contract import LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
@@ -43,8 +43,9 @@ class HandPosition:
     def sample(self) -> tuple[Vector, Vector, float]:
         control = self._control
         self.command = command = control.command(self.value)
-        force = hypot(*self.displayed)
-        touches = force > LEAST_CONTACT and hypot(*self.touched) > LEAST_CONTACT
+        shown, touched = self.displayed, self.touched
+        force = hypot(shown[0], shown[1], shown[2])
+        touches = force > LEAST_CONTACT and hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
 
@@ -182,8 +183,7 @@ class OperatorPort:
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
-        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
-        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, quality)
+        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
         return control.credit
 
     def actuate(

@@ -5,7 +5,7 @@ from contextlib import suppress
 from math import inf
 from typing import Protocol
 
-from weberlink.control.contract import LinkQuality, SlaveControl
+from weberlink.control.contract import SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
@@ -214,7 +214,8 @@ class RobotPort:
             self.applied = guard.hold(step)
         else:
             self.commanded = commanded
-            wanted = self._controlled(commanded, elapsed)
+            endpoint = self._endpoint
+            wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
             goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
             self.contact_ticks += goal is not wanted
             self.applied = guard.follow(goal, step)
@@ -223,12 +224,6 @@ class RobotPort:
             follows = follows and not guard.tripped
             for follower, value in zip(self.followers, values[1:], strict=True):
                 follower.move(value if follows else None, step, now)
-
-    def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
-        """Where the control scheme lets the robot go."""
-        endpoint = self._endpoint
-        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
-        return self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, quality)
 
     def report(self, row: Row, *, is_led: bool) -> None:
         row.position, row.output = self.commanded, self.applied

@@ -245,11 +245,10 @@ class CommandGuard(Follower[Vector]):
 
     def _inside(self, position: Vector) -> Vector:
         low, high = self._workspace
-        return (
-            min(max(position[0], low[0]), high[0]),
-            min(max(position[1], low[1]), high[1]),
-            min(max(position[2], low[2]), high[2]),
-        )
+        x, y, z = position
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            return position
+        return (min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1]), min(max(z, low[2]), high[2]))
 
 
 def _toward(start: Vector, goal: Vector, way: float) -> Vector:

@@ -277,13 +277,13 @@ def transition(mass: float, damping: float, stiffness: float, step: float) -> tu
     """
     decay = damping / (2.0 * mass)
     squared = stiffness / mass - decay * decay
-    angle = sqrt(abs(squared)) * step
+    angle, faded = sqrt(abs(squared)) * step, exp(-decay * step)
     if angle == 0.0:
-        even, odd = exp(-decay * step), exp(-decay * step) * step
+        even, odd = faded, faded * step
     elif squared > 0.0:
-        even, odd = exp(-decay * step) * cos(angle), exp(-decay * step) * sin(angle) / angle * step
+        even, odd = faded * cos(angle), faded * sin(angle) / angle * step
     elif angle < 1.0:
-        even, odd = exp(-decay * step) * cosh(angle), exp(-decay * step) * sinh(angle) / angle * step
+        even, odd = faded * cosh(angle), faded * sinh(angle) / angle * step
     else:  # both exponents are negative; multiplied out, so that neither factor overflows
         slow, fast = exp(angle - decay * step), exp(-angle - decay * step)
         even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * angle) * step
@@ -292,6 +292,8 @@ def transition(mass: float, damping: float, stiffness: float, step: float) -> tu
 
 LOWEST_HZ, HIGHEST_HZ = 8.0, 12.0
 COMPONENTS = 4
+Waves = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""Amplitude, angular frequency [rad/s] and phase [rad] of each component."""
 
 
 class Tremor:
@@ -309,27 +311,28 @@ class Tremor:
         uniform: Draws from [0, 1).
     """
 
-    __slots__ = ("_axes",)
+    __slots__ = ("_x", "_y", "_z")
 
     def __init__(self, rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> None:
-        self._axes: list[list[Vector]] = []
-        for _ in range(3):
-            waves: list[Vector] = []
-            for _ in range(COMPONENTS):
-                omega = 2.0 * pi * (LOWEST_HZ + (HIGHEST_HZ - LOWEST_HZ) * uniform())
-                amplitude = rms * sqrt(2.0 / COMPONENTS) / hand.gain(omega)
-                waves.append((amplitude, omega, 2.0 * pi * uniform()))
-            self._axes.append(waves)
+        self._x, self._y, self._z = [_drawn(rms, hand, uniform) for _ in range(3)]
 
     def at(self, time: float) -> Vector:
         """Displacement [m] or [rad] of the intention at `time` [s]."""
-        x, y, z = self._axes
-        return (_sum(x, time), _sum(y, time), _sum(z, time))
+        return (_sum(self._x, time), _sum(self._y, time), _sum(self._z, time))
 
 
-def _sum(waves: list[Vector], time: float) -> float:
+def _drawn(rms: float, hand: Oscillator | HandOptions, uniform: Callable[[], float]) -> Waves:
+    waves: list[float] = []
+    for _ in range(COMPONENTS):
+        omega = 2.0 * pi * (LOWEST_HZ + (HIGHEST_HZ - LOWEST_HZ) * uniform())
+        waves += (rms * sqrt(2.0 / COMPONENTS) / hand.gain(omega), omega, 2.0 * pi * uniform())
+    a, w, p, b, x, q, c, y, r, d, z, s = waves
+    return a, w, p, b, x, q, c, y, r, d, z, s
+
+
+def _sum(waves: Waves, time: float) -> float:
     """Written out for speed: it runs three times a tick."""
-    (a, w, p), (b, x, q), (c, y, r), (d, z, s) = waves
+    a, w, p, b, x, q, c, y, r, d, z, s = waves
     return a * sin(w * time + p) + b * sin(x * time + q) + c * sin(y * time + r) + d * sin(z * time + s)
 
 
