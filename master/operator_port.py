@@ -8,7 +8,8 @@ from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.telemetry.record import RELEASED, Row
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
 
 
 class HandPosition:

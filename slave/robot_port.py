@@ -10,7 +10,8 @@ from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
 from weberlink.slave.safety import CommandGuard, PressLimit
-from weberlink.telemetry.record import RELEASED, Row
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
 
 
 class ChannelFollower(Protocol):

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.system.systems import system
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record, Row
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
+from weberlink.telemetry.row import Row
 
 KINDS = {
     "<f8": st.floats(allow_nan=False),

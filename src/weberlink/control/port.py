@@ -128,7 +128,7 @@ class Port(Protocol):
         """Fill in what telemetry records of this end alone.
 
         Args:
-            row: a `weberlink.telemetry.record.Row`.
+            row: a `weberlink.telemetry.row.Row`.
             is_led: False while a session lives and nothing else keeps the operator from leading: a button is not held.
         """
 

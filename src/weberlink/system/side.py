@@ -25,7 +25,8 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import UNKNOWN, Record, Row
+from weberlink.telemetry.record import UNKNOWN, Record
+from weberlink.telemetry.row import Row
 from weberlink.update import Update
 
 CONNECT_PATIENCE = 1.0
