@@ -34,6 +34,7 @@ CONNECT_PATIENCE = 1.0
 
 SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED
+_DEVICE, _NO_FAULT = Fault.DEVICE, Fault.NONE
 
 
 class Side:
@@ -97,6 +98,8 @@ class Side:
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._row = Row()
+        self._state: State | None = None
+        """The one in the row."""
 
     @property
     def outcome(self) -> str | None:
@@ -241,7 +244,9 @@ class Side:
         row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
         row.tank = port.control.tank
         row.model, row.surface, row.surface_size, row.surface_stiffness = force
-        row.state = endpoint.state.value
+        if endpoint.state is not self._state:
+            self._state = endpoint.state
+            row.state = endpoint.state.value
         row.fault = self._faults.active
         row.control = SCHEME_CODES[port.control.active]
         row.sent = outgoing.update is not None
@@ -353,12 +358,12 @@ class Side:
         if self.pace.stalled:
             self._faults.meet(Fault.STALLED)
             self._watchdog.feed(now)
-        if self._faults.active is not Fault.DEVICE:
+        if self._faults.active is not _DEVICE:
             self.port.settle(now)
 
     def _sense(self, now: float) -> None:
         """Read the sensors; the last good samples stay while there are none, until that has lasted too long."""
-        if self._faults.active is Fault.DEVICE:
+        if self._faults.active is _DEVICE:
             return
         port = self.port
         try:
@@ -402,10 +407,10 @@ class Side:
         """
         pace, port = self.pace, self.port
         encodes = (
-            self.endpoint.state is State.ENGAGED
+            self.endpoint.state is _ENGAGED
             and port.enabled
             and not pace.settling
-            and self._faults.active is not Fault.DEVICE
+            and self._faults.active is not _DEVICE
         )
         engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
         encoded, was_engaged = self._encodes, self.engaged
@@ -467,5 +472,5 @@ class Side:
             values.append(channel.decode(self._peer_tick))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
-        if self._faults.active is not Fault.NONE and not self.port.tripped:
+        if self._faults.active is not _NO_FAULT and not self.port.tripped:
             self._faults.clear(Fault.TRIPPED)
