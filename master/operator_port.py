@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from math import hypot, inf
+from typing import ClassVar, Final
 
-from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl
+from weberlink.control.contract import LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
 
 
 class HandPosition:
@@ -42,8 +45,9 @@ class HandPosition:
     def sample(self) -> tuple[Vector, Vector, float]:
         control = self._control
         self.command = command = control.command(self.value)
-        force = hypot(*self.displayed)
-        touches = force > LEAST_CONTACT and hypot(*self.touched) > LEAST_CONTACT
+        shown, touched = self.displayed, self.touched
+        force = hypot(shown[0], shown[1], shown[2])
+        touches = force > LEAST_CONTACT and hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
 
@@ -102,26 +106,6 @@ class Display:
             self._write(ZERO, now)
 
 
-COLUMNS = {
-    "position": "port.hand.value",
-    "raw": "port.hand.command",
-    "decoded": "port.displays[0].decoded",
-    "output": "port.displays[0].output",
-    "selected": "force.decoder.selected",
-    "position_selected": "position.encoder.mirror.selected",
-    "slew_ticks": "port.slew_ticks",
-    "clipped": "port.clipped",
-    "ramping": "port.gate.ramping if port.enabled else RELEASED",
-    "buttons": "port.buttons & 0xFF",
-}
-"""Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {
-    "rotation_decoded": "port.displays[1].decoded",
-    "rotation_output": "port.displays[1].output",
-    "rotation_selected": "torque.decoder.selected",
-}
-
-
 class OperatorPort:
     """A haptic device; a `weberlink.control.port.Port`.
 
@@ -135,10 +119,10 @@ class OperatorPort:
         button: only while it is held, the robot follows and force is displayed; None for always.
     """
 
-    kind = "device"
-    leads = True
-    fault = DeviceFault
-    tripped = False
+    kind: Final = "device"
+    leads: Final = True
+    fault: ClassVar[type[DeviceFault]] = DeviceFault
+    tripped: Final = False
 
     def __init__(
         self,
@@ -153,7 +137,6 @@ class OperatorPort:
     ) -> None:
         self.device, self.displays, self.control, self.gate = device, displays, control, gate
         self.hand = hand
-        self.columns = COLUMNS | (ROTATION_COLUMNS if len(displays) > 1 else {})
         self.name = device.spec.name
         self.buttons = 0
         self.enabled = button is None
@@ -202,8 +185,7 @@ class OperatorPort:
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
-        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
-        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, quality)
+        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
         return control.credit
 
     def actuate(
@@ -225,6 +207,17 @@ class OperatorPort:
         self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
         self.slew_ticks += held_back
         self.clipped = clipped
+
+    def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
+        force = self.displays[0]
+        row.position, row.raw = self.hand.value, self.hand.command
+        row.decoded, row.output = force.decoded, force.output
+        row.slew_ticks, row.clipped = self.slew_ticks, self.clipped
+        row.ramping = self.gate.ramping if self.enabled else RELEASED
+        row.buttons = self.buttons & 0xFF
+        if len(self.displays) > 1:
+            torque = self.displays[1]
+            row.rotation_decoded, row.rotation_output = torque.decoded, torque.output
 
     def halt(self, now: float) -> None:
         for display in self.displays:

@@ -3,31 +3,15 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from math import inf
-from typing import Protocol
+from typing import ClassVar, Final, Protocol
 
-from weberlink.control.contract import LinkQuality, SlaveControl
+from weberlink.control.contract import SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
 from weberlink.slave.safety import CommandGuard, PressLimit
-
-COLUMNS = {
-    "position": "port.commanded",
-    "decoded": "force.held or ZERO",
-    "output": "port.applied",
-    "contact_ticks": "port.contact_ticks",
-    "selected": "force.encoder.mirror.selected",
-    "position_selected": "position.decoder.selected",
-    "clipped": "port.clipped",
-    "ramping": "RELEASED if port.by_button and endpoint.state is ENGAGED and not (side.engaged or side.pace.settling)"
-    " else port.ramping",
-}
-"""Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {
-    "rotation_decoded": "torque.held or ZERO",
-    "rotation_output": "port.followers[0].applied",
-    "rotation_selected": "torque.encoder.mirror.selected",
-}
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
 
 
 class ChannelFollower(Protocol):
@@ -105,11 +89,12 @@ class RobotPort:
         by_button: whether the operator leads only while holding a button; for telemetry.
     """
 
-    kind = "robot"
-    leads = False
-    fault = RobotFault
-    enabled = at_rest = True
-    ended = False
+    kind: Final = "robot"
+    leads: Final = False
+    fault: ClassVar[type[RobotFault]] = RobotFault
+    enabled: Final = True
+    at_rest: Final = True
+    ended: Final = False
 
     def __init__(
         self,
@@ -123,10 +108,9 @@ class RobotPort:
         trip_force: float,
         by_button: bool = False,
     ) -> None:
-        self.robot, self.followers, self.control, self.by_button = robot, followers, control, by_button
+        self.robot, self.followers, self.control, self._by_button = robot, followers, control, by_button
         self.name = robot.spec.name
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
-        self.columns = COLUMNS | (ROTATION_COLUMNS if followers else {})
         self.commanded: Vector = ZERO
         """The decoded position that was last followed [m]."""
         self.applied: Vector = ZERO
@@ -232,7 +216,8 @@ class RobotPort:
             self.applied = guard.hold(step)
         else:
             self.commanded = commanded
-            wanted = self._controlled(commanded, elapsed)
+            endpoint = self._endpoint
+            wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
             goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
             self.contact_ticks += goal is not wanted
             self.applied = guard.follow(goal, step)
@@ -242,11 +227,12 @@ class RobotPort:
             for follower, value in zip(self.followers, values[1:], strict=True):
                 follower.move(value if follows else None, step, now)
 
-    def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
-        """Where the control scheme lets the robot go."""
-        endpoint = self._endpoint
-        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
-        return self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, quality)
+    def report(self, row: Row, *, is_led: bool) -> None:
+        row.position, row.output = self.commanded, self.applied
+        row.contact_ticks, row.clipped = self.contact_ticks, self.clipped
+        row.ramping = self.ramping if is_led or not self._by_button else RELEASED
+        if self.followers:
+            row.rotation_output = self.followers[0].applied
 
     def halt(self, now: float) -> None:
         self.robot.command(self.applied, now)

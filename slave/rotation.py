@@ -37,7 +37,7 @@ class ToolOrientation(Follower[Quaternion]):
             held = self.hold(step)
         else:
             goal = quaternion(commanded)
-            held = self.follow(goal, step)
+            held = self.pursue(goal, step)
             self.applied = commanded if held == goal else vector(held, self.applied)
         self._robot.point(held, now)
 

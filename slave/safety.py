@@ -61,11 +61,6 @@ class Follower(Generic[Place]):
         self._following = False
         self._share = 0.0
 
-    def place(self, where: Place) -> None:
-        """Start afresh there: where the robot is."""
-        self.reset()
-        self._held = where
-
     @property
     def following(self) -> bool:
         """Whether the approach is over."""
@@ -91,7 +86,7 @@ class Follower(Generic[Place]):
         self._share = max(0.0, self._share - elapsed / self._ramp)
         return self._held
 
-    def follow(self, commanded: Place, elapsed: float) -> Place:
+    def pursue(self, commanded: Place, elapsed: float) -> Place:
         """The command of a tick in session: the one given, bounded by the speed."""
         speed = self._speed if self._following else self._approach_speed
         held = self._toward(self._held, commanded, speed * elapsed)
@@ -186,7 +181,8 @@ class CommandGuard(Follower[Vector]):
 
     def place(self, where: Vector) -> None:
         """Start afresh at a position [m]: where the robot is. A trip stays."""
-        super().place(where)
+        self.reset()
+        self._held = where
         self._retreat_to = None
 
     def release(self, contact_force: Vector = ZERO, where: Vector | None = None) -> None:
@@ -228,7 +224,7 @@ class CommandGuard(Follower[Vector]):
                 return self.hold(elapsed)
             self._way_out = None
         self._retreat_to = None
-        held = super().follow(goal, elapsed)
+        held = self.pursue(goal, elapsed)
         self.clipped = self._following and held != commanded
         return held
 
@@ -245,11 +241,10 @@ class CommandGuard(Follower[Vector]):
 
     def _inside(self, position: Vector) -> Vector:
         low, high = self._workspace
-        return (
-            min(max(position[0], low[0]), high[0]),
-            min(max(position[1], low[1]), high[1]),
-            min(max(position[2], low[2]), high[2]),
-        )
+        x, y, z = position
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            return position
+        return (min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1]), min(max(z, low[2]), high[2]))
 
 
 def _toward(start: Vector, goal: Vector, way: float) -> Vector:

@@ -3,55 +3,17 @@
 from collections.abc import Callable
 from math import ceil
 from random import Random
-from typing import TYPE_CHECKING, Self
-
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from typing import TYPE_CHECKING
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
-from weberlink.master.devices.hand import HandOptions, Tremor, WristOptions, modelled_hand
+from weberlink.master.devices.hand import Tremor, modelled_hand
+from weberlink.master.devices.hand_options import HandDeviceOptions, WristOptions
 
 if TYPE_CHECKING:
     from weberlink.master.devices.turning import Turning
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand pause, it does not jump
-
-
-class HandDeviceOptions(BaseModel):
-    """Options of the device and of the hand."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    hand: HandOptions = HandOptions()
-    wrist: WristOptions | None = Field(
-        default=None, description="the hand turns the handle too, and feels torque; without it there is no orientation"
-    )
-    tremor_m: float = Field(
-        default=30e-6, ge=0.0, le=0.01, description="RMS per axis of the free hand, 8 to 12 Hz; 0 for none"
-    )
-    seed: int = Field(default=1, ge=0, description="of the tremor")
-    home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="where the hand rests at first")
-    workspace_m: float = Field(default=0.06, ge=1e-3, le=1.0, description="half an edge of the cube about the origin")
-    force_n: float = Field(
-        default=12.0, ge=0.01, le=1e4, description="largest force that the device displays; more is cut to it"
-    )
-    torque_n_m: float = Field(
-        default=0.5,
-        ge=1e-4,
-        le=1e4,
-        description="largest torque that it displays on a hand with a wrist; more is cut to it",
-    )
-    stiffness_n_m: float = Field(
-        default=3000.0, ge=1e-3, le=1e9, description="stiffest wall that the device displays stably"
-    )
-
-    @model_validator(mode="after")
-    def check_home(self) -> Self:
-        if max(map(abs, self.home_m)) > self.workspace_m:
-            raise ValueError(
-                f"home_m: expected a point within the workspace of +-{self.workspace_m} m, got {self.home_m}"
-            )
-        return self
 
 
 class HandDevice:
@@ -76,7 +38,7 @@ class HandDevice:
         tick_period: float,
         turning: Callable[[float], Vector] = lambda _: ZERO,
     ) -> None:
-        edge = options.workspace_m
+        self._edge = edge = options.workspace_m
         self.spec = DeviceSpec(
             name=name,
             axes="xyz",
@@ -152,7 +114,7 @@ class HandDevice:
         return None if self._turning is None else self._turning.orientation
 
     def _within_stops(self, position: Vector) -> Vector:
-        edge = self._options.workspace_m
+        edge = self._edge
         x, y, z = position
         if -edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge:
             return position

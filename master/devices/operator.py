@@ -8,7 +8,8 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
-from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
+from weberlink.master.devices.hand_device import HandDevice
+from weberlink.master.devices.hand_options import HandDeviceOptions
 from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]

@@ -5,7 +5,8 @@ from math import pi, radians, sin
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, unit_quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, add, scale
-from weberlink.master.devices.hand import Oscillator, Tremor, WristOptions, transition
+from weberlink.master.devices.hand import Tremor, transition
+from weberlink.master.devices.hand_options import Oscillator, WristOptions
 
 
 class Wrist:

@@ -60,7 +60,8 @@ class Exact:
         if linear is not None:  # nothing to guard: it is the solution
             moved = linear.flow(motion.position, motion.velocity, goal, step)
             if moved is not None:
-                return staged(scene, *moved).motion
+                position, velocity = moved
+                return MassState(position, velocity, contact_force(scene.touch(position), velocity))
         if start is None or start.motion != motion:
             start = staged(scene, motion.position, motion.velocity)
         state, kept = scene.state, None

@@ -14,7 +14,7 @@ from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
 from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
-from weberlink.slave.scenes.scene import FARTHEST, Facing
+from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 EVENTS_MOST = 128  # in one step, about 2 ms of computing
@@ -29,7 +29,8 @@ class Coordinate(NamedTuple):
     offset: float
 
     def of(self, x: Vector) -> float:
-        return dot(self.vector, x) + self.offset
+        _, vector, offset = self
+        return vector[0] * x[0] + vector[1] * x[1] + vector[2] * x[2] + offset
 
 
 class Face(NamedTuple):
@@ -61,7 +62,7 @@ class Faces:
             -(n[0] * x + n[1] * y + n[2] * z + offset) for n, offset in zip(self._normals, self._offsets, strict=True)
         ]
         if max(violations, default=0.0) <= 0.0:
-            return frozenset()
+            return NOTHING
         return frozenset([index for index, depth in smallest_push(violations, self._normals) if depth > 0.0])
 
     def face(self, active: frozenset[int]) -> Face | None:
@@ -177,7 +178,7 @@ class LinearContact:
         """Position and velocity `step` [s] later; None after too many events. Beyond 1e12 there is no contact."""
         if self._body.stiffness == 0.0:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
-        if not all(abs(number) < FARTHEST for vector in (position, velocity, goal) for number in vector):
+        if not (is_near(position) and is_near(velocity) and is_near(goal)):
             return moved(self._free, position, velocity, goal, (), step)
         active = self._faces.active(position)
         switched: frozenset[int] | None = None
@@ -267,15 +268,22 @@ def moved(
 ) -> tuple[Vector, Vector]:
     """Position and velocity after `time` [s] without an event: the motion of `base`, corrected for each depth."""
     a, b, c, d = base.transition(time)
-    away = subtract(position, goal)
-    there = add(goal, add(scale(away, a), scale(velocity, b)))
-    speed = add(scale(away, c), scale(velocity, d))
+    (gx, gy, gz), (u, v, w) = goal, velocity
+    x, y, z = position[0] - gx, position[1] - gy, position[2] - gz
+    px, py, pz = gx + (x * a + u * b), gy + (y * a + v * b), gz + (z * a + w * b)
+    u, v, w = x * c + u * d, y * c + v * d, z * c + w * d
     for press in presses:
         rest, offset, rate = press.coordinate.of(goal), press.value, press.rate
         e, f, g, h = press.oscillation.transition(time)
         own = offset - press.rest
         deeper = (press.rest + e * own + f * rate) - (rest + a * (offset - rest) + b * rate)
         faster = (g * own + h * rate) - (c * (offset - rest) + d * rate)
-        there = subtract(there, scale(press.plane.normal, deeper))
-        speed = subtract(speed, scale(press.plane.normal, faster))
-    return there, speed
+        n = press.plane.normal
+        px, py, pz = px - n[0] * deeper, py - n[1] * deeper, pz - n[2] * deeper
+        u, v, w = u - n[0] * faster, v - n[1] * faster, w - n[2] * faster
+    return (px, py, pz), (u, v, w)
+
+
+def is_near(x: Vector) -> bool:
+    """Whether squares of the components are fine enough for a contact; False for NaN."""
+    return -FARTHEST < x[0] < FARTHEST and -FARTHEST < x[1] < FARTHEST and -FARTHEST < x[2] < FARTHEST

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.robots.computed import ComputedRobot, saturated
 from weberlink.slave.robots.contract import Quaternion
-from weberlink.slave.robots.virtual import ComputedRobot, VirtualOptions, saturated, virtual_spec
+from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.integrators import BUILT_IN, INTEGRATORS, ControlledMass, Integrator, MassState
 from weberlink.slave.integrators.choice import AUTO, SUBSTEPS_MOST, chosen
+from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import RobotFault
-from weberlink.slave.robots.virtual import LONGEST_GAP, ComputedRobot, VirtualOptions, virtual_spec
+from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
 

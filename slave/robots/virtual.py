@@ -1,16 +1,12 @@
-"""What computed robots share: options of workspace and sensor, and the state of a robot between two readings."""
+"""The options that computed robots share: workspace, sensor, stiffness."""
 
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
-from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
-
-LONGEST_GAP = 0.1
-"""Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
-
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.contract import RobotSpec
 
 SOFTEST, STIFFEST = 1e-3, 1e9
 """Range of the stiffness of a computed robot [N/m]."""
@@ -56,56 +52,3 @@ def virtual_spec(name: str, options: VirtualOptions, tick_period: float, torque_
         force_sensing=True,
         torque_n_m=torque_n_m,
     )
-
-
-class ComputedRobot:
-    """A robot that advances at each reading, with the command held constant since the last one.
-
-    A subclass gives `_reset` and `_advance`.
-    """
-
-    def __init__(self, spec: RobotSpec, home: Vector) -> None:
-        self.spec = spec
-        self._home = self._commanded = home
-        self._reading: RobotReading | None = None
-
-    def open(self, now: float) -> None:
-        self._reset()
-        self._commanded = self._home
-        self._reading = RobotReading(now, self._home, ZERO)
-
-    def command(self, position: Vector, now: float) -> None:  # noqa: ARG002
-        if not is_finite(position):
-            raise ValueError(f"{self.spec.name}: commanded a position that is not finite: {position}")
-        self._commanded = position
-
-    def latest(self, now: float) -> RobotReading:
-        reading = self._reading
-        if reading is None:
-            raise RobotFault(f"{self.spec.name}: not open")
-        if now <= reading.at:
-            return reading
-        position, force, torque = self._advance(self._commanded, now - reading.at)
-        if torque is not ZERO:
-            torque = saturated(torque, self.spec.torque_n_m)
-        self._reading = RobotReading(now, position, saturated(force, self.spec.force_n), torque)
-        return self._reading
-
-    def close(self) -> None:
-        self._reading = None
-
-    def _reset(self) -> None:
-        """Return to rest at home, without contact."""
-        raise NotImplementedError
-
-    def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        """Position [m], force [N] and torque [N m] after `elapsed` [s]."""
-        raise NotImplementedError
-
-
-def saturated(force: Vector, limit: float) -> Vector:
-    """The reading of a sensor of range `limit` [N]: the direction is kept, the length is limited."""
-    if force is ZERO:
-        return force
-    length = norm(force)
-    return force if length <= limit else scale(force, limit / length)

@@ -29,20 +29,39 @@ def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tup
         violations: v_i [m]: how far the target lies behind each plane; negative in front of it.
         normals: Unit vectors.
     """
+    if len(violations) == 1:
+        return () if violations[0] <= 0.0 else ((0, violations[0]),)
     order = sorted(range(len(violations)), key=violations.__getitem__, reverse=True)[:CONSTRAINTS_TRIED]
     if not order or violations[order[0]] <= 0.0:
         return ()
     slack = 1e-12 + 1e-9 * violations[order[0]]
-    for size, solve in enumerate(SOLVERS, 1):
+    pushes: tuple[Push, ...]
+    for i in order:
+        pushes = ((i, violations[i]),)
+        if violations[i] >= 0.0 and suffices(pushes, violations, normals, slack, order):
+            return pushes
+    for size in (2, 3):
+        solve = SOLVERS[size - 1]
         for active in combinations(order, size):
             multipliers = solve([violations[i] for i in active], [normals[i] for i in active])
             if multipliers is None or min(multipliers) < 0.0:
                 continue
             pushes = tuple(zip(active, multipliers, strict=True))
-            d = displacement(pushes, normals)
-            if all(dot(normals[i], d) >= violations[i] - slack for i in order):
+            if suffices(pushes, violations, normals, slack, order):
                 return pushes
     return ((order[0], violations[order[0]]),)
+
+
+def suffices(
+    pushes: Sequence[Push], violations: Sequence[float], normals: Sequence[Vector], slack: float, order: Sequence[int]
+) -> bool:
+    """Whether the pushes meet the constraints in `order` within the slack [m]."""
+    x, y, z = displacement(pushes, normals)
+    for i in order:
+        n = normals[i]
+        if not n[0] * x + n[1] * y + n[2] * z >= violations[i] - slack:
+            return False
+    return True
 
 
 def displacement(pushes: Sequence[Push], normals: Sequence[Vector]) -> Vector:

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.derived import CarvedShape
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
+from weberlink.slave.scenes.solids import PlaneShape
 
 T = TypeVar("T")
 

@@ -46,13 +46,17 @@ class Proxy:
         """Move toward the probe at `target` as far as the solids allow; no presses if it arrives."""
         shapes = self._shapes
         here = target if self.at is None else self.at
-        clear = [shape.clearance(here) for shape in shapes]
         self.parts = ()
-        nearest = min(clear, default=inf)
-        if nearest >= TOUCHING and nearest >= distance(here, target):
+        nearest = inf
+        touching: list[int] = []
+        for index, shape in enumerate(shapes):
+            clearance = shape.clearance(here)
+            nearest = min(nearest, clearance)
+            if clearance < TOUCHING:
+                touching.append(index)
+        if not touching and nearest >= distance(here, target):
             self.at = target  # the usual case: nothing is as near as the target
             return target, ()
-        touching = [index for index, clearance in enumerate(clear) if clearance < TOUCHING]
         presses: Sequence[ShapePress] = ()
         last: ProxyStep | None = None
         iterations = 0
@@ -169,7 +173,7 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
 
 def merged(presses: list[ShapePress]) -> Sequence[ShapePress]:
     """One press per shape: in a concave corner the sum of the pushes of its faces."""
-    if len({index for index, _, _ in presses}) == len(presses):
+    if len(presses) < 2 or len({index for index, _, _ in presses}) == len(presses):
         return presses
     sums: dict[int, Vector] = {}
     for index, depth, n in presses:

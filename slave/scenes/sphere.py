@@ -1,39 +1,12 @@
-"""A ball, and its complement."""
+"""The settings of a ball, or its complement."""
 
-from math import sqrt
 from typing import Literal
 
 from pydantic import Field
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent
-
-
-class SphereShape:
-    """Solid within `radius` [m] of `center`; with `inside`, where the probe then is, solid everywhere else."""
-
-    __slots__ = ("_radius", "_sign", "_x", "_y", "_z")
-
-    flat = False
-
-    def __init__(self, center: Vector, radius: float, *, inside: bool = False) -> None:
-        if not radius > 0.0:
-            raise ValueError(f"radius: expected more than 0 m, got {radius}")
-        self._x, self._y, self._z = center
-        self._radius = radius
-        self._sign = -1.0 if inside else 1.0
-
-    def clearance(self, point: Vector) -> float:
-        x, y, z = point[0] - self._x, point[1] - self._y, point[2] - self._z
-        return self._sign * (sqrt(x * x + y * y + z * z) - self._radius)
-
-    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
-        x, y, z, sign = point[0] - self._x, point[1] - self._y, point[2] - self._z, self._sign
-        length = sqrt(x * x + y * y + z * z)
-        if length == 0.0:
-            return ((-sign * self._radius, (0.0, 0.0, 1.0)),)  # all directions are equal here
-        signed = sign * length
-        return ((sign * (length - self._radius), (x / signed, y / signed, z / signed)),)
+from weberlink.slave.scenes.shape import CarvableSettings, Shape
+from weberlink.slave.scenes.solids import SphereShape
 
 
 class SphereSettings(CarvableSettings):

@@ -9,16 +9,26 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import ceil, pi, sin
 from random import Random
+from typing import NamedTuple
 
 from tests.control.walls import Wall
-from weberlink.control.contract import LinkQuality, MasterControl, SlaveControl
+from weberlink.control.contract import MasterControl, SlaveControl
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0
 """Largest force on the operator's hand [N]."""
 FORCE_RANGE = 30.0
 """Range of the robot's sensor [N]."""
-QUIET = LinkQuality(None, 0.0)
+
+
+class Quality(NamedTuple):
+    """A `weberlink.control.contract.LinkQuality` that does not change."""
+
+    rtt: float | None
+    jitter: float
+
+
+QUIET = Quality(None, 0.0)
 
 
 @dataclass(frozen=True)
@@ -124,7 +134,7 @@ def operate(
     robot, wall_force, felt = at, 0.0, 0.0
     forward = Direction(link, random, (at, 0))
     backward = Direction(link, random, (0.0, 0))
-    quality = QUIET if link.delay == 0.0 else LinkQuality(2.0 * link.delay, link.jitter)
+    quality = QUIET if link.delay == 0.0 else Quality(2.0 * link.delay, link.jitter)
     course = Course([0.0], [0.0], [], [], [], [])
     parts = hand.parts
     for tick in range(round(seconds / TICK)):

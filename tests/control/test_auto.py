@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.control.teleoperation import Quality
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from tests.examples import examples
@@ -19,7 +20,7 @@ from weberlink.control.auto import (
     AutoSlave,
     ContactBalance,
 )
-from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.force_port import STEEPEST
 from weberlink.geometry.vector import ZERO, Vector
 
@@ -50,7 +51,7 @@ class Operator:
             before, self.at = self.at, start + (height - start) * tick / ticks
             if self.forces:
                 self.work -= self.forces[-1][2] * (self.at - before)
-            self.control.observe((0.0, 0.0, self.at), TICK, 0.0, self.credit, LinkQuality(delay, 0.0))
+            self.control.observe((0.0, 0.0, self.at), TICK, 0.0, self.credit, Quality(delay, 0.0))
             force = self.control.render(WALL.at(0.0, (0.0, 0.0, self.at)) if decoded is None else decoded)
             self.control.displayed(force)
             self.forces.append(force)
@@ -200,7 +201,7 @@ def test_the_robot_follows_freely_where_its_port_is_not_controlled(scheme: str) 
     here = ZERO
     for tick in range(round(2.0 * LONG / TICK)):
         target = (0.0, 0.0, -1e-6 * tick)
-        here = slave.follow(target, here, TICK, 0, LinkQuality(0.03, 0.0))
+        here = slave.follow(target, here, TICK, 0, Quality(0.03, 0.0))
         slave.observe(here, (0.0, 0.0, 1.0))
     assert slave.active == scheme
     assert here == target
@@ -211,7 +212,7 @@ def test_and_no_further_than_its_tank_reaches_where_it_is() -> None:
     slave = AutoSlave(SETTINGS)
     here = ZERO
     for tick in range(1000):
-        here = slave.follow((0.0, 0.0, -1e-5 * tick), here, TICK, 10, LinkQuality(DELAY[TDPA], 0.0))
+        here = slave.follow((0.0, 0.0, -1e-5 * tick), here, TICK, 10, Quality(DELAY[TDPA], 0.0))
         slave.observe(here, (0.0, 0.0, 500.0 * -here[2]))
     assert 0.5 * 500.0 * here[2] ** 2 == pytest.approx(10e-4, rel=0.3)
 

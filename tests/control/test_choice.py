@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.control.teleoperation import Quality
 from weberlink.control.auto import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
-from weberlink.control.contract import LinkQuality
 
 TICK = 0.01
 delays = st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, *RISING, *FALLING, 1.0]))
@@ -25,7 +25,7 @@ class Chooser:
     def tick(
         self, delay: float | None, elapsed: float, *, jitter: float = 0.0, touches: bool = False, in_debt: bool = False
     ) -> int:
-        wanted = self.choice.follow(self.active, LinkQuality(delay, jitter), elapsed, touches=touches, in_debt=in_debt)
+        wanted = self.choice.follow(self.active, Quality(delay, jitter), elapsed, touches=touches, in_debt=in_debt)
         self._since = self._since + 1 if wanted != self.active else 0
         if self._since > self._lead:
             self.active, self._since = wanted, 0

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.control.teleoperation import Quality
 from tests.control.vectors import forces, positions, vectors
 from tests.control.walls import Ball, Wall
 from tests.examples import examples
-from weberlink.control.contract import LinkQuality, MasterControl, SchemeParameters, SlaveControl, WallModel
+from weberlink.control.contract import MasterControl, SchemeParameters, SlaveControl, WallModel
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 from weberlink.geometry.vector import Vector
 
@@ -19,7 +20,7 @@ SETTINGS = SchemeParameters(
     tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0
 )
 every = pytest.mark.parametrize("name", SCHEMES)
-qualities = st.builds(LinkQuality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
+qualities = st.builds(Quality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
 surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
 
 
@@ -30,7 +31,7 @@ class MasterTick(NamedTuple):
     position: Vector
     elapsed: float
     peer_credit: int
-    quality: LinkQuality
+    quality: Quality
     force: Vector
     share: float
     """Share of the rendered force that is displayed."""
@@ -42,7 +43,7 @@ class SlaveTick(NamedTuple):
     target: Vector
     elapsed: float
     peer_credit: int
-    quality: LinkQuality
+    quality: Quality
     moved: Vector
     """Commanded position if its x is not positive; otherwise the robot goes where `follow` allows [m]."""
     force: Vector
@@ -175,7 +176,7 @@ def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: End,
 @every
 def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
     master, slave = build_master_control(name, SETTINGS), build_slave_control(name, SETTINGS)
-    quality = LinkQuality(0.05, 0.0)
+    quality = Quality(0.05, 0.0)
     for tick in range(200):
         depth = 1e-4 * tick
         master.observe((0.0, 0.0, -depth), 1e-3, 0.0, 0, quality)
@@ -188,7 +189,7 @@ def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
 @pytest.mark.parametrize("name", ["tdpa", "auto"])
 def test_credit_from_before_an_interruption_cannot_be_spent_after_it(name: str) -> None:
     control = build_slave_control(name, SETTINGS)
-    quality = LinkQuality(0.1, 0.0)
+    quality = Quality(0.1, 0.0)
     control.resume(5000)
     control.follow((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-3, 5000, quality)
     control.observe((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

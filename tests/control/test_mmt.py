@@ -4,10 +4,11 @@ from math import cos, sin
 
 import pytest
 
+from tests.control.teleoperation import Quality
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.codec.predictors.surface import SurfacePatch
-from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
 from weberlink.control.mmt import FARTHEST, LONGEST_DRIFT, MmtMaster
 from weberlink.geometry.vector import ZERO, Vector, distance
@@ -17,7 +18,7 @@ WALL = Wall(500.0)
 DEPTH = 0.005
 INSIDE = (0.0, 0.0, -DEPTH)
 PRESSED = (0.0, 0.0, 500.0 * DEPTH)
-QUALITY = LinkQuality(0.7, 0.0)
+QUALITY = Quality(0.7, 0.0)
 
 
 class Operator:
@@ -214,10 +215,10 @@ def test_an_update_in_the_middle_of_a_change_does_not_begin_it_anew() -> None:
 def test_a_surface_is_not_extrapolated_without_bound() -> None:
     """A motion that is fitted wrongly would carry it out of the workspace."""
     speed, control = 1e-4, Operator().control
-    control.observe(INSIDE, TICK, 0.0, 0, LinkQuality(0.0, 0.0))
+    control.observe(INSIDE, TICK, 0.0, 0, Quality(0.0, 0.0))
     control.learn(SurfacePatch((0.0, 0.0, 1.0), ZERO, 0, 500.0, velocity=-speed), ZERO, ZERO)
     for tick in range(1, 1200):
-        control.observe(INSIDE, TICK, tick, 0, LinkQuality(0.0, 0.0))
+        control.observe(INSIDE, TICK, tick, 0, Quality(0.0, 0.0))
         assert control.stiffness == (500.0 if tick * speed <= LONGEST_DRIFT else 2500.0)
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.control.teleoperation import Quality
 from weberlink.codec.sample import UNKNOWN
 from weberlink.control.auto import ORDER
-from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.model import SpringWall
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 
@@ -49,7 +50,7 @@ def test_a_scheme_that_does_not_read_positions_does_the_same_without_them(name: 
         displayed = []
         for end, position in zip(ends, (hand, UNKNOWN), strict=True):
             end.learn(SpringWall(hand, force, 500.0) if tick % 3 == 1 else None, force, position)
-            end.observe(hand, 1e-3, tick, 10 * tick, LinkQuality(0.01, 0.0))
+            end.observe(hand, 1e-3, tick, 10 * tick, Quality(0.01, 0.0))
             displayed += [end.command(hand), end.render(force)]
             end.displayed(displayed[-1])
         assert displayed[:2] == displayed[2:]

@@ -4,8 +4,9 @@ from math import pi, sin
 
 import pytest
 
+from tests.control.teleoperation import Quality
 from tests.control.walls import Wall
-from weberlink.control.contract import CREDIT_STEP, LinkQuality, SchemeParameters
+from weberlink.control.contract import CREDIT_STEP, SchemeParameters
 from weberlink.control.force_port import DEBT
 from weberlink.control.tdpa import FIRST_DEBT, KEPT_IN_CONTACT, SHARE_AT_MASTER, TdpaMaster, TdpaSlave
 from weberlink.geometry.vector import ZERO, distance
@@ -16,7 +17,7 @@ SPEED = 0.25
 SETTINGS = SchemeParameters(
     tick_period=TICK, force_range=30.0, level=LEVEL, damping=5.0, catch_up_speed=SPEED, coupling=2500.0
 )
-QUALITY = LinkQuality(0.1, 0.0)
+QUALITY = Quality(0.1, 0.0)
 DEPTH = 0.005
 """Of a command below a rubbing surface [m]."""
 

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.control.teleoperation import Quality
 from tests.control.walls import Wall
-from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters
+from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.geometry.vector import ZERO, norm
@@ -60,7 +61,7 @@ def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
     control.learn(Wall(500.0), (0.0, 0.0, 5.0), (0.0, 0.0, -0.01))
     hand = HandPosition(control, force_bound)
     hand.take(DeviceReading(0.0, (0.0, 0.0, -0.01)))
-    control.observe(hand.value, 1e-3, 0.0, 0, LinkQuality(0.1, 0.0))
+    control.observe(hand.value, 1e-3, 0.0, 0, Quality(0.1, 0.0))
     control.displayed((0.0, 0.0, 2.0))
     assert hand.sample()[0] == pytest.approx((0.0, 0.0, -0.004))
     assert hand.command == control.command(hand.value)

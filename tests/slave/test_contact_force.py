@@ -13,8 +13,8 @@ from weberlink.slave.robot_port import ContactForce
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 
 TICK = 1e-3
 UP = (0.0, 0.0, 1.0)

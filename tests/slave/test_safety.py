@@ -99,7 +99,7 @@ def test_an_orientation_is_approached_and_followed_as_a_position_is(rotations: l
     turning = Follower[Quaternion](IDENTITY, toward, speed=20.0, approach_speed=1.0, ramp=0.05)
     last, there = IDENTITY, False
     for rotation in rotations:
-        applied = turning.follow(quaternion(rotation), TICK)
+        applied = turning.pursue(quaternion(rotation), TICK)
         assert angle_between(last, applied) <= (20.0 if there else 1.0) * TICK * (1 + 1e-6) + 1e-9
         assert turning.clipped == (there and applied != quaternion(rotation))
         last, there = applied, turning.following

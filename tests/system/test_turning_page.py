@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from tests.system.systems import CONFIGS
 from weberlink.geometry.vector import ZERO
-from weberlink.master.devices.hand import WristOptions
+from weberlink.master.devices.hand_options import WristOptions
 from weberlink.slave.robots.mjcf.options import RotationOptions
 from weberlink.slave.robots.point import PointOptions, PointRobot, ToolOptions
 

@@ -1,4 +1,4 @@
-"""The table of fields, the layouts that follow from it, and the function that makes a record."""
+"""The table of fields, the layouts that follow from it, and the row that makes a record."""
 
 import struct
 
@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.system.systems import system
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record, compile_row
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
+from weberlink.telemetry.row import Row
 
 KINDS = {
     "<f8": st.floats(allow_nan=False),
@@ -55,18 +56,18 @@ def test_a_value_out_of_range_is_an_error(column, value):
         RECORD.pack(*Record(**values))
 
 
-def test_a_compiled_row_evaluates_expressions_by_name():
-    row = compile_row(
-        {"position": "place", "tick": "count + 1", "work_us": "work_us"}, {"place": (1, 2, 3), "count": 6}
-    )
-    record = row(0.0, 5.0, 0)
-    assert (record.position_x, record.position_y, record.position_z) == (1, 2, 3)
-    assert (record.tick, record.work_us, record.tank, record.surface_z) == (7, 5.0, 0, 0.0)
+def test_a_row_gives_its_values_in_the_order_of_the_fields():
+    row, expected = Row(), []
+    for number, field in enumerate(FIELDS):
+        value = (number, number + 0.25, number + 0.5) if field.axes == 3 else number
+        assert np.shape(getattr(row, field.name)) == np.shape(value)
+        setattr(row, field.name, value)
+        expected += value if field.axes == 3 else [value]
+    assert row.values() == tuple(expected)
 
 
-def test_an_unknown_field_cannot_be_compiled():
-    with pytest.raises(ValueError, match="no such fields of a record: colour"):
-        compile_row({"colour": "1"}, {})
+def test_what_a_side_does_not_fill_is_zero():
+    assert Row().values() == (0,) * len(COLUMNS)
 
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])

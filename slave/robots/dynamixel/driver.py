@@ -9,6 +9,7 @@ from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_port
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
+from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.bus import USB, latency_advice
@@ -17,7 +18,6 @@ from weberlink.slave.robots.dynamixel.external_force import ForceLowPass
 from weberlink.slave.robots.dynamixel.motors import watchdog_units
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, OnClose, worst_force_error
 from weberlink.slave.robots.interpolation import Interpolation
-from weberlink.slave.robots.virtual import saturated
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "dynamixel"

@@ -5,9 +5,9 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import Quaternion, RobotSpec
 from weberlink.slave.robots.mjcf.options import MujocoOptions
-from weberlink.slave.robots.virtual import LONGEST_GAP, ComputedRobot
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:

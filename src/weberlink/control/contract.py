@@ -1,7 +1,7 @@
 """The interface of a control scheme: one class for each end of the link."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import Vector
 
@@ -12,16 +12,16 @@ LEAST_CONTACT = 0.05
 """Smallest force that counts as contact [N]; less is sensor noise or a remainder within a deadband."""
 
 
-class LinkQuality(NamedTuple):
-    """The measured state of the link.
+class LinkQuality(Protocol):
+    """The measured state of the link now, for a scheme to read in the call that it is given to; an endpoint is one."""
 
-    Args:
-        rtt: round-trip time [s]; None while unknown.
-        jitter: delay above the smallest one that only few datagrams exceed [s].
-    """
+    @property
+    def rtt(self) -> float | None:
+        """Round-trip time [s]; None while unknown."""
 
-    rtt: float | None
-    jitter: float
+    @property
+    def jitter(self) -> float:
+        """Delay above the smallest one that only few datagrams exceed [s]."""
 
 
 class WallModel(Protocol):

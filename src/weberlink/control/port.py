@@ -1,6 +1,6 @@
 """The interface between the side loop and a port: how one end of the link senses and actuates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from weberlink.control.contract import Control
@@ -54,10 +54,6 @@ class Port(Protocol):
     @property
     def control(self) -> Control:
         """This end of the control scheme."""
-
-    @property
-    def columns(self) -> Mapping[str, str]:
-        """Expressions for the telemetry of this end; see `weberlink.telemetry.record.compile_row`."""
 
     @property
     def trouble(self) -> str | None:
@@ -126,6 +122,14 @@ class Port(Protocol):
             elapsed: time since the last tick [s]; 0 after a stall.
             step: the same, bounded: the time by which ramps and speed limits advance [s].
             engaged: whether the values may be acted on.
+        """
+
+    def report(self, row: Any, *, is_led: bool) -> None:
+        """Fill in what telemetry records of this end alone.
+
+        Args:
+            row: a `weberlink.telemetry.row.Row`.
+            is_led: False while a session lives and nothing else keeps the operator from leading: a button is not held.
         """
 
     def halt(self, now: float) -> None:

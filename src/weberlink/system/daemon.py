@@ -145,7 +145,7 @@ def _drive(
         nonlocal missed, last_index
         missed += 0 if last_index is None else index - last_index - 1
         last_index = index
-        ring.write(side.record(lateness_us=(now - deadline) * 1e6, work_us=work_us, missed=missed))
+        ring.write(side.values((now - deadline) * 1e6, work_us, missed))
 
     system = configuration.system
     try:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, nan
-from typing import Any
 
 from weberlink.control.contract import Choosing
 from weberlink.control.port import Port
@@ -26,59 +25,16 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import RELEASED, UNKNOWN, Record, compile_row
+from weberlink.telemetry.record import UNKNOWN, Record
+from weberlink.telemetry.row import Row
 from weberlink.update import Update
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
 
-COLUMNS = {
-    "at": "side.deadline",
-    "peer_at": "nan if (peer_at := endpoint.peer_time(side.deadline)) is None else peer_at",
-    "raw": "outgoing[0].sensor.value",
-    "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
-    "coded": "outgoing[0].coded",
-    "bound": "outgoing[0].encoder.bound",
-    "weber": "tuning.settings.weber",
-    "tick": "side.index",
-    "ticks_missed": "missed",
-    "datagrams_sent": "statistics.sent",
-    "datagrams_received": "statistics.received",
-    "datagrams_lost": "statistics.lost",
-    "datagrams_dropped": "statistics.drops",
-    "bytes_sent": "statistics.bytes_sent",
-    "updates_sent": "statistics.updates_sent[0]",
-    "updates_received": "statistics.updates_received[0]",
-    "repeats": "statistics.repeats",
-    "heartbeats": "statistics.heartbeats",
-    "lateness_us": "lateness_us",
-    "work_us": "work_us",
-    "codec_us": "side.codec_time * 1e6",
-    "rtt_us": "nan if statistics.rtt is None else statistics.rtt * 1e6",
-    "one_way_us": "nan if statistics.one_way is None else statistics.one_way * 1e6",
-    "tank": "control.tank",
-    "surface": "force.model.surface",
-    "surface_size": "force.model.size",
-    "surface_stiffness": "force.model.stiffness",
-    "model": "force.model.kind",
-    "state": "endpoint.state.value",
-    "fault": "faults.active",
-    "control": "schemes[control.active]",
-    "sent": "outgoing[0].update is not None",
-    "widened": "outgoing[0].encoder.widened",
-    "received": "incoming[0].received",
-    "settings": "tuning.generation & 0xFF",
-}
-"""Expressions for the telemetry fields that both ends fill alike; a channel is known by its name and by its place."""
-ROTATION_COLUMNS = {
-    "rotation_updates_sent": "statistics.updates_sent[torque.stream]",
-    "rotation_updates_received": "statistics.updates_received[torque.stream]",
-    "rotation_raw": "rotation.sensor.value",
-    "rotation_bound": "rotation.encoder.bound",
-    "rotation_sent": "rotation.update is not None",
-    "rotation_widened": "rotation.encoder.widened",
-}
-"""The same for the rotation, where there is one; `rotation` is the outgoing channel of its stream."""
+SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
+_ENGAGED = State.ENGAGED
+_DEVICE, _NO_FAULT = Fault.DEVICE, Fault.NONE
 
 
 class Side:
@@ -141,33 +97,9 @@ class Side:
         self._is_fresh = True
         self._last_reading_at = nan
         self._peer_tick = 0.0
-        self._row = self._compile_row()
-
-    def _compile_row(self) -> Callable[[float, float, int], Record]:
-        """The function that makes a telemetry record, from the expressions of both ends and of the port."""
-        names: dict[str, Any] = {channel.name: channel for channel in self._channels}
-        columns = COLUMNS | dict(self.port.columns)
-        if "torque" in names:
-            columns |= ROTATION_COLUMNS
-            names["rotation"] = names["orientation" if self._leads else "torque"]
-        names |= {
-            "side": self,
-            "port": self.port,
-            "control": self.port.control,
-            "outgoing": self.outgoing,
-            "incoming": self.incoming,
-            "endpoint": self.endpoint,
-            "statistics": self.endpoint.statistics,
-            "tuning": self.tuning,
-            "faults": self._faults,
-            "schemes": {name: code for code, name in enumerate(SCHEMES)},
-            "nan": nan,
-            "UNKNOWN": UNKNOWN,
-            "ZERO": ZERO,
-            "RELEASED": RELEASED,
-            "ENGAGED": State.ENGAGED,
-        }
-        return compile_row(columns, names)
+        self._row = Row()
+        self._state: State | None = None
+        """The one in the row."""
 
     @property
     def outcome(self) -> str | None:
@@ -272,9 +204,73 @@ class Side:
         self.port.halt(now)
         self._close(now, f"failed: {error}")
 
-    def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
-        """The telemetry of the tick just done, a `weberlink.telemetry.record.Record`."""
-        return self._row(lateness_us, work_us, missed)
+    def record(self) -> Record:
+        """The telemetry of the tick just done, in virtual time."""
+        return Record._make(self.values(0.0, 0.0, 0))
+
+    def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
+        """The telemetry of the tick just done, as a `weberlink.telemetry.record.Record`."""
+        row, endpoint, outgoing, incoming = self._row, self.endpoint, self.outgoing[0], self.incoming[0]
+        statistics, encoder, port = endpoint.statistics, outgoing.encoder, self.port
+        sends, hears = encoder.mirror.selected, incoming.decoder.selected
+        if self._leads:
+            force, row.selected, row.position_selected = incoming.model, hears, sends
+        else:
+            force, row.selected, row.position_selected = outgoing.model, sends, hears
+            row.decoded = outgoing.held or ZERO
+        peer_at = endpoint.peer_time(self.deadline)
+        row.at = self.deadline
+        row.peer_at = nan if peer_at is None else peer_at
+        row.raw = outgoing.sensor.value
+        row.predicted = encoder.predicted or UNKNOWN
+        row.coded = outgoing.coded
+        row.bound = encoder.bound
+        row.weber = self.tuning.settings.weber
+        row.tick = self.index
+        row.ticks_missed = missed
+        row.datagrams_sent = statistics.sent
+        row.datagrams_received = statistics.received
+        row.datagrams_lost = statistics.lost
+        row.datagrams_dropped = statistics.drops
+        row.bytes_sent = statistics.bytes_sent
+        row.updates_sent = statistics.updates_sent[0]
+        row.updates_received = statistics.updates_received[0]
+        row.repeats = statistics.repeats
+        row.heartbeats = statistics.heartbeats
+        row.lateness_us = lateness_us
+        row.work_us = work_us
+        row.codec_us = self.codec_time * 1e6
+        row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
+        row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
+        row.tank = port.control.tank
+        row.model, row.surface, row.surface_size, row.surface_stiffness = force
+        if endpoint.state is not self._state:
+            self._state = endpoint.state
+            row.state = endpoint.state.value
+        row.fault = self._faults.active
+        row.control = SCHEME_CODES[port.control.active]
+        row.sent = outgoing.update is not None
+        row.widened = encoder.widened
+        row.received = incoming.received
+        row.settings = self.tuning.generation & 0xFF
+        if len(self.outgoing) > 1:
+            self._report_rotation(row)
+        port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
+        return row.values()
+
+    def _report_rotation(self, row: Row) -> None:
+        statistics, rotation, incoming = self.endpoint.statistics, self.outgoing[1], self.incoming[1]
+        if self._leads:
+            row.rotation_selected = incoming.decoder.selected
+        else:
+            row.rotation_selected = rotation.encoder.mirror.selected
+            row.rotation_decoded = rotation.held or ZERO
+        row.rotation_updates_sent = statistics.updates_sent[1]
+        row.rotation_updates_received = statistics.updates_received[1]
+        row.rotation_raw = rotation.sensor.value
+        row.rotation_bound = rotation.encoder.bound
+        row.rotation_sent = rotation.update is not None
+        row.rotation_widened = rotation.encoder.widened
 
     def _leave(self, now: float, reason: str) -> None:
         self._close(now, reason)
@@ -362,12 +358,12 @@ class Side:
         if self.pace.stalled:
             self._faults.meet(Fault.STALLED)
             self._watchdog.feed(now)
-        if self._faults.active is not Fault.DEVICE:
+        if self._faults.active is not _DEVICE:
             self.port.settle(now)
 
     def _sense(self, now: float) -> None:
         """Read the sensors; the last good samples stay while there are none, until that has lasted too long."""
-        if self._faults.active is Fault.DEVICE:
+        if self._faults.active is _DEVICE:
             return
         port = self.port
         try:
@@ -411,10 +407,10 @@ class Side:
         """
         pace, port = self.pace, self.port
         encodes = (
-            self.endpoint.state is State.ENGAGED
+            self.endpoint.state is _ENGAGED
             and port.enabled
             and not pace.settling
-            and self._faults.active is not Fault.DEVICE
+            and self._faults.active is not _DEVICE
         )
         engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
         encoded, was_engaged = self._encodes, self.engaged
@@ -476,5 +472,5 @@ class Side:
             values.append(channel.decode(self._peer_tick))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
-        if self._faults.active is not Fault.NONE and not self.port.tripped:
+        if self._faults.active is not _NO_FAULT and not self.port.tripped:
             self._faults.clear(Fault.TRIPPED)

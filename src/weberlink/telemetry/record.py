@@ -1,10 +1,11 @@
 """The telemetry record of one tick of one side: one table of fields, and what follows from it.
 
-`RECORD` packs for the writer, `DESCRIPTION` is the numpy type of the reader, and `compile_row` fills a record by name.
+`RECORD` packs for the writer, `DESCRIPTION` is the numpy type of the reader. A side fills the fields by name in a
+`weberlink.telemetry.row.Row`.
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from math import nan
 from struct import Struct
 from typing import TYPE_CHECKING, NamedTuple
@@ -123,6 +124,7 @@ FIELDS = (
     Field("rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick"),
 )
 
+NAMES = tuple(field.name for field in FIELDS)
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
 """Cumulative fields."""
 FINITE = ("position", "raw", "decoded", "coded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
@@ -148,29 +150,3 @@ if TYPE_CHECKING:
 
 else:
     Record = namedtuple("Record", COLUMNS)
-
-
-def compile_row(expressions: Mapping[str, str], names: Mapping[str, object]) -> Callable[[float, float, int], Record]:
-    """Compile one Python expression per field into one function that makes a record.
-
-    Runs as fast as the tuple written out by hand, where a call with a keyword per field costs three times as much.
-
-    Args:
-        expressions: by field; one that is left out is 0. That of a vector gives three values.
-        names: what the expressions can name beside the arguments `lateness_us`, `work_us` and `missed`.
-
-    Raises:
-        ValueError: there is no such field.
-    """
-    unknown = expressions.keys() - {field.name for field in FIELDS}
-    if unknown:
-        raise ValueError(f"no such fields of a record: {', '.join(sorted(unknown))}")
-    values = (
-        f"*({expressions.get(field.name, '0.0, 0.0, 0.0')})"
-        if field.axes > 1
-        else f"({expressions.get(field.name, 0)})"
-        for field in FIELDS
-    )
-    source = f"lambda lateness_us, work_us, missed: make(({', '.join(values)}))"
-    made: Callable[[float, float, int], Record] = eval(source, {**names, "make": Record._make})  # noqa: S307 - of our own
-    return made

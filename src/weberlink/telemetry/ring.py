@@ -30,6 +30,7 @@ HEADER = Struct("<8sIIIIQQddd32s")
 COUNTER_AT = 128
 CLOSED_AT = 136
 RECORDS_AT = 192
+SIZE, PACK = RECORD.size, RECORD.pack
 SIDE_BYTES = 32
 LARGEST_FILE = 128 * 2**20
 """Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 35 MB."""
@@ -83,7 +84,7 @@ def read_header(path: Path, fd: int) -> Header:
     header = _parse_header(path, fd)
     if header.version != VERSION:
         raise RingFormatError(f"{path}: layout version {header.version}, this program reads version {VERSION}")
-    if (header.schema, header.record_size) != (SCHEMA, RECORD.size):
+    if (header.schema, header.record_size) != (SCHEMA, SIZE):
         raise RingFormatError(f"{path}: its records have other fields than those of this program; use the same release")
     size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * header.record_size
     if header.capacity < 2 or size < expected:
@@ -117,15 +118,14 @@ def process_started(pid: int) -> int | None:
 class RingWriter:
     """Publishes records in a ring file; for one thread."""
 
-    __slots__ = ("_closed", "_count", "_counter", "_end", "_map", "_pack", "_slot", "path")
+    __slots__ = ("_closed", "_count", "_counter", "_end", "_map", "_slot", "path")
 
     def __init__(self, path: Path, mapping: mmap, capacity: int) -> None:
         self.path = path
         self._map = mapping
         # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
         self._counter = memoryview(mapping)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
-        self._pack = RECORD.pack_into
-        self._end = RECORDS_AT + capacity * RECORD.size
+        self._end = RECORDS_AT + capacity * SIZE
         self._slot = RECORDS_AT
         self._count = 0
         self._closed = False
@@ -152,14 +152,14 @@ class RingWriter:
             raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
         if not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        most = (LARGEST_FILE - RECORDS_AT) // RECORD.size
+        most = (LARGEST_FILE - RECORDS_AT) // SIZE
         if not 2 <= capacity <= most:
             raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
         _refuse_to_replace(path)
         pid = os.getpid()
         started = process_started(pid) or 0
         began = (time(), monotonic())
-        header = Header(MAGIC, VERSION, SCHEMA, RECORD.size, pid, started, capacity, rate_hz, *began, name)
+        header = Header(MAGIC, VERSION, SCHEMA, SIZE, pid, started, capacity, rate_hz, *began, name)
         return cls(path, _place(path, header), capacity)
 
     def write(self, record: Sequence[float]) -> None:
@@ -169,11 +169,11 @@ class RingWriter:
             struct.error, OverflowError: a value does not fit its type; nothing is published.
         """
         slot = self._slot
-        self._pack(self._map, slot, *record)
-        self._count = count = self._count + 1
-        self._counter[0] = count
-        slot += RECORD.size
-        self._slot = slot if slot < self._end else RECORDS_AT
+        following = slot + SIZE
+        self._map[slot:following] = PACK(*record)
+        self._count += 1
+        self._counter[0] = self._count
+        self._slot = following if following < self._end else RECORDS_AT
 
     def close(self, *, unlink: bool = True) -> None:
         """Mark the end, release the memory and remove the file; readers keep their mapping. May be repeated."""

@@ -11,15 +11,8 @@ from scipy.linalg import expm
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, add
-from weberlink.master.devices.hand import (
-    GRASPS,
-    GraspingHand,
-    GraspOptions,
-    HandOptions,
-    Tremor,
-    modelled_hand,
-    transition,
-)
+from weberlink.master.devices.hand import GraspingHand, Tremor, modelled_hand, transition
+from weberlink.master.devices.hand_options import GRASPS, GraspOptions, HandOptions
 
 positive = st.floats(0.01, 100.0)
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.master.devices.hand import HandOptions
+from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
 
 TICK = 0.001

@@ -12,7 +12,8 @@ from tests.examples import examples
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 from weberlink.master.devices.contract import TorqueDevice
-from weberlink.master.devices.hand import HandOptions, Oscillator, WristOptions, modelled_hand
+from weberlink.master.devices.hand import modelled_hand
+from weberlink.master.devices.hand_options import HandOptions, Oscillator, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.turning import Wrist
 

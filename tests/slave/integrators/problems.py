@@ -6,9 +6,8 @@ from weberlink.geometry.vector import ZERO, Vector, dot, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import PlaneShape, SphereShape
 
 UP: Vector = (0.0, 0.0, 1.0)
 BODY = ControlledMass(0.2, 500.0, 5.0)

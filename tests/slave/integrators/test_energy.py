@@ -13,9 +13,9 @@ from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.robots.simulated import SimulatedOptions
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene, SceneState
 from weberlink.slave.scenes.shape import Shape
+from weberlink.slave.scenes.solids import PlaneShape
 
 STEPS = 60
 CONES = (None, FrictionCone(0.5, 0.4), FrictionCone(0.8, 0.3), FrictionCone(2.0, 0.0))

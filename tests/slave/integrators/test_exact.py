@@ -16,8 +16,8 @@ from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.linear_contact import Faces
 from weberlink.slave.scenes.active_set import smallest_push
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 
 STEEL = 1e7
 OBLIQUE = ((UP, 3000.0, None), (unit((1.0, 0.3, 0.6)), 800.0, 4.0), (unit((-0.4, 1.0, 0.5)), 1500.0, None))

@@ -12,8 +12,8 @@ from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, 
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink.slave.integrators.stick_slip import trailing
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 
 BODY = ControlledMass(0.05, 2000.0, 4.0)
 

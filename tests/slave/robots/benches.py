@@ -16,8 +16,8 @@ from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmul
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 
 GROUND = 500.0  # [N/m]
 

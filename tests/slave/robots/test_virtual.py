@@ -13,10 +13,9 @@ from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot, RobotFault
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.robots.virtual import UNSTATED
-from weberlink.slave.scenes.box import BoxCavity
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import BoxCavity, PlaneShape
 
 TICK = 0.001
 every_driver = pytest.mark.parametrize("name", ["point", "simulated"])

@@ -3,14 +3,12 @@
 from math import sin
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.box import BoxCavity, BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.derived import CarvedShape, TurnedShape
 from weberlink.slave.scenes.height_field import HeightFieldShape, bumps
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import BoxCavity, BoxShape, PlaneShape, SphereShape
 
 UP: Vector = (0.0, 0.0, 1.0)
 GROUND = PlaneShape((0.0, 0.0, 0.0), UP)

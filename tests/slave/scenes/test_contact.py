@@ -8,7 +8,7 @@ from tests.slave.scenes.solids import GROUND
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import SphereShape
 
 TICK = 0.001
 STIFFNESS = 1000.0

@@ -12,11 +12,10 @@ from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, s
 from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.moving import MovingScene, Sway, Wave
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import BoxShape, PlaneShape
 
 TICK = 0.001
 STIFFNESS = 500.0

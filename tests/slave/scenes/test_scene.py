@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
-from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.proxy import along
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import BoxShape, PlaneShape, SphereShape
 
 TICK = 0.001
 near = st.floats(-0.08, 0.08)

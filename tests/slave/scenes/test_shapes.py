@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import SHAPES, field
 from weberlink.geometry.vector import Vector, add, distance, dot, is_finite, norm, scale, subtract
-from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.height_field import HeightFieldShape
-from weberlink.slave.scenes.plane import PlaneShape
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import BoxShape, PlaneShape, SphereShape
 
 near = st.floats(-0.08, 0.08)
 points = st.tuples(near, near, near)

@@ -19,10 +19,9 @@ from weberlink.codec import force_channel
 from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import PlaneShape, SphereShape
 from weberlink.studies.moments.figures import draw_force, draw_model, force_figure, model_figure, quantity
 from weberlink.studies.moments.moments import CodedTrace, ModelFit, TickWindow, longest
 from weberlink.studies.moments.portrait import Portrait, portrait

@@ -13,10 +13,9 @@ from weberlink.codec.predictors import sphere as fitted_sphere
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import Vector, dot, norm, scale, unit
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.slave.scenes.solids import PlaneShape, SphereShape
 from weberlink.studies.moments.surfaces import FittedSurface, SceneSurface, SurfaceFrame, frame_at
 
 UP: Vector = (0.0, 0.0, 1.0)

@@ -11,8 +11,8 @@ from zlib import crc32
 import numpy as np
 
 from weberlink.geometry.vector import Vector, scale, subtract
-from weberlink.master.devices.hand import HandOptions
-from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
+from weberlink.master.devices.hand_device import HandDevice
+from weberlink.master.devices.hand_options import HandDeviceOptions, HandOptions
 from weberlink.master.devices.motion import LegSequence
 from weberlink.slave.scenes.height_field import BumpSettings
 from weberlink.slave.scenes.settings import (

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 from weberlink.studies.stability.wall import SampledWall, bisect, bracket
 
 DEPTH = 1e-3

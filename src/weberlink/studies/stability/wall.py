@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control import passivity
-from weberlink.master.devices.hand import HandOptions, handle_and_arm, transition
+from weberlink.master.devices.hand import handle_and_arm, transition
+from weberlink.master.devices.hand_options import HandOptions
 
 Grip = Literal["firm", "pinch", "fingertip"]
 """How the hand holds the device: firmly, as one mass with it, or with a grasp between them."""

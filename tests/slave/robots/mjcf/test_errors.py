@@ -13,8 +13,8 @@ from tests.slave.robots.mjcf.models import TICK, chain, gantry, robot
 from weberlink.geometry.vector import ZERO
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
 
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'
 NAMELESS = '<mujoco><worldbody><body><joint/><geom size="0.1"/><site/></body></worldbody></mujoco>'

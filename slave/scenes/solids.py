@@ -1,0 +1,118 @@
+"""Solids with a formula: a half-space, a ball, a box, and the complements of the last two."""
+
+from math import copysign, sqrt
+
+from weberlink.geometry.vector import Vector, dot, norm, scale
+from weberlink.slave.scenes.shape import Tangent
+
+
+class PlaneShape:
+    """Solid below the plane through `point` with the outward `normal` (any length above zero)."""
+
+    __slots__ = ("_normal", "_offset")
+
+    flat = True
+
+    def __init__(self, point: Vector, normal: Vector) -> None:
+        length = norm(normal)
+        if not length > 0.0:
+            raise ValueError(f"normal: expected a vector longer than zero, got {normal}")
+        self._normal = scale(normal, 1.0 / length)
+        self._offset = dot(self._normal, point)
+
+    def clearance(self, point: Vector) -> float:
+        normal = self._normal
+        return normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2] - self._offset
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        normal = self._normal
+        return ((normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2] - self._offset, normal),)
+
+
+class SphereShape:
+    """Solid within `radius` [m] of `center`; with `inside`, where the probe then is, solid everywhere else."""
+
+    __slots__ = ("_radius", "_sign", "_x", "_y", "_z")
+
+    flat = False
+
+    def __init__(self, center: Vector, radius: float, *, inside: bool = False) -> None:
+        if not radius > 0.0:
+            raise ValueError(f"radius: expected more than 0 m, got {radius}")
+        self._x, self._y, self._z = center
+        self._radius = radius
+        self._sign = -1.0 if inside else 1.0
+
+    def clearance(self, point: Vector) -> float:
+        x, y, z = point[0] - self._x, point[1] - self._y, point[2] - self._z
+        return self._sign * (sqrt(x * x + y * y + z * z) - self._radius)
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        x, y, z, sign = point[0] - self._x, point[1] - self._y, point[2] - self._z, self._sign
+        length = sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            return ((-sign * self._radius, (0.0, 0.0, 1.0)),)  # all directions are equal here
+        signed = sign * length
+        return ((sign * (length - self._radius), (x / signed, y / signed, z / signed)),)
+
+
+class BoxShape:
+    """Solid within half of `size` [m] of `center` along each axis.
+
+    Outside, the distance is Euclidean, so an edge or corner looks round from afar; inside, the nearest face counts.
+    """
+
+    __slots__ = ("_center", "_half")
+
+    flat = False
+
+    def __init__(self, center: Vector, size: Vector) -> None:
+        if not min(size) > 0.0:
+            raise ValueError(f"size: expected three edges longer than 0 m, got {size}")
+        self._center = center
+        self._half: Vector = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
+
+    def clearance(self, point: Vector) -> float:
+        center, half = self._center, self._half
+        x, y, z = (
+            abs(point[0] - center[0]) - half[0],
+            abs(point[1] - center[1]) - half[1],
+            abs(point[2] - center[2]) - half[2],
+        )
+        if x <= 0.0 and y <= 0.0 and z <= 0.0:
+            return max(x, y, z)
+        x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
+        return sqrt(x * x + y * y + z * z)
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        center, half = self._center, self._half
+        px, py, pz = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+        x, y, z = abs(px) - half[0], abs(py) - half[1], abs(pz) - half[2]
+        if (x > 0.0) + (y > 0.0) + (z > 0.0) > 1:
+            x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
+            length = sqrt(x * x + y * y + z * z)
+            if length > 0.0:  # excesses below 1e-162 m square to 0: then the nearest face is used
+                return ((length, (copysign(x / length, px), copysign(y / length, py), copysign(z / length, pz))),)
+        if z >= x and z >= y:
+            return ((z, (0.0, 0.0, copysign(1.0, pz))),)
+        if y >= x:
+            return ((y, (0.0, copysign(1.0, py), 0.0)),)
+        return ((x, (copysign(1.0, px), 0.0, 0.0)),)
+
+
+class BoxCavity(BoxShape):
+    """The complement of a box: floor and walls meet in concave corners."""
+
+    __slots__ = ()
+
+    def clearance(self, point: Vector) -> float:
+        return min(gap for gap, _ in self.linearise(point))
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        center, half = self._center, self._half
+        px, py, pz = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+        return (
+            (half[0] - abs(px), (copysign(1.0, -px), 0.0, 0.0)),
+            (half[1] - abs(py), (0.0, copysign(1.0, -py), 0.0)),
+            (half[2] - abs(pz), (0.0, 0.0, copysign(1.0, -pz))),
+        )
