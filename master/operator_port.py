@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from math import hypot, inf
+from typing import ClassVar, Final
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -135,10 +136,10 @@ class OperatorPort:
         button: only while it is held, the robot follows and force is displayed; None for always.
     """
 
-    kind = "device"
-    leads = True
-    fault = DeviceFault
-    tripped = False
+    kind: Final = "device"
+    leads: Final = True
+    fault: ClassVar[type[DeviceFault]] = DeviceFault
+    tripped: Final = False
 
     def __init__(
         self,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from math import inf
-from typing import Protocol
+from typing import ClassVar, Final, Protocol
 
 from weberlink.control.contract import LinkQuality, SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -105,11 +105,12 @@ class RobotPort:
         by_button: whether the operator leads only while holding a button; for telemetry.
     """
 
-    kind = "robot"
-    leads = False
-    fault = RobotFault
-    enabled = at_rest = True
-    ended = False
+    kind: Final = "robot"
+    leads: Final = False
+    fault: ClassVar[type[RobotFault]] = RobotFault
+    enabled: Final = True
+    at_rest: Final = True
+    ended: Final = False
 
     def __init__(
         self,

@@ -45,7 +45,8 @@ class ForceDeadband(Deadband):
         relative = self.weber * norm(reference)
         return relative if relative > self.floor else self.floor
 
-    error = staticmethod(distance)
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
+        return distance(displayed, actual)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,4 +78,5 @@ class PositionDeadband(Deadband):
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         return self.least + self.weber * moved
 
-    error = staticmethod(distance)
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
+        return distance(displayed, actual)

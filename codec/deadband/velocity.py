@@ -89,4 +89,5 @@ class VelocityDeadband(Deadband):
         relative = (grown if grown < self.highest else self.highest) * norm(reference)
         return relative if relative > self.floor else self.floor
 
-    error = staticmethod(distance)
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
+        return distance(displayed, actual)

@@ -115,7 +115,8 @@ class LocalAffine:
 class AffinePredictor(Predictor):
     name = "affine"
     geometric = True
-    estimated = looks_ahead = True
+    estimated = True
+    looks_ahead = True
     doubt = 1.1
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 from weberlink.codec.parameters import pack, unpack
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
@@ -163,6 +164,7 @@ class Candidate(Protocol):
         """Make the model to send, with finite parameters; None to hold the sample."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Predictor(ABC):
     """A predictor. There are two kinds.
 

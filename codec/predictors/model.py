@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 from weberlink.codec.sample import Sample
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 _UNKNOWN: Vector = (float("nan"),) * 3
@@ -66,6 +67,7 @@ class ContactSurface(Protocol):
         """The surface as telemetry records it."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Model(ABC):
     """Predicts a value from tick and position. Never changed; equal to a model with the same parameters.
 

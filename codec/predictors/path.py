@@ -149,7 +149,8 @@ class LearnedCandidate:
 
 class PathPredictor(Predictor):
     name = "path"
-    estimated = looks_ahead = True
+    estimated = True
+    looks_ahead = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LearnedCandidate(signal, elastic=False), LearnedCandidate(signal, elastic=False, reach=SOON)]

@@ -41,7 +41,8 @@ class Plane(Model):
 
 class PlanePredictor(Predictor):
     name = "plane"
-    geometric = describes_contact = True
+    geometric = True
+    describes_contact = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Plane | None:
         if previous is None or not same_contact(newest, previous):
@@ -57,7 +58,8 @@ class PlanePredictor(Predictor):
             return None
         return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
 
-    needs_previous = staticmethod(same_contact)
+    def needs_previous(self, newest: Sample, previous: Sample) -> bool:
+        return same_contact(newest, previous)
 
 
 PLANE = PlanePredictor()

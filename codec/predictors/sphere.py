@@ -48,7 +48,8 @@ class Sphere(Model):
 
 class SpherePredictor(Predictor):
     name = "sphere"
-    geometric = describes_contact = True
+    geometric = True
+    describes_contact = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Sphere | None:
         if previous is None or not same_contact(newest, previous):
@@ -75,7 +76,8 @@ class SpherePredictor(Predictor):
         sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
         return sphere if limits.accepts_fit(sphere, newest) else None
 
-    needs_previous = staticmethod(same_contact)
+    def needs_previous(self, newest: Sample, previous: Sample) -> bool:
+        return same_contact(newest, previous)
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:

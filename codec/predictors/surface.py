@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
@@ -68,7 +69,7 @@ class SurfacePatch(Model):
         push = -self.stiffness * height
         return (push * normal[0], push * normal[1], push * normal[2])
 
-    def advance(self, tick: float, position: Vector, memory: Vector) -> tuple[Vector, Vector]:
+    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
         """The force with friction [N], and the new god-object [m]."""
         normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
@@ -226,7 +227,8 @@ _LAYOUTS = {
 
 class SurfacePredictor(Predictor):
     name = "surface"
-    geometric = describes_contact = True
+    geometric = True
+    describes_contact = True
     estimated = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:

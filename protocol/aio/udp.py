@@ -16,6 +16,7 @@ from contextlib import suppress
 from errno import EADDRINUSE
 from math import inf
 
+from weberlink.compiled import mypyc_attr
 from weberlink.protocol.aio.queue import ReceiveQueue
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.endpoint import Endpoint
@@ -29,6 +30,7 @@ STRANGER_SHARE = 0.05
 _ANY_PORT: Address = ("", 0)
 
 
+@mypyc_attr(native_class=False)
 class AddressInUseError(OSError):
     """Another program holds the UDP port."""
 
