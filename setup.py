@@ -39,6 +39,7 @@ COMPILED = (
 PYDANTIC = "defines pydantic models, which read the annotations of their class: mypyc drops those"
 PYTHON = {
     "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
+    "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
     "protocol/sealed_stream.py": "not in a tick",
     "slave/scenes/box.py": PYDANTIC,

@@ -40,11 +40,11 @@ class ConeDeadband(Deadband):
         ValueError: for a number out of its range.
     """
 
-    name = "cone"
-    summary = "Magnitude and direction apart."
+    name: ClassVar[str] = "cone"
+    summary: ClassVar[str] = "Magnitude and direction apart."
     options: ClassVar[Mapping[str, Option]] = {"direction_deg": DIRECTION}
-    is_ball = False
-    needs_actual = True
+    is_ball: ClassVar[bool] = False
+    needs_actual: ClassVar[bool] = True
 
     weber: float
     floor: float = 0.0

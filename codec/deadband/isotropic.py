@@ -1,7 +1,7 @@
 """The same bound in all directions: a ball around the measured force, or around a position."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
@@ -23,8 +23,8 @@ class ForceDeadband(Deadband):
         ValueError: for a negative or non-finite number or an unknown reference.
     """
 
-    name = "isotropic"
-    summary = "The same bound in all directions."
+    name: ClassVar[str] = "isotropic"
+    summary: ClassVar[str] = "The same bound in all directions."
 
     weber: float
     floor: float = 0.0
@@ -64,9 +64,9 @@ class PositionDeadband(Deadband):
         ValueError: for a negative or non-finite number.
     """
 
-    name = "position"
-    summary = "A position bound at rest and a Weber bound on velocity."
-    reads_motion = True
+    name: ClassVar[str] = "position"
+    summary: ClassVar[str] = "A position bound at rest and a Weber bound on velocity."
+    reads_motion: ClassVar[bool] = True
 
     weber: float
     least: float

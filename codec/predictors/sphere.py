@@ -10,6 +10,7 @@ One fit finds both kinds of wall. `weberlink.studies.paper` measures what convex
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from weberlink.codec.predictors.contract import Predictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
@@ -47,9 +48,9 @@ class Sphere(Model):
 
 
 class SpherePredictor(Predictor):
-    name = "sphere"
-    geometric = True
-    describes_contact = True
+    name: ClassVar[str] = "sphere"
+    geometric: ClassVar[bool] = True
+    describes_contact: ClassVar[bool] = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Sphere | None:
         if previous is None or not same_contact(newest, previous):

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
@@ -226,10 +226,10 @@ _LAYOUTS = {
 
 
 class SurfacePredictor(Predictor):
-    name = "surface"
-    geometric = True
-    describes_contact = True
-    estimated = True
+    name: ClassVar[str] = "surface"
+    geometric: ClassVar[bool] = True
+    describes_contact: ClassVar[bool] = True
+    estimated: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [hypothesis(signal) for hypothesis in (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)]

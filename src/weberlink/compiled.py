@@ -1,6 +1,6 @@
 """The compiled build: the mark that its compiler reads in the source, and whether it runs.
 
-`setup.py` names the modules that can be compiled. Even in a compiled build all modules run as Python if `WEBERLINK_PURE`
+`setup.py` names the modules that can be compiled. In a compiled build they run as Python all the same if `WEBERLINK_PURE`
 is 1 in the environment when weberlink is first imported.
 """
 
