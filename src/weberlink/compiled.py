@@ -1,7 +1,7 @@
 """The compiled build: the mark that its compiler reads in the source, and whether it runs.
 
-`setup.py` names the modules that can be compiled. In a compiled build they run as Python all the same if `WEBERLINK_PURE`
-is 1 in the environment when weberlink is first imported.
+`setup.py` names the modules that can be compiled. If `WEBERLINK_PURE` is 1 in the environment when weberlink is first
+imported, they run as Python all the same.
 """
 
 from importlib.machinery import EXTENSION_SUFFIXES
