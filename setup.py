@@ -12,7 +12,8 @@ SOURCE = Path("src/weberlink")
 COMPILED = (
     "update.py",
     "geometry/*.py",
-    "codec/**/*.py",
+    "codec/*.py",
+    "codec/predictors/*.py",
     "control/*.py",
     "protocol/**/*.py",
     "telemetry/fault.py",

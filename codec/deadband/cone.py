@@ -40,11 +40,11 @@ class ConeDeadband(Deadband):
         ValueError: for a number out of its range.
     """
 
-    name: ClassVar[str] = "cone"
-    summary: ClassVar[str] = "Magnitude and direction apart."
+    name = "cone"
+    summary = "Magnitude and direction apart."
     options: ClassVar[Mapping[str, Option]] = {"direction_deg": DIRECTION}
-    is_ball: ClassVar[bool] = False
-    needs_actual: ClassVar[bool] = True
+    is_ball = False
+    needs_actual = True
 
     weber: float
     floor: float = 0.0

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import ClassVar, Literal, NamedTuple, Self, get_args
 
-from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
@@ -52,7 +51,6 @@ class DeadbandSetup(NamedTuple):
     options: Mapping[str, float]
 
 
-@mypyc_attr(allow_interpreted_subclasses=True)
 class Deadband(ABC):
     """A sample is sent when `error` exceeds `bound`. Only the encoder uses it.
 

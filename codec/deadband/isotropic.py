@@ -1,7 +1,7 @@
 """The same bound in all directions: a ball around the measured force, or around a position."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
@@ -23,8 +23,8 @@ class ForceDeadband(Deadband):
         ValueError: for a negative or non-finite number or an unknown reference.
     """
 
-    name: ClassVar[str] = "isotropic"
-    summary: ClassVar[str] = "The same bound in all directions."
+    name = "isotropic"
+    summary = "The same bound in all directions."
 
     weber: float
     floor: float = 0.0
@@ -45,8 +45,7 @@ class ForceDeadband(Deadband):
         relative = self.weber * norm(reference)
         return relative if relative > self.floor else self.floor
 
-    def error(self, displayed: Vector, actual: Vector, /) -> float:
-        return distance(displayed, actual)
+    error = staticmethod(distance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +63,9 @@ class PositionDeadband(Deadband):
         ValueError: for a negative or non-finite number.
     """
 
-    name: ClassVar[str] = "position"
-    summary: ClassVar[str] = "A position bound at rest and a Weber bound on velocity."
-    reads_motion: ClassVar[bool] = True
+    name = "position"
+    summary = "A position bound at rest and a Weber bound on velocity."
+    reads_motion = True
 
     weber: float
     least: float
@@ -78,5 +77,4 @@ class PositionDeadband(Deadband):
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         return self.least + self.weber * moved
 
-    def error(self, displayed: Vector, actual: Vector, /) -> float:
-        return distance(displayed, actual)
+    error = staticmethod(distance)

@@ -40,8 +40,8 @@ class LevelCrossingDeadband(Deadband):
         ValueError: for a number out of its range.
     """
 
-    name: ClassVar[str] = "level_crossing"
-    summary: ClassVar[str] = (
+    name = "level_crossing"
+    summary = (
         "Sent when the magnitude crosses a level of a fixed grid, or the direction leaves its cone; needs floor_n > 0."
     )
     options: ClassVar[Mapping[str, Option]] = {
@@ -53,9 +53,9 @@ class LevelCrossingDeadband(Deadband):
             most=1,
         ),
     }
-    is_ball: ClassVar[bool] = False
-    needs_actual: ClassVar[bool] = True
-    needs_floor: ClassVar[bool] = True
+    is_ball = False
+    needs_actual = True
+    needs_floor = True
 
     weber: float
     floor: float

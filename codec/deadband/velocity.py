@@ -40,13 +40,13 @@ class VelocityDeadband(Deadband):
         ValueError: for a number out of its range or an unknown reference.
     """
 
-    name: ClassVar[str] = "velocity_adaptive"
-    summary: ClassVar[str] = "The Weber factor grows with the speed of the hand."
+    name = "velocity_adaptive"
+    summary = "The Weber factor grows with the speed of the hand."
     options: ClassVar[Mapping[str, Option]] = {
         "slope_s_m": Option(SLOPE_S_M, "Growth of the Weber factor with speed [s/m].", least=0, most=100),
         "most_weber": Option(MOST_WEBER, "The Weber factor grows no further.", least=0, most=1),
     }
-    reads_motion: ClassVar[bool] = True
+    reads_motion = True
 
     weber: float
     floor: float = 0.0
@@ -89,5 +89,4 @@ class VelocityDeadband(Deadband):
         relative = (grown if grown < self.highest else self.highest) * norm(reference)
         return relative if relative > self.floor else self.floor
 
-    def error(self, displayed: Vector, actual: Vector, /) -> float:
-        return distance(displayed, actual)
+    error = staticmethod(distance)
