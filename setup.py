@@ -67,8 +67,9 @@ def extensions() -> list:
     found = mypycify(
         ["--config-file", "pyproject.toml", *modules()],
         group_name="weberlink",
-        opt_level=os.environ.get("WEBERLINK_OPTIMIZE", "2"),
+        opt_level="2",
         debug_level="0",
+        multi_file=True,  # in one file they take a compiler several times as long
         target_dir="build/mypyc",
     )
     for extension in found:

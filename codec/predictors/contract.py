@@ -1,6 +1,6 @@
 """The interface of a predictor: how it makes a model from samples, and how the model travels in an update."""
 
-from abc import ABC
+from abc import ABCMeta
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
@@ -165,7 +165,7 @@ class Candidate(Protocol):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Predictor(ABC):
+class Predictor(metaclass=ABCMeta):
     """A predictor. There are two kinds.
 
     Fitted predictors override `fit` and `needs_previous`: both ends fit the same model to the samples that were sent.

@@ -1,6 +1,6 @@
 """Models, which a decoder evaluates between updates, and the contact surface that some of them describe."""
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
@@ -68,7 +68,7 @@ class ContactSurface(Protocol):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Model(ABC):
+class Model(metaclass=ABCMeta):
     """Predicts a value from tick and position. Never changed; equal to a model with the same parameters.
 
     A model depends on one update only, so that the two ends agree again after any loss. A model with friction also

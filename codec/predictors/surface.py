@@ -9,7 +9,7 @@ The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) 
 v t + a t^2 / 2.
 """
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
@@ -146,7 +146,7 @@ def patch(
     return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
 
 
-class SurfaceHypothesis(ABC):
+class SurfaceHypothesis(metaclass=ABCMeta):
     """A candidate that assumes one kind of surface."""
 
     def __init__(self, signal: Signal) -> None:
