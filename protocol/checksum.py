@@ -5,6 +5,7 @@ damaged, reflected, misnumbered or of another session is rejected, as it would b
 """
 
 from hashlib import sha256
+from typing import ClassVar
 from zlib import crc32
 
 from weberlink.protocol.security import Protection
@@ -17,9 +18,9 @@ _NONCE = 16
 class Checksum:
     """The `Security` of a trusted link."""
 
-    tag_size = _TAG
-    overhead = _NONCE + _TAG
-    private_size = _NONCE
+    tag_size: ClassVar[int] = _TAG
+    overhead: ClassVar[int] = _NONCE + _TAG
+    private_size: ClassVar[int] = _NONCE
 
     def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
         return OutgoingExchange(prologue, private)

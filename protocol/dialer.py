@@ -63,8 +63,8 @@ class Dialer:
         end: LocalEnd,
         instance: bytes,
         *,
-        takes_over: bool = False,
         stamp: Callable[[float], int],
+        takes_over: bool = False,
         silence: float = 0.0,
     ) -> None:
         """Prepare to call.
@@ -72,8 +72,8 @@ class Dialer:
         Args:
             end: the caller.
             instance: random bytes of this run of it.
-            takes_over: as of the attribute.
             stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
+            takes_over: as of the attribute.
             silence: limit of the session [s], longer than the round trip. Pauses between HELLOs grow from a twentieth
                 to a fifth of it, at least from `FIRST_INTERVAL` to `LONGEST_INTERVAL`, so that the listener still holds
                 the pending session of a HELLO when its answer arrives.

@@ -11,7 +11,7 @@ This module and `weberlink.protocol.noise` load `cryptography`; they are importe
 """
 
 from hmac import digest
-from typing import Final
+from typing import ClassVar, Final
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
@@ -29,9 +29,9 @@ _TAG: Final = 8
 class PresharedKey:
     """The `Security` of two ends that hold the same key."""
 
-    tag_size = _TAG
-    overhead = OVERHEAD
-    private_size = PRIVATE_BYTES
+    tag_size: ClassVar[int] = _TAG
+    overhead: ClassVar[int] = OVERHEAD
+    private_size: ClassVar[int] = PRIVATE_BYTES
 
     def __init__(self, key: bytes) -> None:
         """Take the shared key.

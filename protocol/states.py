@@ -2,6 +2,8 @@
 
 from enum import Enum, auto
 
+from weberlink.compiled import mypyc_attr
+
 
 class Role(Enum):
     """Which end of the link an endpoint is; the value is its name in messages to the user."""
@@ -45,6 +47,7 @@ class Trigger(Enum):
     CLOSE = auto()
 
 
+@mypyc_attr(native_class=False)
 class StateError(RuntimeError):
     """The state of the endpoint does not allow this call: a fault of the caller, never of the peer."""
 

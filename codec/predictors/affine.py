@@ -8,6 +8,7 @@ explains the force as well as time does.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from weberlink.codec.parameters import Block
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
@@ -113,10 +114,11 @@ class LocalAffine:
 
 
 class AffinePredictor(Predictor):
-    name = "affine"
-    geometric = True
-    estimated = looks_ahead = True
-    doubt = 1.1
+    name: ClassVar[str] = "affine"
+    geometric: ClassVar[bool] = True
+    estimated: ClassVar[bool] = True
+    looks_ahead: ClassVar[bool] = True
+    doubt: ClassVar[float] = 1.1
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LocalAffine(signal)]

@@ -1,12 +1,13 @@
 """The interface of a predictor: how it makes a model from samples, and how the model travels in an update."""
 
-from abc import ABC
+from abc import ABCMeta
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 from weberlink.codec.parameters import pack, unpack
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
@@ -163,7 +164,8 @@ class Candidate(Protocol):
         """Make the model to send, with finite parameters; None to hold the sample."""
 
 
-class Predictor(ABC):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Predictor(metaclass=ABCMeta):
     """A predictor. There are two kinds.
 
     Fitted predictors override `fit` and `needs_previous`: both ends fit the same model to the samples that were sent.

@@ -3,13 +3,15 @@
 Without updates it extrapolates without end; the silence limit and the force limiter bound what the operator feels.
 """
 
+from typing import ClassVar
+
 from weberlink.codec.predictors.contract import Predictor
 from weberlink.codec.predictors.model import FitLimits, Line
 from weberlink.codec.sample import Sample
 
 
 class Linear(Predictor):
-    name = "linear"
+    name: ClassVar[str] = "linear"
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Line | None:  # noqa: ARG002
         if previous is None or newest.tick <= previous.tick:

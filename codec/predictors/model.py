@@ -1,11 +1,12 @@
 """Models, which a decoder evaluates between updates, and the contact surface that some of them describe."""
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 from weberlink.codec.sample import Sample
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 _UNKNOWN: Vector = (float("nan"),) * 3
@@ -66,7 +67,8 @@ class ContactSurface(Protocol):
         """The surface as telemetry records it."""
 
 
-class Model(ABC):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Model(metaclass=ABCMeta):
     """Predicts a value from tick and position. Never changed; equal to a model with the same parameters.
 
     A model depends on one update only, so that the two ends agree again after any loss. A model with friction also

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import frexp, ldexp
-from typing import Any
+from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, pack, unpack
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
@@ -151,8 +151,9 @@ class LearnedCandidate:
 
 
 class PathPredictor(Predictor):
-    name = "path"
-    estimated = looks_ahead = True
+    name: ClassVar[str] = "path"
+    estimated: ClassVar[bool] = True
+    looks_ahead: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LearnedCandidate(signal, elastic=False), LearnedCandidate(signal, elastic=False, reach=SOON)]
@@ -196,8 +197,8 @@ class PathPredictor(Predictor):
 
 
 class ElasticPredictor(PathPredictor):
-    name = "elastic"
-    geometric = True
+    name: ClassVar[str] = "elastic"
+    geometric: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [LearnedCandidate(signal, elastic=True)]

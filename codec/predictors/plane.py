@@ -8,6 +8,7 @@ measures what they would send.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from weberlink.codec.predictors.contract import Predictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
@@ -40,8 +41,9 @@ class Plane(Model):
 
 
 class PlanePredictor(Predictor):
-    name = "plane"
-    geometric = describes_contact = True
+    name: ClassVar[str] = "plane"
+    geometric: ClassVar[bool] = True
+    describes_contact: ClassVar[bool] = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Plane | None:
         if previous is None or not same_contact(newest, previous):
@@ -57,7 +59,8 @@ class PlanePredictor(Predictor):
             return None
         return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
 
-    needs_previous = staticmethod(same_contact)
+    def needs_previous(self, newest: Sample, previous: Sample) -> bool:
+        return same_contact(newest, previous)
 
 
 PLANE = PlanePredictor()

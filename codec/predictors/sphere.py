@@ -10,6 +10,7 @@ One fit finds both kinds of wall. `weberlink.studies.paper` measures what convex
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from weberlink.codec.predictors.contract import Predictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
@@ -47,8 +48,9 @@ class Sphere(Model):
 
 
 class SpherePredictor(Predictor):
-    name = "sphere"
-    geometric = describes_contact = True
+    name: ClassVar[str] = "sphere"
+    geometric: ClassVar[bool] = True
+    describes_contact: ClassVar[bool] = True
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Sphere | None:
         if previous is None or not same_contact(newest, previous):
@@ -75,7 +77,8 @@ class SpherePredictor(Predictor):
         sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
         return sphere if limits.accepts_fit(sphere, newest) else None
 
-    needs_previous = staticmethod(same_contact)
+    def needs_previous(self, newest: Sample, previous: Sample) -> bool:
+        return same_contact(newest, previous)
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:

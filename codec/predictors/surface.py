@@ -9,10 +9,11 @@ The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) 
 v t + a t^2 / 2.
 """
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any, ClassVar
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
@@ -68,7 +69,7 @@ class SurfacePatch(Model):
         push = -self.stiffness * height
         return (push * normal[0], push * normal[1], push * normal[2])
 
-    def advance(self, tick: float, position: Vector, memory: Vector) -> tuple[Vector, Vector]:
+    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
         """The force with friction [N], and the new god-object [m]."""
         normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
@@ -145,7 +146,7 @@ def patch(
     return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
 
 
-class SurfaceHypothesis(ABC):
+class SurfaceHypothesis(metaclass=ABCMeta):
     """A candidate that assumes one kind of surface."""
 
     def __init__(self, signal: Signal) -> None:
@@ -225,9 +226,10 @@ _LAYOUTS = {
 
 
 class SurfacePredictor(Predictor):
-    name = "surface"
-    geometric = describes_contact = True
-    estimated = True
+    name: ClassVar[str] = "surface"
+    geometric: ClassVar[bool] = True
+    describes_contact: ClassVar[bool] = True
+    estimated: ClassVar[bool] = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
         return [hypothesis(signal) for hypothesis in (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import radians
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -194,7 +194,7 @@ class OperatorOptions(HandDeviceOptions):
 class OperatorDevice(HandDevice):
     """A hand that follows the script."""
 
-    Options = OperatorOptions
+    Options: ClassVar[type[OperatorOptions]] = OperatorOptions
 
     def __init__(self, options: OperatorOptions, tick_period: float) -> None:
         script, home = options.script, options.home_m

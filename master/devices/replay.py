@@ -2,7 +2,7 @@
 
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -41,7 +41,7 @@ class ReplayOptions(HandDeviceOptions):
 class ReplayDevice(HandDevice):
     """A hand that follows the trace."""
 
-    Options = ReplayOptions
+    Options: ClassVar[type[ReplayOptions]] = ReplayOptions
 
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:
         """Raises TraceError (a ValueError) if the file is not a trace."""

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from errno import EADDRINUSE
 from math import inf
 
+from weberlink.compiled import mypyc_attr
 from weberlink.protocol.aio.queue import ReceiveQueue
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.endpoint import Endpoint
@@ -28,6 +29,7 @@ STRANGER_SHARE = 0.05
 _ANY_PORT: Address = ("", 0)
 
 
+@mypyc_attr(native_class=False)
 class AddressInUseError(OSError):
     """Another program holds the UDP port."""
 

@@ -1,6 +1,6 @@
 """The ideal haptic point: it has no mass and no lag, and feels the scene through a spring, optionally with a tool."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -42,7 +42,7 @@ class PointRobot(ComputedRobot):
     is felt as min(K, K_c): a stiffer one as the spring, a softer one as it is.
     """
 
-    Options = PointOptions
+    Options: ClassVar[type[PointOptions]] = PointOptions
 
     def __init__(self, options: PointOptions, scene: Scene | None, tick_period: float) -> None:
         tool = options.tool

@@ -1,7 +1,7 @@
 """A point mass under position control: a robot with inertia, lag and contact dynamics."""
 
 from math import ceil, sqrt
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
@@ -41,7 +41,7 @@ class SimulatedOptions(VirtualOptions):
 class SimulatedRobot(ComputedRobot):
     """m a = k (commanded - x) - c v + f(x, v), with the contact force f of the scene at the position of the mass."""
 
-    Options = SimulatedOptions
+    Options: ClassVar[type[SimulatedOptions]] = SimulatedOptions
 
     def __init__(self, options: SimulatedOptions, scene: Scene | None, tick_period: float) -> None:
         """Raises ValueError where the named integrator would be unstable; `auto` never is."""

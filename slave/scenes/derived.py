@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import cos, sin
+from typing import ClassVar
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.slave.scenes.shape import Shape, Tangent
@@ -17,7 +18,7 @@ class CarvedShape:
 
     __slots__ = ("_parts",)
 
-    flat = False
+    flat: ClassVar[bool] = False
 
     def __init__(self, base: Shape, cavities: Sequence[Shape]) -> None:
         self._parts: tuple[Shape, ...] = (base, *cavities)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi, sin
-from typing import Literal
+from typing import ClassVar, Literal
 
 from weberlink.geometry.vector import Vector, add, norm, subtract
 from weberlink.slave.scenes.contact import ObjectContact, SceneObject, Touch
@@ -77,7 +77,7 @@ class MovingScene(Scene):
 
     __slots__ = ("_movers", "_time")
 
-    moves = True
+    moves: ClassVar[bool] = True
 
     def __init__(self, objects: Sequence[SceneObject], sways: Sequence[Sway | None]) -> None:
         shapes = [DisplacedShape(thing.shape) if sway else None for thing, sway in zip(objects, sways, strict=True)]

@@ -1,7 +1,7 @@
 """All objects that the probe can touch, and the force that it feels."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
@@ -54,7 +54,7 @@ class Scene:
         "stiffness_n_m",
     )
 
-    moves = False
+    moves: ClassVar[bool] = False
     """Whether any object moves by itself."""
 
     def __init__(self, objects: Sequence[SceneObject], contacts: Sequence[ObjectContact] | None = None) -> None:

@@ -3,6 +3,8 @@
 Each name is imported on first use: `import weberlink` alone loads no other package.
 """
 
+import os
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
@@ -63,6 +65,18 @@ _PLACES = {
     "weberlink.system.simulate": "simulate",
     "weberlink.update": "ModelParameters PreviousSample Update UpdateForm",
 }
+
+if os.environ.get("WEBERLINK_PURE") == "1":
+    import sys
+    from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
+
+    def _find_source(folder: str) -> FileFinder:
+        """A finder that passes over compiled modules, for the folders of this package."""
+        if os.path.commonpath((folder, *__path__)) not in __path__:
+            raise ImportError
+        return FileFinder(folder, (SourceFileLoader, SOURCE_SUFFIXES))
+
+    sys.path_hooks.insert(0, _find_source)
 
 
 def __getattr__(name: str) -> object:

@@ -7,6 +7,7 @@ import typer
 
 from weberlink.cli import doctor, hardware, monitor, sessions, studies
 from weberlink.cli.arguments import OneLineErrors
+from weberlink.compiled import is_compiled
 
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
@@ -35,7 +36,7 @@ def program(
 ) -> None:
     """Bilateral haptic teleoperation over UDP with perceptual coding."""
     if show_version:
-        typer.echo(f"weberlink {version('weberlink')}")
+        typer.echo(f"weberlink {version('weberlink')}{' (compiled)' if is_compiled() else ''}")
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

@@ -3,16 +3,20 @@
 For links with a delay that is not felt. `weberlink stability` measures at which stiffness and delay the loop is stable.
 """
 
+from typing import ClassVar
+
+from weberlink.compiled import mypyc_attr
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.geometry.vector import Vector
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class _Uncontrolled:
     __slots__ = ()
 
-    active = "none"
-    tank = 0.0
-    credit = 0
+    active: ClassVar[str] = "none"
+    tank: ClassVar[float] = 0.0
+    credit: ClassVar[int] = 0
 
     def __init__(self, settings: SchemeParameters) -> None: ...
 
@@ -21,6 +25,7 @@ class _Uncontrolled:
     def resume(self, peer_credit: int) -> None: ...
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class DirectMaster(_Uncontrolled):
     """Displays the decoded force."""
 
@@ -52,6 +57,7 @@ class DirectMaster(_Uncontrolled):
     def displayed(self, force: Vector) -> None: ...
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class DirectSlave(_Uncontrolled):
     """Follows the decoded position."""
 

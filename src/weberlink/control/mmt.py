@@ -17,6 +17,7 @@ by mistake, until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 
 """
 
 from math import dist, hypot, inf
+from typing import ClassVar
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
@@ -68,8 +69,8 @@ class MmtMaster:
         "_wanted",
     )
 
-    active = "mmt"
-    credit = 0
+    active: ClassVar[str] = "mmt"
+    credit: ClassVar[int] = 0
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level

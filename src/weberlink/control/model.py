@@ -10,7 +10,7 @@ does work on the hand; `follow` returns it.
 """
 
 from math import hypot, sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 from weberlink.control.contract import WallModel
 from weberlink.control.force_port import STEEPEST
@@ -40,7 +40,7 @@ class SpringWall:
 
     __slots__ = ("_normal", "_offset", "stiffness")
 
-    memory = None
+    memory: ClassVar[None] = None
 
     def __init__(self, position: Vector, force: Vector, stiffness: float) -> None:
         length = hypot(force[0], force[1], force[2])

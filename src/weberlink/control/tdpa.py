@@ -20,6 +20,7 @@ out slowly, and stickiness when the hand turns back. A robot that cannot pay for
 """
 
 from math import dist, hypot
+from typing import ClassVar
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
@@ -50,7 +51,7 @@ class _TankedPort:
 
     __slots__ = ("_tank",)
 
-    active = "tdpa"
+    active: ClassVar[str] = "tdpa"
 
     def __init__(self) -> None:
         self._tank = EnergyTank()

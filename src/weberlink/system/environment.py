@@ -7,6 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from weberlink.compiled import is_compiled
+
 PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography", "scipy")
 
 
@@ -17,6 +19,7 @@ def environment() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
+        "compiled": is_compiled(),
         "packages": {name: _version(name) for name in PACKAGES},
         "commit": _commit(),
     }
@@ -30,6 +33,7 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
         facts["system"],
         f"Python {facts['python']}",
         packages,
+        "compiled" if facts.get("compiled") else "not compiled",
         f"commit {facts['commit'] or 'unknown'}",
     ]
     if seed is not None:

@@ -18,6 +18,7 @@ from time import monotonic, time
 from types import TracebackType
 from typing import NamedTuple, Self
 
+from weberlink.compiled import mypyc_attr
 from weberlink.telemetry.record import FIELDS, RECORD
 from weberlink.telemetry.runtime_directory import directory, open_file
 
@@ -59,6 +60,7 @@ class RingFormatError(ValueError):
     """The file is not a telemetry ring that this release can read."""
 
 
+@mypyc_attr(native_class=False)
 class RingInUseError(FileExistsError):
     """The file belongs to a writer that is alive."""
 

@@ -11,6 +11,7 @@ from weberlink.apps.devices import BROKEN, NO_EXTRA, NOTHING, READY, DriverStatu
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
+from weberlink.compiled import is_compiled
 
 TOOLS = {"cyclictest": "rt-tests", "sockperf": "sockperf"}
 """Tools that `weberlink bench` compares with, and their Debian packages."""
@@ -39,6 +40,10 @@ def judge_build(number: str, *, is_debug: bool, is_free_threaded: bool, is_dev_m
         found = f"Python {number} is a free-threaded build, which is untested"
         return advice(found, "use the ordinary build of Python", check)
     return ok(f"Python {number}", check)
+
+
+def compiled(_machine: Machine, _needs: Needs) -> Finding:
+    return ok("weberlink is compiled" if is_compiled() else "weberlink is not compiled: a tick takes longer", "build")
 
 
 def uvloop(_machine: Machine, _needs: Needs) -> Finding:

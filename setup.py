@@ -1,0 +1,82 @@
+"""The compiled build: `WEBERLINK_COMPILE=1 pip install .` compiles the modules below with mypyc, as one group.
+
+Without that variable nothing is compiled, and neither mypy nor a C compiler is needed.
+"""
+
+import os
+from pathlib import Path
+
+from setuptools import setup
+
+SOURCE = Path("src/weberlink")
+COMPILED = (
+    "update.py",
+    "geometry/*.py",
+    "codec/*.py",
+    "codec/predictors/*.py",
+    "control/*.py",
+    "protocol/**/*.py",
+    "telemetry/fault.py",
+    "telemetry/ring.py",
+    "realtime/garbage.py",
+    "realtime/shell.py",
+    "realtime/stall.py",
+    "realtime/ticker.py",
+    "system/channels.py",
+    "system/side.py",
+    "master/operator_port.py",
+    "master/rotation.py",
+    "master/safety.py",
+    "master/mapping/*.py",
+    "master/devices/motion.py",
+    "master/devices/turning.py",
+    "slave/robot_port.py",
+    "slave/scenes/*.py",
+    "slave/integrators/*.py",
+    "slave/robots/interpolation.py",
+    "slave/robots/tool.py",
+)
+"""What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware."""
+PYDANTIC = "defines pydantic models, which read the annotations of their class: mypyc drops those"
+PYTHON = {
+    "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
+    "control/table.py": "a type made of the table",
+    "protocol/keys.py": "runs once",
+    "protocol/sealed_stream.py": "not in a tick",
+    "slave/scenes/box.py": PYDANTIC,
+    "slave/scenes/height_field.py": PYDANTIC,
+    "slave/scenes/plane.py": PYDANTIC,
+    "slave/scenes/settings.py": PYDANTIC,
+    "slave/scenes/shape.py": PYDANTIC,
+    "slave/scenes/sphere.py": PYDANTIC,
+}
+"""What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""
+
+
+def modules() -> list[str]:
+    """The files to compile."""
+    found = {path for pattern in COMPILED for path in SOURCE.glob(pattern) if path.name != "__init__.py"}
+    return sorted(str(path) for path in found - {SOURCE / left for left in PYTHON})
+
+
+def extensions() -> list:
+    if os.environ.get("WEBERLINK_COMPILE") != "1":
+        return []
+    from mypyc.build import mypycify  # noqa: PLC0415
+
+    found = mypycify(
+        ["--config-file", "pyproject.toml", *modules()],
+        group_name="weberlink",
+        opt_level="2",
+        debug_level="0",
+        multi_file=True,  # in one file they take a compiler several times as long
+        target_dir="build/mypyc",
+    )
+    for extension in found:
+        # A fused multiply-add rounds once instead of twice: results would differ between processors, and from Python.
+        extension.extra_compile_args.append("-ffp-contract=off")
+    return found
+
+
+if __name__ == "__main__":
+    setup(ext_modules=extensions())
