@@ -130,8 +130,7 @@ class AffinePredictor(Predictor):
     def levels(self, model: Affine, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
         stiffness, slope = _blocks(grid)
         components = grid.value.components
-        rows = components(model.stiffness)  # type: ignore[arg-type]
-        elements = [element for row in rows for element in components(row)]  # type: ignore[arg-type]
+        elements = [element for axis in grid.value.used for element in components(model.stiffness[axis])]
         return stiffness.levels(elements) + slope.levels(components(model.slope))
 
     def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:

@@ -131,7 +131,8 @@ class ReceiveQueue:
         return None if began is None else now - began
 
     def _pause(self) -> None:
-        self._loop.remove_reader(self.socket.fileno())
+        forget: Callable[[int], object] = self._loop.remove_reader  # that of uvloop returns no bool
+        forget(self.socket.fileno())
         self._resume = self._loop.call_later(self._budget.wait(), self._go_on)
 
     def _go_on(self) -> None:
@@ -150,5 +151,6 @@ class ReceiveQueue:
         if not self.is_open:
             return
         if not self._loop.is_closed():
-            self._loop.remove_reader(self.socket.fileno())
+            forget: Callable[[int], object] = self._loop.remove_reader  # that of uvloop returns no bool
+            forget(self.socket.fileno())
         self.socket.close()

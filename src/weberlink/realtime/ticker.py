@@ -121,7 +121,8 @@ class Ticker:
         self._stopped = True
         if self._loop is None:
             return
-        self._loop.remove_reader(self._fd)
+        forget: Callable[[int], object] = self._loop.remove_reader  # that of uvloop returns no bool
+        forget(self._fd)
         os.close(self._fd)
         self._loop = None
 
