@@ -35,8 +35,10 @@ COMPILED = (
     "slave/robots/interpolation.py",
     "slave/robots/tool.py",
 )
-"""What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware. Not there: modules that
-define pydantic models, whose annotations mypyc drops, and scenes, which are copied with deepcopy()."""
+"""What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
+
+Not there: modules that define pydantic models (mypyc drops their annotations), and scenes, which deepcopy() copies.
+"""
 PYTHON = {
     "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
     "control/table.py": "a type made of the table",
