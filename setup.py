@@ -31,24 +31,20 @@ COMPILED = (
     "master/devices/motion.py",
     "master/devices/turning.py",
     "slave/robot_port.py",
-    "slave/scenes/*.py",
     "slave/integrators/*.py",
     "slave/robots/interpolation.py",
     "slave/robots/tool.py",
 )
-"""What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware."""
-PYDANTIC = "defines pydantic models, which read the annotations of their class: mypyc drops those"
+"""What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
+
+Not there: modules that define pydantic models (mypyc drops their annotations), and scenes, which deepcopy() copies.
+"""
 PYTHON = {
     "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
+    "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",
     "protocol/sealed_stream.py": "not in a tick",
-    "slave/scenes/box.py": PYDANTIC,
-    "slave/scenes/height_field.py": PYDANTIC,
-    "slave/scenes/plane.py": PYDANTIC,
-    "slave/scenes/settings.py": PYDANTIC,
-    "slave/scenes/shape.py": PYDANTIC,
-    "slave/scenes/sphere.py": PYDANTIC,
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""
 
