@@ -1,10 +1,11 @@
 """The interface of a deadband: a bound on the error that stays unsent, and the measure of that error."""
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Callable, Mapping
 from math import inf
 from typing import ClassVar, Literal, NamedTuple, Self, get_args
 
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
@@ -51,7 +52,8 @@ class DeadbandSetup(NamedTuple):
     options: Mapping[str, float]
 
 
-class Deadband(ABC):
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Deadband(metaclass=ABCMeta):
     """A sample is sent when `error` exceeds `bound`. Only the encoder uses it.
 
     Attributes:

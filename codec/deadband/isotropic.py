@@ -1,13 +1,11 @@
 """The same bound in all directions: a ball around the measured force, or around a position."""
 
-from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Final, Self
 
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
 
 
-@dataclass(frozen=True, slots=True)
 class ForceDeadband(Deadband):
     """Weber's law with an absolute threshold: `|f_pred - f| <= max(k |f_ref|, floor)`.
 
@@ -23,17 +21,18 @@ class ForceDeadband(Deadband):
         ValueError: for a negative or non-finite number or an unknown reference.
     """
 
-    name = "isotropic"
-    summary = "The same bound in all directions."
+    __slots__ = ("floor", "reference", "weber")
 
-    weber: float
-    floor: float = 0.0
-    reference: Reference = "actual"
+    name: ClassVar[str] = "isotropic"
+    summary: ClassVar[str] = "The same bound in all directions."
 
-    def __post_init__(self) -> None:
-        check_not_negative("weber", self.weber)
-        check_not_negative("floor", self.floor)
-        check_reference(self.reference)
+    def __init__(self, weber: float, floor: float = 0.0, reference: Reference = "actual") -> None:
+        check_not_negative("weber", weber)
+        check_not_negative("floor", floor)
+        check_reference(reference)
+        self.weber: Final = weber
+        self.floor: Final = floor
+        self.reference: Final[Reference] = reference
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
@@ -45,10 +44,10 @@ class ForceDeadband(Deadband):
         relative = self.weber * norm(reference)
         return relative if relative > self.floor else self.floor
 
-    error = staticmethod(distance)
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
+        return distance(displayed, actual)
 
 
-@dataclass(frozen=True, slots=True)
 class PositionDeadband(Deadband):
     """A bound in metres plus a Weber bound on velocity: `least + k |v| T`, T the tick period.
 
@@ -63,18 +62,20 @@ class PositionDeadband(Deadband):
         ValueError: for a negative or non-finite number.
     """
 
-    name = "position"
-    summary = "A position bound at rest and a Weber bound on velocity."
-    reads_motion = True
+    __slots__ = ("least", "weber")
 
-    weber: float
-    least: float
+    name: ClassVar[str] = "position"
+    summary: ClassVar[str] = "A position bound at rest and a Weber bound on velocity."
+    reads_motion: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        check_not_negative("weber", self.weber)
-        check_not_negative("bound", self.least)
+    def __init__(self, weber: float, least: float) -> None:
+        check_not_negative("weber", weber)
+        check_not_negative("bound", least)
+        self.weber: Final = weber
+        self.least: Final = least
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         return self.least + self.weber * moved
 
-    error = staticmethod(distance)
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
+        return distance(displayed, actual)

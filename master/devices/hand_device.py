@@ -5,6 +5,7 @@ from math import ceil
 from random import Random
 from typing import TYPE_CHECKING
 
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
 from weberlink.master.devices.hand import Tremor, modelled_hand
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand pause, it does not jump
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class HandDevice:
     """Moves a hand toward an intention, against the commanded force; with a wrist, turns it too.
 

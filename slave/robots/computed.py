@@ -1,5 +1,6 @@
 """A robot that is computed: its state between two readings, and the range of its sensor."""
 
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 
@@ -7,6 +8,7 @@ LONGEST_GAP = 0.1
 """Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class ComputedRobot:
     """A robot that advances at each reading, with the command held constant since the last one.
 

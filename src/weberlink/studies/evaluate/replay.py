@@ -98,7 +98,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
     errors: list[float] = []
     bounds: list[float] = []
     widened: list[bool] = []
-    deviations: list[float] = errors if measure is distance else []
+    deviations: list[float] = errors if channel.deadband.is_ball else []
     displayed: list[float] = []
     jumps: list[float] = []
     before: list[float] = []
