@@ -16,6 +16,7 @@ from typing import ClassVar, Final
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
+from weberlink.compiled import mypyc_attr
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
@@ -26,6 +27,7 @@ _SALT: Final = 5
 _TAG: Final = 8
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class PresharedKey:
     """The `Security` of two ends that hold the same key."""
 

@@ -219,7 +219,7 @@ class RobotPort:
             endpoint = self._endpoint
             wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
             goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
-            self.contact_ticks += goal is not wanted
+            self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)
         self.robot.command(self.applied, now)
         if self.followers:

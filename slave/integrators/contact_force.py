@@ -51,7 +51,7 @@ def stored_energy(touches: Sequence[Touch], push: float) -> float:
     weights = weighed = dragged = 0.0
     for _, depth, _, stiffness, _, drag, _ in touches:
         weights, weighed = weights + depth * depth, weighed + stiffness * depth * depth
-        if drag is not ZERO:
+        if drag != ZERO:
             dragged += dot(drag, drag) / stiffness
     return 0.5 * ((push * push * weighed / weights if weights > 0.0 else 0.0) + dragged)
 

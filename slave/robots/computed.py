@@ -37,9 +37,8 @@ class ComputedRobot:
         if now <= reading.at:
             return reading
         position, force, torque = self._advance(self._commanded, now - reading.at)
-        if torque is not ZERO:
-            torque = saturated(torque, self.spec.torque_n_m)
-        self._reading = RobotReading(now, position, saturated(force, self.spec.force_n), torque)
+        force, torque = saturated(force, self.spec.force_n), saturated(torque, self.spec.torque_n_m)
+        self._reading = RobotReading(now, position, force, torque)
         return self._reading
 
     def close(self) -> None:
@@ -56,7 +55,5 @@ class ComputedRobot:
 
 def saturated(force: Vector, limit: float) -> Vector:
     """The reading of a sensor of range `limit` [N]: the direction is kept, the length is limited."""
-    if force is ZERO:
-        return force
     length = norm(force)
     return force if length <= limit else scale(force, limit / length)

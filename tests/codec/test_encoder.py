@@ -103,7 +103,7 @@ def test_any_update_that_arrives_restores_the_state(predictor: str, position: bo
         if update is not None:
             late_starter = Decoder(channel)
             late_starter.apply(update)
-            assert late_starter.state == encoder.mirror.state
+            assert repr(late_starter.state) == repr(encoder.mirror.state)
             if random.random() < 0.5:
                 agree, delayed = False, update
             else:
@@ -115,7 +115,7 @@ def test_any_update_that_arrives_restores_the_state(predictor: str, position: bo
         if agree:
             compared += 1
             assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, place))
-            assert decoder.state == encoder.mirror.state
+            assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
     assert compared > 300
 
 
@@ -314,7 +314,7 @@ def test_law_holds_across_changes_and_only_selected_predictors_are_chosen(
         assert decoder.newest is None or decoder.selected in allowed
         held = decoder.value(tick, position)
         assert held is not None
-        assert decoder.state == encoder.mirror.state
+        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
         actual = channel.value_quantizer.confine(force)
         assert distance(held, actual) <= max(encoder.bound * (1.0 + 1e-12), half_step(channel))
         assert encoder.bound == deadband.bound(actual, held, ZERO, 0.0)

@@ -268,7 +268,7 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
             assert decoded == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
             error = distance(decoded, quantizer.confine(value))
             assert error <= max(encoder.bound * (1.0 + 1e-12), half_step(channel))
-        assert decoder.state == encoder.mirror.state
+        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
     return sent, encoder.rejected, decoder
 
 
@@ -342,7 +342,7 @@ def test_no_peer_can_make_a_decoder_display_what_it_must_not(
             decoder.apply(Update(tick, selector, newest[: sum(form.newest)], payload))
         except ValueError:
             assert selector >= len(channel.bank) or len(data) > LEAST_PARAMETERS
-            assert decoder.state == before
+            assert repr(decoder.state) == repr(before)
         else:
             assert selector < len(channel.bank)
     for at, position in probes:

@@ -119,7 +119,7 @@ def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
             lost += 1
             continue
         decoder.apply(update)
-        assert decoder.state == encoder.mirror.state
+        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
         agreed += 1
     assert agreed > 10
     assert lost > 3

@@ -87,7 +87,7 @@ class RecessedSurface:
         surface, before = self.surface, self._moved
         moved = surface.displacement(tick)
         work = 0.0
-        if moved is not before:
+        if moved != before:
             self._moved = moved
             force = self.force
             x, y, z = moved[0] - before[0], moved[1] - before[1], moved[2] - before[2]
