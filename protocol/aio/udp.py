@@ -14,6 +14,7 @@ import socket
 from collections.abc import Callable
 from errno import EADDRINUSE
 from math import inf
+from typing import Final
 
 from weberlink.compiled import mypyc_attr
 from weberlink.protocol.aio.queue import ReceiveQueue
@@ -26,6 +27,8 @@ PEER_SHARE = 0.3
 """Share of a processor for datagrams from the peer's address, or from anywhere while there is no peer."""
 STRANGER_SHARE = 0.05
 """Share of a processor for other datagrams while there is a peer: it may have moved or restarted."""
+TIMER_STEP_S: Final = 1e-3
+"""Resolution of the timers of uvloop [s]: rounded down, a timer would fire again and again until it is due."""
 _ANY_PORT: Address = ("", 0)
 
 
@@ -164,7 +167,7 @@ class UdpShell:
         if self._timer is not None:
             self._timer.cancel()
         self._timer_at = due
-        self._timer = self._loop.call_later(max(0.0, due - now), self._on_timer)
+        self._timer = self._loop.call_later(max(0.0, due - now) + TIMER_STEP_S, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer, self._timer_at = None, inf

@@ -305,3 +305,21 @@ async def test_a_second_slave_finds_the_port_taken(loop: asyncio.AbstractEventLo
     second = shell_of(make(Role.RESPONDER), listen=slave_shell.address)
     with pytest.raises(AddressInUseError, match="is in use"):
         await second.open(loop)
+
+
+@live
+async def test_a_timer_wakes_the_loop_once_for_what_is_due(loop: asyncio.AbstractEventLoop) -> None:
+    """Not again and again in the last millisecond, the resolution of the loop's timers."""
+    wakes = 0
+
+    def now() -> float:  # the shell asks when it is woken, and when it sends
+        nonlocal wakes
+        wakes += 1
+        return monotonic()
+
+    *_, endpoint = await engage(loop, slave_now=now, silence=0.2)
+    wakes, sent, before = 0, -endpoint.statistics.sent, endpoint.statistics.received
+    await asyncio.sleep(0.5)
+    sent += endpoint.statistics.sent
+    assert sent > 5
+    assert wakes <= 6 * (sent + endpoint.statistics.received - before)
