@@ -48,6 +48,7 @@ COMPILED = (
 Not there: modules that define pydantic models (mypyc drops their annotations), and scenes, which deepcopy() copies.
 """
 PYTHON = {
+    "codec/replay.py": "takes lists of numbers for vectors",
     "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",

@@ -33,8 +33,8 @@ from benchmarks.update_cost import UpdateCost
 from weberlink.protocol.keys import generate
 from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 
 PARTS = len(RATES_HZ) + 5
 Progress = Callable[[int, int, str], None]

@@ -19,10 +19,12 @@ from weberlink.codec.quantizer import Quantizer
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.update import MAX_SELECTOR, UpdateForm
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 @dataclass(frozen=True)
 class Channel:
     """One coded direction.

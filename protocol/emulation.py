@@ -10,6 +10,8 @@ from itertools import count
 from math import inf
 from typing import Generic, TypeVar
 
+from weberlink.compiled import mypyc_attr
+
 T = TypeVar("T")
 
 REORDER_HOLD = 0.005
@@ -88,6 +90,7 @@ class LinkCounters:
     corrupted: int = 0
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class EmulatedLink(Generic[T]):
     """One direction of a faulty link; `T` is what the owner gets back with a datagram, such as an address."""
 

@@ -13,6 +13,7 @@ from typing import ClassVar
 from weberlink.codec.predictors.contract import Predictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract, unit
 
 
@@ -40,6 +41,7 @@ class Plane(Model):
         return ModelRecord(ModelKind.PLANE, self.normal, self.offset, self.stiffness)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class PlanePredictor(Predictor):
     name: ClassVar[str] = "plane"
     geometric: ClassVar[bool] = True

@@ -15,6 +15,7 @@ from typing import ClassVar
 from weberlink.codec.predictors.contract import Predictor, same_contact
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
+from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 
@@ -47,6 +48,7 @@ class Sphere(Model):
         return ModelRecord(ModelKind.SPHERE, self.centre, self.radius, self.stiffness)
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class SpherePredictor(Predictor):
     name: ClassVar[str] = "sphere"
     geometric: ClassVar[bool] = True

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robot_port import ContactForce
@@ -16,6 +17,7 @@ from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
+pytestmark = replaces_methods  # the port is a stand-in
 TICK = 1e-3
 UP = (0.0, 0.0, 1.0)
 

@@ -199,7 +199,7 @@ def test_the_spring_of_the_robot_never_presses_with_more_than_the_limit(
     goal = PressLimit(most, stiffness).bounded(target, tip, scale(outward, force), TICK)
     assert pressed(goal, tip, outward, stiffness) <= most + 1e-9 * stiffness
     if pressed(target, tip, outward, stiffness) <= most - 1e-9 * stiffness:
-        assert goal is target
+        assert goal == target
     else:
         moved = subtract(goal, target)
         assert norm(moved) == pytest.approx(abs(dot(moved, outward)), abs=1e-12)  # along the force alone
@@ -213,21 +213,21 @@ def test_motion_along_a_contact_and_out_of_it_is_not_bounded(
 ) -> None:
     along = subtract(aside, scale(outward, dot(aside, outward)))
     target = add(tip, add(along, scale(outward, out)))
-    assert PressLimit(MOST, COUPLING).bounded(target, tip, scale(outward, 5.0), TICK) is target
+    assert PressLimit(MOST, COUPLING).bounded(target, tip, scale(outward, 5.0), TICK) == target
 
 
 def test_a_robot_that_bounces_is_held_back_until_the_rebound_is_over() -> None:
     limit = PressLimit(MOST, COUPLING)
     deep, tip, up = (0.01, 0.0, -0.02), (0.0, 0.0, 0.001), (0.0, 0.0, 1.0)
-    assert limit.bounded(deep, tip, ZERO, TICK) is deep  # before any contact
+    assert limit.bounded(deep, tip, ZERO, TICK) == deep  # before any contact
     limit.bounded(deep, tip, (0.0, 0.0, 3.0), TICK)
     ticks = round(REBOUND / TICK)
     for _ in range(ticks - 2):
         assert pressed(limit.bounded(deep, tip, ZERO, TICK), tip, up) == pytest.approx(MOST)
-    free = [limit.bounded(deep, tip, (0.0, 0.0, 0.9 * LEAST_CONTACT), TICK) is deep for _ in range(4)]
+    free = [limit.bounded(deep, tip, (0.0, 0.0, 0.9 * LEAST_CONTACT), TICK) == deep for _ in range(4)]
     assert free[-1]
 
 
 def test_a_robot_of_unstated_stiffness_is_not_bounded() -> None:
     deep = (0.0, 0.0, -1.0)
-    assert PressLimit(MOST, inf).bounded(deep, ZERO, (0.0, 0.0, 5.0), TICK) is deep
+    assert PressLimit(MOST, inf).bounded(deep, ZERO, (0.0, 0.0, 5.0), TICK) == deep

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.system.processes import ENGAGED
 from tests.system.systems import system
@@ -26,6 +27,8 @@ from weberlink.system.side import Side
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.record import Record
+
+pytestmark = replaces_methods
 
 RATE = 250.0
 LOSTS = 20

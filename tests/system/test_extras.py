@@ -9,7 +9,7 @@ import pytest
 
 import weberlink
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.extras import need
+from weberlink.system.configuration.extras import need
 
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),

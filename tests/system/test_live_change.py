@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.compiled import replaces_methods
 from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
 from tests.system.processes import ENGAGED, PATIENCE, Program, until
 from tests.system.systems import Step, decoded, raw, steps, system
@@ -67,6 +68,7 @@ def test_a_larger_weber_factor_widens_the_deadband_from_that_tick_on() -> None:
     assert {round(ratio, 6) for settings, ratio in ratios if settings == 1} == {0.3}
 
 
+@replaces_methods
 @pytest.mark.parametrize("asker", ["master", "slave"])
 def test_smooth_updates_keep_the_law_after_a_smaller_weber_factor(asker: str, monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[float] = []

@@ -55,9 +55,13 @@ def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predicto
         assert error <= (HALF_STEP if step.slave.sent else step.slave.bound)
         sends += step.slave.sent
         if not step.slave.sent:  # otherwise it arrives before the next tick
-            assert simulation.master.incoming[0].decoder.state == simulation.slave.outgoing[0].encoder.mirror.state
+            assert repr(simulation.master.incoming[0].decoder.state) == repr(
+                simulation.slave.outgoing[0].encoder.mirror.state
+            )
         if step.slave.state == State.ENGAGED.value:
-            assert simulation.slave.incoming[0].decoder.state == simulation.master.outgoing[0].encoder.mirror.state
+            assert repr(simulation.slave.incoming[0].decoder.state) == repr(
+                simulation.master.outgoing[0].encoder.mirror.state
+            )
     assert sends > 0
 
 
@@ -106,7 +110,7 @@ class Restorations:
         if sent:
             self.held[mirror.newest.tick] = mirror.state
         if decoder.newest is not None:
-            assert decoder.state == self.held[decoder.newest.tick]
+            assert repr(decoder.state) == repr(self.held[decoder.newest.tick])
             self.checked += 1
 
 

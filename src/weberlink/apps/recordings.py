@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.extras import need
+from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.record import AXES

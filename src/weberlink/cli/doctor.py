@@ -4,7 +4,6 @@ from contextlib import nullcontext
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from weberlink.cli.arguments import Json, OptionalFile, Set
 from weberlink.cli.output import errors, fail, write
@@ -30,6 +29,8 @@ def doctor(
     sides = SIDES if side is None else (side,)
     with errors():
         needs = Needs(sides=sides) if file is None else Needs.of(load(file, set_ or (), sides), sides)
+    from rich.console import Console  # noqa: PLC0415 - slow import
+
     console = Console(stderr=True)
     with console.status("measuring for some seconds") if console.is_terminal else nullcontext():
         found = examine(needs)

@@ -36,7 +36,7 @@ def monitor(
     ] = None,
 ) -> None:
     """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
-    from weberlink.system.extras import need  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
 
     with errors():
         for package in ("aiohttp", "prometheus_client"):

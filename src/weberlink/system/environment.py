@@ -33,7 +33,7 @@ def footer(facts: dict[str, Any], seed: int | None = None) -> str:
         facts["system"],
         f"Python {facts['python']}",
         packages,
-        "compiled" if facts.get("compiled") else "not compiled",
+        *(["compiled"] if facts.get("compiled") else []),
         f"commit {facts['commit'] or 'unknown'}",
     ]
     if seed is not None:

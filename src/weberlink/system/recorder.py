@@ -16,8 +16,8 @@ from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
-from weberlink.system.extras import need
 from weberlink.telemetry.fault import Fault
 
 FINISH_LIMIT_S = 3.0

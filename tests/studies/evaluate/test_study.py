@@ -17,7 +17,7 @@ from weberlink.codec.predictors import FitLimits
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace, read_trace
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import Envelope, UpdateLayout
+from weberlink.protocol.wire import UpdateLayout
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.study import (
     EvaluationRow,
@@ -54,7 +54,7 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
         sends.append(update is not None)
         if update is not None:
             decoder.apply(update)
-            packed = layout.pack(Envelope(1, 2, 3, (4,)), 0, update)
+            packed = layout.pack((1, 2, 3, (4,)), 0, update)
             datagrams.append(len(packed) + PresharedKey.tag_size)
         held = decoder.value(tick, tuple(position))
         assert held is not None

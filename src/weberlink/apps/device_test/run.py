@@ -17,8 +17,8 @@ from weberlink.system.composition.link import construct
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
+from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.loading import make_absolute
-from weberlink.system.extras import need
 
 RATE_HZ = 1000.0
 """Rate of the loop that the driver is built for, if there is no file."""

@@ -15,8 +15,8 @@ from weberlink.studies.adaptive.signals import BASE_HZ, FULL, QUICK, AdaptiveSco
 from weberlink.studies.evaluate.traces import ALL, NamedTrace, read_traces
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 
 PAGE = "README.md"
 NUMBERS = "adaptive.json"

@@ -16,9 +16,9 @@ from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below the noise of any sensor, and no range."""

@@ -12,8 +12,8 @@ from weberlink.studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink.studies.experiment.subjects import Person, SimulatedSubject
 from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner, differences
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
-from weberlink.system.extras import need
 from weberlink.system.recorder import check_target
 
 SEED = 0

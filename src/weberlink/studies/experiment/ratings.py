@@ -15,8 +15,8 @@ from weberlink.studies.experiment.prediction import MEASURES, POINTS_JND
 from weberlink.studies.experiment.statistics import Crossing, Reach, Saving
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation

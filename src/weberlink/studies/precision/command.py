@@ -26,8 +26,8 @@ from weberlink.studies.precision.study import (
 )
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import load
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 from weberlink.system.simulate import simulate
 
 SCENES = ("loopback", "scene-plane", "scene-sphere", "scene-cavity", "scene-height-field")

@@ -20,8 +20,8 @@ from weberlink.studies.stability.survey import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict, line_share
 from weberlink.studies.stability.wall import SampledWall
 from weberlink.system.configuration import Configuration, ConfigurationError, load
+from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
-from weberlink.system.extras import need
 from weberlink.system.simulate import build_simulation
 
 SEED = 0

@@ -11,8 +11,8 @@ from weberlink.master import devices
 from weberlink.slave import robots
 from weberlink.system.configuration.document import override, parse
 from weberlink.system.configuration.errors import ConfigurationError, describe
+from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import DriverSettings, System
-from weberlink.system.extras import need
 from weberlink.system.order import MASTER, SIDES, SLAVE
 
 M = TypeVar("M", bound=BaseModel)

@@ -1,0 +1,7 @@
+"""Tests that a build compiled with mypyc cannot run."""
+
+import pytest
+
+from weberlink.compiled import is_compiled
+
+replaces_methods = pytest.mark.skipif(is_compiled(), reason="compiled classes: their methods cannot be replaced")
