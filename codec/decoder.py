@@ -8,12 +8,10 @@ from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors import ContactSurface, Model
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.codec.sample import Sample
-from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, subtract
 from weberlink.update import Update
 
 
-@mypyc_attr(serializable=True)
 class Decoder:
     """The mirror of an `Encoder`.
 
