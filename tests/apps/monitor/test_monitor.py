@@ -162,6 +162,7 @@ def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     assert set(watched.report) - set(expected) == {
         "faults",
         "drops",
+        "host",
         "realtime",
         "outcome",
         "environment",
