@@ -22,7 +22,6 @@ COMPILED = (
     "telemetry/ring.py",
     "telemetry/row.py",
     "realtime/garbage.py",
-    "realtime/shell.py",
     "realtime/stall.py",
     "realtime/ticker.py",
     "system/channels.py",
@@ -45,7 +44,8 @@ COMPILED = (
 )
 """What a tick runs, for simulated devices and robots; the drivers of real ones wait for their hardware.
 
-Not there: modules that define pydantic models (mypyc drops their annotations), and scenes, which deepcopy() copies.
+Not there: modules that define pydantic models (mypyc drops their annotations), scenes, which deepcopy() copies, and
+`realtime/shell.py`: compiled, its `await` in a `finally` clause raised an earlier exception again.
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",

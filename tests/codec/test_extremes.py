@@ -292,9 +292,11 @@ LAWS = [pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in
 
 @pytest.mark.parametrize(("case", "predictor"), COMBINATIONS)
 def test_what_is_sent_decoded_and_believed(case: Case, predictor: str) -> None:
+    tick, _, position = case.samples[-1]
+    if is_compiled() and tick > 2**53:
+        pytest.skip("compiled code takes ticks as floats, exact up to 2^53")
     sent, rejected, decoder = code(case, case.build(predictor, weber=WEBER))
     _, model, newest, _ = decoder.state
-    tick, _, position = case.samples[-1]
     assert sent == (case.sent if isinstance(case.sent, int) else case.sent[predictor])
     assert rejected == case.rejected
     assert (model is not None and not isinstance(model, Hold)) == (predictor in case.believed)

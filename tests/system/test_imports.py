@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from tests.compiled import replaces_methods
 from tests.system.systems import CONFIGS, configuration, output, raw, steps, system
 from weberlink.cli import app
 from weberlink.codec import Channel, Decoder, Encoder
@@ -177,6 +178,7 @@ def counting(channel: Channel) -> CountingChannel:
     return CountingChannel(**{each.name: getattr(channel, each.name) for each in fields(channel)})
 
 
+@replaces_methods
 @pytest.mark.parametrize(
     ("overrides", "bank"),
     [
