@@ -64,7 +64,7 @@ class ReceiveQueue:
 
     Attributes:
         socket: non-blocking and bound; closed with the queue.
-        is_open: whether it is not.
+        is_open: False once `close` was called.
     """
 
     def __init__(

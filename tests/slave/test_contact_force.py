@@ -17,7 +17,7 @@ from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
-pytestmark = replaces_methods  # the port is a stand-in
+pytestmark = replaces_methods  # `ShowsAll` stands in for a compiled class
 TICK = 1e-3
 UP = (0.0, 0.0, 1.0)
 
