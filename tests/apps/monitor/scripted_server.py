@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Coroutine
 from types import TracebackType
+from types import SimpleNamespace
 from typing import Any, Self
 
 from aiohttp import web
@@ -83,7 +84,11 @@ class ScriptedServer:
     def overview(self) -> list[Message]:
         return self.sessions
 
-    async def change(self, viewer: Viewer, document: Any) -> Message:
+    @property
+    def requests(self) -> SimpleNamespace:
+        return SimpleNamespace(answer=self._take)
+
+    async def _take(self, viewer: Viewer, document: Any) -> Message:
         self.asked.append(document)
         return self.answer(document) or {"type": "nothing"}
 

@@ -174,19 +174,19 @@ def test_ended_sessions_are_forgotten() -> None:
 )
 def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-    answer = asyncio.run(watch.change(Viewer(None, may_change=True), request_))
-    assert answer["type"] == "answer" and answer["accepted"] is False
+    answer = asyncio.run(watch.requests.answer(Viewer(None, may_change=True), request_))
+    assert answer is not None and answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
 
 
 def test_read_only_page_changes_nothing() -> None:
-    async def run() -> dict[str, Any]:
+    async def run() -> Any:
         watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
         watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
         viewer = Viewer(None, may_change=False)
         watch.join(viewer)
         assert told(viewer)[0]["readonly"] is True
-        return await watch.change(viewer, {"type": "change", "weber": 0.1})
+        return await watch.requests.answer(viewer, {"type": "change", "weber": 0.1})
 
     assert "read-only" in asyncio.run(run())["why"]
 

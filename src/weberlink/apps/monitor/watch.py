@@ -7,6 +7,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from weberlink.apps.monitor.requests import Requests, refusal
 from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer
@@ -50,6 +51,9 @@ class SessionWatcher:
         self._find_at = 0.0
         self._figures_at = 0.0
         self._asking: set[asyncio.Task[None]] = set()
+        self.requests = Requests()
+        """What pages may ask for; other parts of the monitor add theirs."""
+        self.requests.add("change", self._change)
 
     @property
     def newest(self) -> WatchedSession | None:
@@ -107,24 +111,17 @@ class SessionWatcher:
             for session in reversed(self.sessions.values())
         ]
 
-    async def change(self, viewer: Viewer, document: object) -> dict[str, Any]:
-        """Handle a message of a page; returns the answer."""
-        request = read_request(document)
+    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any]:
+        """Pass a live change on to the daemons, which check its values."""
         session = self.sessions.get(viewer.watching or "")
         ring = None if session is None else session.ring
-        if isinstance(request, str):
-            answer: dict[str, Any] = {"accepted": False, "why": request}
-        elif not viewer.may_change:
-            answer = {
-                "accepted": False,
-                "why": "this page is read-only: only the user who runs the session can change settings, on its host",
-            }
-        elif session is None or session.ended or session.remote or ring is None:
-            answer = {"accepted": False, "why": "there is no running session on this host to change"}
-        else:
-            answer = await ask_daemon(ring, request)
-            self._take_settings(session, answer)
-        return {"type": "answer"} | answer
+        if not request:
+            return refusal("nothing to change; name weber, predictor or scheme")
+        if session is None or session.ended or session.remote or ring is None:
+            return refusal("there is no running session on this host to change")
+        answer = await ask_daemon(ring, request)
+        self._take_settings(session, answer)
+        return answer
 
     def put(self, session: WatchedSession) -> None:
         """Add a session, or replace an earlier one of that name."""
@@ -223,13 +220,6 @@ class SessionWatcher:
         if isinstance(answer.get("settings"), dict):
             session.settings = answer["settings"]
             session.generation = answer.get("generation", session.generation)
-
-
-def read_request(document: object) -> dict[str, Any] | str:
-    """The settings that a page wants to change, or why this is no request; the daemon checks the values."""
-    if not isinstance(document, dict) or document.pop("type", None) != "change":
-        return 'expected {"type": "change", ...}'
-    return document or "nothing to change; name weber, predictor or scheme"
 
 
 async def ask_daemon(ring: Path, request: dict[str, Any]) -> dict[str, Any]:

@@ -134,7 +134,9 @@ class Site:
                 document = parse(message.data.encode(), LONGEST_MESSAGE)
             except ValueError:
                 document = None
-            viewer.put(MessageKind.ANSWER, to_json(await self._watch.change(viewer, document)))
+            answer = await self._watch.requests.answer(viewer, document)
+            if answer is not None:
+                viewer.put(MessageKind.ANSWER, to_json(answer))
 
     async def _close_sockets(self, _application: web.Application) -> None:
         """Close all WebSockets; a page that does not read is not waited for."""
