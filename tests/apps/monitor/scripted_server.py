@@ -3,8 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Callable, Coroutine
-from types import TracebackType
-from types import SimpleNamespace
+from types import SimpleNamespace, TracebackType
 from typing import Any, Self
 
 from aiohttp import web
