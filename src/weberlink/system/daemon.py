@@ -79,14 +79,15 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     if permitted(system):
         transport = WithControlSocket(transport, ControlSocket(order.ring, side))
     capacity = int(RING_SECONDS * system.rate_hz)
-    described = description.publish(order.ring, description.describe(configuration, order.side))
+    described = description.Description(order.ring, description.describe(configuration, order.side))
+    described.publish()
     try:
         with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
-            run_ = _drive(side, transport, configuration, order, epoch, ring)
+            run_ = _drive(side, transport, configuration, order, epoch, ring, described)
     except Stopped as stopped:
         return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
     finally:
-        described.unlink(missing_ok=True)
+        described.remove()
     return _summary(run_, side, grants)
 
 
@@ -136,16 +137,27 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
 
 
 def _drive(
-    side: Side, transport: Transport, configuration: Configuration, order: DaemonOrder, epoch: float, ring: RingWriter
+    side: Side,
+    transport: Transport,
+    configuration: Configuration,
+    order: DaemonOrder,
+    epoch: float,
+    ring: RingWriter,
+    described: description.Description,
 ) -> Run:
     missed = 0
     last_index: int | None = None
+    peer = side.peer
 
     def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, last_index
+        nonlocal missed, last_index, peer
         missed += 0 if last_index is None else index - last_index - 1
         last_index = index
         ring.write(side.values((now - deadline) * 1e6, work_us, missed))
+        if side.peer is not peer:
+            peer = side.peer
+            with suppress(OSError):  # no space in memory; telemetry has its own already
+                described.publish(peer._asdict())
 
     system = configuration.system
     try:
@@ -194,6 +206,7 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
         "failed": side.failure is not None or not run_.orderly,
         "faults": side.faults,
         "drops": side.drops,
+        "peer": side.peer._asdict(),
         "realtime": grants.as_dict(),
         "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }

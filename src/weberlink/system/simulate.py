@@ -15,6 +15,7 @@ from weberlink.system.recorder import check_target, facts
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
+from weberlink.system.verdict import verdict
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -90,12 +91,15 @@ def simulate(
         "lookahead_ms": lookahead_ms(system),
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {"master": master.drops, "slave": slave.drops},
+        "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},
         "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
-        "status": 1 if failures else 0,
         "run_time_s": run_time,
         "seed": (system.link.emulate or EmulationSettings()).seed,
     }
-    return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
+    if recording is not None:
+        summary["recording"] = recording.finish()
+    judged = verdict(summary)
+    return summary | {"verdict": judged.document(), "status": judged.status}, recorder
 
 
 class VirtualRecording:

@@ -16,7 +16,9 @@ FAILED_OUTCOME = "failed: "
 """How the outcome of a failed run begins; the reason follows."""
 
 WAIT_S = 1.0
-"""A master without an answer for longer has failed [s]: a slave that is there answers within some 0.1 s."""
+"""A run without a session that ends later than this has failed [s]: a slave that is there answers within 0.1 s."""
+CALL_S = 3.0
+"""The same while it runs [s]: the slave may be about to start."""
 LOST_S = 1.0
 """A peer that was not heard for so long at the end was lost [s]; a goodbye may be lost too, and that shows earlier."""
 AWAY_S = 1.0
@@ -135,23 +137,31 @@ def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
         yield Cause(DEGRADED, "unconnected", words)
     away = sides[MASTER]["away_s"] if MASTER in sides else 0.0
     if away >= AWAY_S:
-        yield Cause(DEGRADED, "away", f"the slave left, {away:.1f} s without it")
+        farewell = _peer(summary, MASTER).get("farewell")
+        why = f" ({farewell})" if farewell else ""
+        yield Cause(DEGRADED, "away", f"the slave left{why}, {away:.1f} s without it")
+
+
+def _peer(summary: Mapping[str, Any], side: str) -> Mapping[str, str]:
+    """What a side knew of its peer."""
+    return summary.get("peers", {}).get(side) or {}
 
 
 def _never(summary: Mapping[str, Any], side: str, waited: float) -> Iterator[Cause]:
     """A side that had no session at all."""
     faults, drops = (summary.get(key, {}).get(side, {}) for key in ("faults", "drops"))
-    refusal = summary.get("refusals", {}).get(side)
+    limit = WAIT_S if "outcome" in summary else CALL_S
+    refusal = _peer(summary, side).get("refusal")
     if faults.get("unproven") or drops.get("unproven"):
         caller = "a call" if side == SLAVE else "the answer"
         yield Cause(FAILURE, "key", f"{caller} did not prove the key: are the keys the same on both hosts?")
     elif refusal or faults.get("refused"):
         yield Cause(FAILURE, "refused", f"refused: {refusal}" if refusal else "a call was refused")
-    elif waited > WAIT_S and side == MASTER:
+    elif waited > limit and side == MASTER:
         at = summary.get("addresses", {}).get("slave")
         where = f" from {at}" if at else ""
         yield Cause(FAILURE, "no_answer", f"no answer{where} in {waited:.1f} s: {', '.join(_ANSWERS)}")
-    elif waited > WAIT_S and summary["connection"].get(MASTER) is None:
+    elif waited > limit and summary["connection"].get(MASTER) is None:
         yield Cause(DEGRADED, "no_call", f"no master called in {waited:.1f} s")
 
 
