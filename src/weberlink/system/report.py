@@ -151,7 +151,7 @@ def _connection(summary: dict[str, Any]) -> Iterator[str]:
         if parts:
             name = (summary.get("peers", {}).get(side) or {}).get("name")
             connected = f"connected to {name}" if name else "connected"
-            yield f"{side}: {', '.join([f'{connected} {figures["connected_s"]:.1f} s', *parts])}"
+            yield ", ".join([f"{side}: {connected} {figures['connected_s']:.1f} s", *parts])
 
 
 def _lines(summary: dict[str, Any], *, connected: bool) -> Iterator[str]:

@@ -216,8 +216,8 @@ def _force(summary: Mapping[str, Any]) -> Iterator[Cause]:
     if outside is None:
         return
     if outside - explained > FELT_SHARE:
-        text = f"felt error outside the deadband in {_percent(outside)} of ticks ({_percent(explained)} explained by delay)"
-        yield Cause(DEGRADED, "felt", text)
+        text = f"felt error outside the deadband in {_percent(outside)} of ticks"
+        yield Cause(DEGRADED, "felt", f"{text} ({_percent(explained)} explained by delay)")
     elif min(outside, explained) > DELAY_SHARE:
         text = f"delay put the felt error outside the deadband in {_percent(outside)} of ticks"
         yield Cause(DEGRADED, "delay", text)
