@@ -67,6 +67,8 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     parts += _stale(present, summary.get("record_age_s", {}))
     states = [_state(side, record, summary) for side, record in present.items()]
     parts.append(states[0] if states and all(each == states[0] for each in states) else "; ".join(states) or "starting")
+    if not any(int(record["state"]) == State.ENGAGED.value for record in present.values()):
+        return "  ".join(parts)[: WIDTH - 1]  # the figures are of a session that is over
     if force["packets_per_s"] is not None and force["reduction"] is not None:
         parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
     if force["error_rms"] is not None:

@@ -197,8 +197,9 @@ def _faults(summary: Mapping[str, Any]) -> Iterator[Cause]:
     faults = summary.get("faults", {})
     stalled = {side: counts["stalled"] for side, counts in faults.items() if counts.get("stalled")}
     if stalled:
+        longest = max(summary["ticks"][side]["missed_longest_s"] for side in stalled)
         who = " and ".join(f"the {side} {_times(count)}" for side, count in stalled.items())
-        yield Cause(DEGRADED, "stalled", f"processes stood still: {who}")
+        yield Cause(DEGRADED, "stalled", f"a process stood still: {who}, for up to {longest:.2f} s")
     if tripped := faults.get(SLAVE, {}).get("tripped"):
         yield Cause(DEGRADED, "tripped", f"the robot backed off from a contact {_times(tripped)} (slave.limits.trip_n)")
     if wrong := sum(counts.get("update", 0) for counts in faults.values()):

@@ -47,6 +47,7 @@ class _SideScore:
     ticks: int = 0
     engaged: int = 0
     limited: int = 0
+    missed_in_a_row: int = 0
     last: Any = None
     lateness: Distribution = field(default_factory=Distribution)
     work: Distribution = field(default_factory=Distribution)
@@ -65,6 +66,8 @@ class _SideScore:
         counted = engaged(records)
         self.engaged += int(counted.sum())
         self.limited += int((records["clipped"] > 0).sum())
+        missed = np.diff(records["ticks_missed"].astype(np.int64), prepend=self.counter("ticks_missed"))
+        self.missed_in_a_row = max(self.missed_in_a_row, int(missed.max()))
         fault = records["fault"]
         begins = np.diff(fault, prepend=np.uint8(self.counter("fault"))) != 0
         tally(self.faults, fault[begins & (fault > 0)])
@@ -94,10 +97,11 @@ class _SideScore:
             "tank_max_j": most,
         }
 
-    def timing(self) -> dict[str, Any]:
+    def timing(self, period: float) -> dict[str, Any]:
         return {
             "count": self.ticks,
             "missed": self.counter("ticks_missed"),
+            "missed_longest_s": self.missed_in_a_row * period,
             "lateness_us": none_for_nan(self.lateness.summary()),
             "work_us": none_for_nan(self.work.summary()),
             "codec_us": none_for_nan(self.codec.summary()),
@@ -197,7 +201,7 @@ class SessionScore:
         heard = master if master.ticks else slave
         summary: dict[str, Any] = {
             "duration_s": duration,
-            "ticks": {"master": master.timing(), "slave": slave.timing()},
+            "ticks": {"master": master.timing(self._period), "slave": slave.timing(self._period)},
             "force": {},
             "position": {},
             "link": {
