@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
+from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
 from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish
 from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
 
@@ -81,7 +81,10 @@ def simulate(
     duration: Duration = None,
     json_out: Json = None,
     trace: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="Write the robot's commanded position and measured force as CSV.")
+        Path | None,
+        typer.Option(
+            metavar="OUT", callback=file_target, help="Write the robot's commanded position and measured force as CSV."
+        ),
     ] = None,
     record: Record = None,
     set_: Set = None,
@@ -190,5 +193,3 @@ def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
     address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
     return [f"link.listen={address}", f"link.slave={address}"]
 
-
-COMMANDS = (loopback, master, slave, check, keygen, simulate)

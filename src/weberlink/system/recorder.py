@@ -18,6 +18,7 @@ from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
+from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
 
 FINISH_LIMIT_S = 3.0
@@ -49,17 +50,17 @@ def check_target(path: Path) -> None:
     """Check the target of a recording before anything is started.
 
     Raises:
-        ConfigurationError: it exists, its folder does not, or the library for recordings is missing.
+        ConfigurationError: it exists, cannot be written, or the library for recordings is missing.
     """
     need("mcap", "recording", "--record")
     try:
-        is_taken = path.exists()
+        if path.is_file():
+            raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
+        check_file(path)
     except OSError as error:  # for example a name that is too long
         raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
-    if is_taken:
-        raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
-    if not path.parent.is_dir():
-        raise ConfigurationError(f"--record: {path.parent} is not a folder; create it first")
+    except TargetError as error:
+        raise ConfigurationError(f"--record: {error}") from None
 
 
 class Recorder:
