@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
-from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish
+from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish, progress_bar, tell
 from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
 
 
@@ -93,8 +93,8 @@ def simulate(
     from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
-    with errors():
-        summary, recorder = run(load(file, set_ or ()), duration, record)
+    with errors(), progress_bar() as progress:
+        summary, recorder = run(load(file, set_ or ()), duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     finish(summary, f"weberlink simulate {file}", json_out, problem)
 
@@ -125,11 +125,11 @@ def _live(
 
             check_target(record)
     for note in notes:
-        typer.echo(f"weberlink: note: {note}", err=True)
+        tell(f"note: {note}")
     with (
         journal_to(log, json_out, configuration.system.rate_hz) as journal,
         Session(
-            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over
+            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over, tell=tell
         ) as session,
     ):
         summary = session.run()

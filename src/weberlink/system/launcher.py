@@ -153,6 +153,7 @@ class Session:
         record: where to record the session, as MCAP; None to record nothing.
         journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
+        tell: receives one line as soon as the recording fails, while the session goes on.
     """
 
     configuration: Configuration
@@ -163,10 +164,12 @@ class Session:
     record: Path | None = None
     journal: "Journal | None" = None
     take_over: bool = False
+    tell: Callable[[str], None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: "Recorder | None" = None
+    _recording_ended: bool = False
     _begun: bool = False
     _watch: Watch | None = None
     _key: Path | None = None
@@ -279,6 +282,7 @@ class Session:
             self._key.unlink(missing_ok=True)
             self._key = None
         self._host.look(records)
+        self._look_at_recorder()
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
@@ -287,6 +291,16 @@ class Session:
         if self._watch is not None:
             recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
             self._watch(self.score.state, self.score.summary() | recording)
+
+    def _look_at_recorder(self) -> None:
+        """Say once, at once, that the recorder ended before the daemons."""
+        recorder = self._recorder
+        early = recorder is not None and not recorder.running and all(each.running for each in self.daemons.values())
+        if recorder is not None and early and not self._recording_ended:
+            from weberlink.system.recorder import recording_ended  # noqa: PLC0415 - see above
+
+            self._recording_ended = True
+            self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]

@@ -63,6 +63,11 @@ def check_target(path: Path) -> None:
         raise ConfigurationError(f"--record: {error}") from None
 
 
+def recording_ended(path: Path | str, outcome: str) -> str:
+    """The line that says at once that nothing more is recorded."""
+    return f"recording stopped: {outcome}; the session goes on, and {path} holds what was recorded until now"
+
+
 class Recorder:
     """The child process.
 
@@ -75,7 +80,7 @@ class Recorder:
     def __init__(self, configuration: Configuration, rings: Mapping[str, str], out: Path) -> None:
         from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
-        self._out = out
+        self.path = out
         order = RecordingOrder(rings=dict(rings), out=str(out), facts=facts(configuration))
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
@@ -116,6 +121,6 @@ class Recorder:
         except ValueError:
             status = self._process.returncode
             ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            size = self._out.stat().st_size if self._out.exists() else 0
-            summary = {"path": str(self._out), "bytes": size, "outcome": f"recorder {ended}"}
+            size = self.path.stat().st_size if self.path.exists() else 0
+            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {ended}"}
         return summary
