@@ -90,5 +90,3 @@ def _terms(path: Path | None, *, needed: bool) -> Any:
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
 
-
-COMMANDS = (monitor,)

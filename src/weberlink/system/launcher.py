@@ -55,8 +55,8 @@ LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 TELL_S = 0.5
 """Time between two looks at what is to be told at once."""
-TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost", "recording")
-"""Causes of a verdict that a person can remove while the session runs: one line each on standard error."""
+TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost")
+"""Causes of a verdict that a person can remove while the session runs; a recording that ends is told with its path."""
 STOP_LIMIT_S = 15.0
 """Time from a request to stop to a kill: a robot may be moving to its rest position."""
 
@@ -166,6 +166,7 @@ class Session:
         record: where to record the session, as MCAP; None to record nothing.
         journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
+        tell: receives one line as soon as a cause of failure is there that a person can remove.
     """
 
     configuration: Configuration
@@ -176,10 +177,12 @@ class Session:
     record: Path | None = None
     journal: "Journal | None" = None
     take_over: bool = False
+    tell: Callable[[str], None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: "Recorder | None" = None
+    _recording_ended: bool = False
     _begun: bool = False
     _watch: Watch | None = None
     _key: Path | None = None
@@ -295,6 +298,7 @@ class Session:
             self._key.unlink(missing_ok=True)
             self._key = None
         self._host.look(records)
+        self._look_at_recorder()
         none = next(iter(records.values()))[:0]
         self.score.add(records.get(MASTER, none), records.get(SLAVE, none))
         if self.journal is not None:
@@ -327,8 +331,18 @@ class Session:
         """Print the causes that cannot wait for the end; a cause that has gone and returns is told again."""
         causes = {cause.name: cause for cause in verdict(self._figures()).causes if cause.name in TOLD_AT_ONCE}
         for name in causes.keys() - self._told:
-            sys.stderr.write(f"weberlink: {causes[name].text}\n")
+            self.tell(causes[name].text)
         self._told = set(causes)
+
+    def _look_at_recorder(self) -> None:
+        """Say once, at once, that the recorder ended before the daemons."""
+        recorder = self._recorder
+        early = recorder is not None and not recorder.running and all(each.running for each in self.daemons.values())
+        if recorder is not None and early and not self._recording_ended:
+            from weberlink.system.recorder import recording_ended  # noqa: PLC0415 - see above
+
+            self._recording_ended = True
+            self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]

@@ -6,7 +6,11 @@ from signal import SIGHUP, SIGINT, SIGTERM
 from typing import Any
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
-"""Exit statuses of every command."""
+INTERRUPTED = 130
+"""Exit statuses of every command; the last one where Ctrl-C ends work that has an end of its own."""
+
+EMERGENCY = "emergency stop"
+"""Outcome of a run that somebody ended in this way."""
 
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)

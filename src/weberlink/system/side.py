@@ -28,6 +28,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.system.order import EMERGENCY
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import UNKNOWN, Record
 from weberlink.telemetry.row import Row
@@ -35,9 +36,6 @@ from weberlink.update import Update
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
-
-EMERGENCY = "emergency stop"
-"""Outcome of a run that somebody ended in this way."""
 
 SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED

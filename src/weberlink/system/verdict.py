@@ -7,11 +7,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from weberlink.system.order import COMPLETED, FAILED, MASTER, SLAVE
+from weberlink.system.order import COMPLETED, EMERGENCY, FAILED, MASTER, SLAVE
 
 GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"
-EMERGENCY = "emergency stop"
-"""The outcome of a run that an emergency stop has ended."""
 FAILED_OUTCOME = "failed: "
 """How the outcome of a failed run begins; the reason follows."""
 
@@ -112,7 +110,7 @@ def _ending(summary: Mapping[str, Any]) -> Iterator[Cause]:
     """The reason of a run that failed; its own words."""
     outcome = str(summary.get("outcome") or "")
     reason = outcome.removeprefix(FAILED_OUTCOME)
-    if reason == EMERGENCY:
+    if EMERGENCY in outcome:
         yield Cause(FAILURE, "emergency_stop", "of an emergency stop")
     elif reason != outcome:
         name = next((name for name, words in _ENDINGS if words in reason), "ended")
