@@ -11,8 +11,8 @@ from pathlib import Path
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.viewer import MessageKind, Viewer
-from weberlink.apps.monitor.watch import SessionWatcher, to_json
+from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.bounded_json import parse
 
 LONGEST_MESSAGE = 4096
