@@ -32,6 +32,9 @@ from weberlink.update import Update
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
 
+EMERGENCY = "emergency stop"
+"""Outcome of a run that somebody ended in this way."""
+
 SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED
 _DEVICE, _NO_FAULT = Fault.DEVICE, Fault.NONE
@@ -198,6 +201,13 @@ class Side:
         if not self._leads and not self.stopped:
             self.port.release(retreat=False)
             self._leave(now, reason)
+
+    def emergency(self, now: float) -> None:
+        """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
+        self.failure = self.failure or EMERGENCY
+        self.port.restart()  # closes the gate of the force
+        self.port.halt(now)
+        self.stop(now, EMERGENCY)
 
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""

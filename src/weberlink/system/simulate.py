@@ -82,7 +82,10 @@ def simulate(
     recording = None if record is None else VirtualRecording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     began = perf_counter()
-    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    try:
+        simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    finally:
+        simulation.close()
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
