@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli import doctor, hardware, monitor, sessions, studies
+from weberlink.cli import doctor, hardware, monitor, sessions, studies, visit
 from weberlink.cli.arguments import OneLineErrors
 from weberlink.compiled import is_compiled
 
@@ -24,6 +24,7 @@ app = typer.Typer(
 for module in (sessions, monitor, hardware, doctor, studies):
     for command in module.COMMANDS:
         app.command()(command)
+app.command("try")(visit.visit)
 app.add_typer(hardware.device)
 for entry in entry_points(group=GROUP):
     app.command(entry.name)(entry.load())

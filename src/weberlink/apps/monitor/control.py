@@ -29,9 +29,7 @@ class SessionControl:
         link_changed: called with a session when another link is in force.
     """
 
-    def __init__(
-        self, sessions: Mapping[str, WatchedSession], link_changed: Callable[[WatchedSession], None]
-    ) -> None:
+    def __init__(self, sessions: Mapping[str, WatchedSession], link_changed: Callable[[WatchedSession], None]) -> None:
         self._sessions = sessions
         self._link_changed = link_changed
         # Threads of its own: an emergency stop never waits for requests that wait for a daemon.

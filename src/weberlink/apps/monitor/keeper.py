@@ -17,6 +17,7 @@ from typing import Any
 
 from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.system.order import COMPLETED, FAILED
+from weberlink.system.scenes import SceneChoice
 
 STOP_LIMIT_S = 20.0
 """Time from the request to stop to a kill; the launcher gives its daemons 15 s."""
@@ -32,19 +33,11 @@ _PROGRAM = (
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A scene that a page can choose."""
-
-    title: str
-    overrides: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class VisitOrder:
     """What sessions to run.
 
     Args:
-        file: configuration; None for that of `weberlink loopback`.
+        file: configuration.
         overrides: of every session, as of `--set`.
         scenes: by name; empty if the file has one scene only.
         scene: the first one.
@@ -53,9 +46,24 @@ class VisitOrder:
 
     file: str
     overrides: tuple[str, ...] = ()
-    scenes: Mapping[str, Scene] = field(default_factory=dict)
+    scenes: Mapping[str, SceneChoice] = field(default_factory=dict)
     scene: str | None = None
     duration_s: float | None = None
+
+
+@dataclass(frozen=True)
+class SessionResult:
+    """How a session ended.
+
+    Args:
+        status: exit status.
+        report: as of `weberlink loopback --json -`; None if it did not begin.
+        complaint: the last line on standard error.
+    """
+
+    status: int
+    report: dict[str, Any] | None
+    complaint: str
 
 
 class _Child:
@@ -65,31 +73,28 @@ class _Child:
         self.process = process
         self.scene = scene
         self.is_asked_to_end = False
-        self.report: dict[str, Any] | None = None
-        self.complaint = ""
 
     @property
     def name(self) -> str:
         """Of its session."""
         return str(self.process.pid)
 
-    @property
-    def status(self) -> int:
-        status = self.process.returncode
-        return FAILED if status is None or status < 0 else status
-
     def send(self, number: Signals) -> None:
         self.is_asked_to_end = True
         with suppress(ProcessLookupError):
             self.process.send_signal(number)
 
-    async def finish(self) -> None:
-        """Wait for the end, and take the report or the complaint."""
+    async def finish(self) -> SessionResult:
+        """Wait for the end."""
         output, errors = await self.process.communicate()
+        report = None
         with suppress(ValueError):
-            self.report = json.loads(output)
+            report = json.loads(output)
         lines = errors.decode(errors="replace").splitlines()
-        self.complaint = lines[-1].removeprefix("weberlink: ") if lines else ""
+        status = self.process.returncode
+        is_exit = status is not None and status >= 0
+        complaint = lines[-1].removeprefix("weberlink: ") if lines else f"the session ended with status {status}"
+        return SessionResult(status if status is not None and is_exit else FAILED, report, complaint)
 
 
 class SessionKeeper:
@@ -115,14 +120,14 @@ class SessionKeeper:
         self._inherit = inherit
         self._turn = asyncio.Lock()
         self._child: _Child | None = None
+        self._latest: str | None = None
         self._watching: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._deadline: float | None = None
         self._is_closing = False
-        self.last: _Child | None = None
-        """The last session that ended."""
-        self.over = asyncio.Event()
-        """Set when the visit ends by itself: its time is over, or its first or timed session has ended."""
+        self.last: SessionResult | None = None
+        """Of the last session that ended."""
+        self._over = asyncio.Event()
         self._state: dict[str, Any] = {"state": "idle", "scene": order.scene, "why": None}
 
     @property
@@ -162,15 +167,16 @@ class SessionKeeper:
     async def start(self, scene: str | None) -> None:
         """Start a session, after the present one has ended."""
         async with self._turn:
-            former = self._child
+            former = self._latest
             self._become("starting", scene)
             await self._end()
             if self._is_closing:
                 return
             child = self._child = await self._launch(scene)
+            self._latest = child.name
             self._watching = self._task(self._watch(child))
             if former is not None:
-                self._task(self._inherit(former.name, child.name))
+                self._task(self._inherit(former, child.name))
 
     def note_running(self, name: str) -> None:
         """Note that a session was found."""
@@ -182,13 +188,28 @@ class SessionKeeper:
         if self._child is not None and name in (None, self._child.name):
             self._child.is_asked_to_end = True
 
+    async def run(self, interrupted: asyncio.Event) -> None:
+        """Start the first session; end the last one when the visit is over or interrupted, and wait for its report.
+
+        A visit is over by itself if its first session does not begin, when a session of limited length has ended, and
+        when its time has passed without one.
+        """
+        await self.start(self._order.scene)
+        waits = [asyncio.ensure_future(event.wait()) for event in (interrupted, self._over)]
+        await asyncio.wait(waits, timeout=self._order.duration_s, return_when=asyncio.FIRST_COMPLETED)
+        while not (interrupted.is_set() or self._over.is_set()) and self._child is not None:
+            await asyncio.wait(waits, timeout=SHORTEST_S, return_when=asyncio.FIRST_COMPLETED)
+        for wait in waits:
+            wait.cancel()
+        await self._close()
+
     def signal(self, number: Signals) -> None:
         """Pass a signal on to the session; the first one ends it in order, and nothing is started any more."""
         self._is_closing = True
         if self._child is not None:
             self._child.send(number)
 
-    async def close(self) -> None:
+    async def _close(self) -> None:
         """End the session and wait for its report."""
         self._is_closing = True
         async with self._turn:  # a start may be under way
@@ -232,17 +253,16 @@ class SessionKeeper:
 
     async def _watch(self, child: _Child) -> None:
         """Until a session ends."""
-        await child.finish()
-        is_first, self.last, self._child = self.last is None, child, None
-        outcome = None if child.report is None else str(child.report.get("outcome"))
-        if child.status == COMPLETED or child.is_asked_to_end:
+        result = await child.finish()
+        is_first, self.last, self._child = self.last is None, result, None
+        outcome = None if result.report is None else str(result.report.get("outcome"))
+        if result.status == COMPLETED or child.is_asked_to_end:
             self._become("idle", child.scene, outcome)
         else:
-            why = child.complaint or outcome or f"the session ended with status {child.status}"
-            self._become("failed", child.scene, why)
-        has_not_begun = is_first and child.report is None
+            self._become("failed", child.scene, outcome or result.complaint)
+        has_not_begun = is_first and result.report is None
         if not child.is_asked_to_end and (has_not_begun or self._order.duration_s is not None):
-            self.over.set()
+            self._over.set()
         elif self._state["state"] == "failed":
             self._tell(f"the session failed: {self._state['why']}; start another one from the page")
 

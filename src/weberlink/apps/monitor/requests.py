@@ -2,9 +2,9 @@
 
 from collections.abc import Awaitable, Callable
 from hmac import compare_digest
-from secrets import token_urlsafe
 from typing import Any, NamedTuple
 
+from weberlink.apps.monitor.access import new_token
 from weberlink.apps.monitor.viewer import Viewer
 
 Answer = dict[str, Any]
@@ -15,7 +15,6 @@ Urgency = Callable[[dict[str, Any]], bool]
 
 READ_ONLY = "this page is read-only: only the user who runs the session can change settings, on its host"
 UNPROVEN = "the request has not the token of this monitor; reload the page"
-TOKEN_BYTES = 16
 
 
 def always(_request: dict[str, Any]) -> bool:
@@ -41,7 +40,7 @@ class Requests:
     """
 
     def __init__(self) -> None:
-        self.token = token_urlsafe(TOKEN_BYTES)
+        self.token = new_token()
         self._known: dict[str, _Known] = {}
 
     def add(self, kind: str, handler: Handler, *, reads: bool = False, urgent: Urgency = never) -> None:
