@@ -24,7 +24,6 @@ REMIND_S = 0.5
 """Least time between two refusals to the same page."""
 NOT_DRIVEN = "the operator of this session is not the page"
 TAKEN = "another visitor drives; wait until the handle is free"
-GONE = "the master does not take targets: it has ended"
 
 
 class Sender(Protocol):
@@ -46,15 +45,15 @@ class _Handle:
         self._target: Vector = (0.0, 0.0, 0.0)
         self._allowance = BURST
 
-    def pass_on(self, target: Vector, held: bool, now: float) -> bool:
-        """Send a target unless there were too many; returns whether the device is there to take it."""
+    def pass_on(self, target: Vector, held: bool, now: float) -> None:
+        """Send a target, unless there were too many. One that the device has no room for is lost; the next one counts."""
         self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self.used_at))
         if held == self.held and (not held or self._allowance < 1.0):
-            return True
+            return
         self._allowance -= 1.0
         self.used_at = now
         self._target, self.held = target, held
-        return self._sender.send(target, held)
+        self._sender.send(target, held)
 
     def release(self) -> None:
         """Let go, and close the connection."""
@@ -108,10 +107,8 @@ class Driving:
             handle = self._grasp(viewer, name, now)
         if handle is None or handle.holder is not viewer:
             return self._remind(viewer, now) if held else None
-        if handle.pass_on(target, held, now):
-            return None
-        self._free(name)
-        return {"type": "handle", "state": "none", "why": GONE}
+        handle.pass_on(target, held, now)
+        return None
 
     def look(self, now: float) -> None:
         """Free the handles that were not used for long, and those of ended sessions."""

@@ -14,7 +14,7 @@ Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 Urgency = Callable[[dict[str, Any]], bool]
 
 READ_ONLY = "this page is read-only: only the user who runs the session can change settings, on its host"
-UNPROVEN = "the request has not the token of this monitor; reload the page"
+UNPROVEN = "this is not the token of this start of the monitor; reload the page"
 
 
 def always(_request: dict[str, Any]) -> bool:

@@ -1,7 +1,7 @@
 """Bounded queue of the messages to one page.
 
-A slow page loses the oldest rows and outdated figures; it loses no greeting and no answer. Answers and states of the
-handle and of the session overtake rows and figures.
+A slow page loses the oldest rows and outdated figures; it loses no greeting and no answer. Answers overtake all
+else.
 """
 
 import asyncio
@@ -35,8 +35,6 @@ class MessageKind(Enum):
     """The state of the session that the page starts."""
 
 
-URGENT = frozenset({MessageKind.ANSWER, MessageKind.HANDLE, MessageKind.KEEPER})
-"""Kinds that overtake all others."""
 MOST_BEFORE = {
     MessageKind.HELLO: {
         MessageKind.ROWS: 0,
@@ -74,13 +72,13 @@ class Viewer:
         """The session of its last greeting."""
         self.lost_rows = 0
         self._waiting: deque[tuple[MessageKind, str]] = deque()
-        self._urgent: deque[tuple[MessageKind, str]] = deque()
+        self._answers: deque[tuple[MessageKind, str]] = deque()
         self._counts = dict.fromkeys(MessageKind, 0)
         self._came = asyncio.Event()
 
     def put(self, kind: MessageKind, text: str) -> None:
         """Queue a message and drop outdated ones."""
-        queue = self._urgent if kind in URGENT else self._waiting
+        queue = self._answers if kind is MessageKind.ANSWER else self._waiting
         for outdated, most in MOST_BEFORE[kind].items():
             while self._counts[outdated] > most:
                 queue.remove(next(message for message in queue if message[0] is outdated))
@@ -92,7 +90,7 @@ class Viewer:
 
     def take(self) -> str | None:
         """The next message, if there is one."""
-        queue = self._urgent or self._waiting
+        queue = self._answers or self._waiting
         if not queue:
             self._came.clear()
             return None
@@ -108,4 +106,4 @@ class Viewer:
             await self._came.wait()
 
     def __len__(self) -> int:
-        return len(self._waiting) + len(self._urgent)
+        return len(self._waiting) + len(self._answers)

@@ -70,10 +70,12 @@ class SessionWatcher:
 
     async def run(self) -> None:
         """Run until cancelled."""
+        due = monotonic()
         try:
             while True:
                 self.look(monotonic())
-                await asyncio.sleep(self._pause)
+                due = max(monotonic(), due + self._pause)
+                await asyncio.sleep(due - monotonic())
         finally:
             self.control.close()
             for task in self._asking:

@@ -11,6 +11,7 @@ export class Link {
     this.wait = FIRST_WAIT_MS;
     this.session = null;
     this.socket = null;
+    this.token = null; // of the greeting: a request that changes something is refused without it
   }
 
   // Follows a session; null is the newest.
@@ -23,15 +24,16 @@ export class Link {
 
   send(message) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify(message));
+    this.socket.send(JSON.stringify(this.token === null ? message : { ...message, token: this.token }));
     return true;
   }
 
   #open() {
     clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const query = this.session === null ? "" : `?session=${encodeURIComponent(this.session)}`;
-    const socket = new WebSocket(`${scheme}//${location.host}/ws${query}`);
+    const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may drive
+    if (this.session !== null) query.set("session", this.session);
+    const socket = new WebSocket(`${scheme}//${location.host}/ws?${query}`);
     this.socket = socket;
     socket.onopen = () => {
       if (socket !== this.socket) return;

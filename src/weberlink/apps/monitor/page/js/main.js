@@ -44,6 +44,7 @@ function receive(message) {
 }
 
 function greet(hello) {
+  link.token = hello.token ?? null;
   document.body.dataset.rotation = String(store.rotates);
   view?.setScene();
   controls.refresh(connected);
