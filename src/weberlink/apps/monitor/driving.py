@@ -44,10 +44,12 @@ class _Handle:
         self._sender = sender
         self._target: Vector = (0.0, 0.0, 0.0)
         self._allowance = BURST
+        self._counted_at = now
 
     def pass_on(self, target: Vector, held: bool, now: float) -> None:
         """Send a target, unless there were too many. One that the device has no room for is lost; the next one counts."""
-        self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self.used_at))
+        self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self._counted_at))
+        self._counted_at = now
         if held == self.held and (not held or self._allowance < 1.0):
             return
         self._allowance -= 1.0
