@@ -47,10 +47,10 @@ class _Handle:
         self._counted_at = now
 
     def pass_on(self, target: Vector, held: bool, now: float) -> None:
-        """Send a target, unless there were too many. One that the device has no room for is lost; the next one counts."""
+        """Send a target, unless there were too many; one that the device has no room for is lost."""
         self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self._counted_at))
         self._counted_at = now
-        if held == self.held and (not held or self._allowance < 1.0):
+        if self._allowance < 1.0 if held else not self.held:
             return
         self._allowance -= 1.0
         self.used_at = now

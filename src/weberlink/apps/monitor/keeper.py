@@ -8,7 +8,7 @@ import asyncio
 import json
 import os
 import sys
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from signal import SIGINT, Signals
@@ -73,6 +73,7 @@ class _Child:
         self.process = process
         self.scene = scene
         self.is_asked_to_end = False
+        self.is_replaced = False
 
     @property
     def name(self) -> str:
@@ -105,6 +106,7 @@ class SessionKeeper:
         tell: called with lines for the user.
         announce: called with a `keeper` message at every change.
         inherit: called with the names of the former and of the new session, to apply the settings of the former one.
+        program: command that runs `weberlink`.
     """
 
     def __init__(
@@ -113,11 +115,13 @@ class SessionKeeper:
         tell: Callable[[str], None],
         announce: Callable[[dict[str, Any]], None],
         inherit: Callable[[str, str], Awaitable[None]],
+        program: Sequence[str] = (sys.executable, "-c", _PROGRAM, str(os.getpid())),
     ) -> None:
         self._order = order
         self._tell = tell
         self._announce = announce
         self._inherit = inherit
+        self._program = program
         self._turn = asyncio.Lock()
         self._child: _Child | None = None
         self._latest: str | None = None
@@ -148,7 +152,7 @@ class SessionKeeper:
 
     def request_stop(self) -> Answer:
         """End the session that is starting."""
-        if self._child is not None:
+        if self._child is not None and not self._child.is_asked_to_end:
             self._child.send(SIGINT)
         return {"accepted": True}
 
@@ -168,6 +172,8 @@ class SessionKeeper:
         """Start a session, after the present one has ended."""
         async with self._turn:
             former = self._latest
+            if self._child is not None:
+                self._child.is_replaced = True
             self._become("starting", scene)
             await self._end()
             if self._is_closing:
@@ -236,7 +242,7 @@ class SessionKeeper:
         if left is not None:
             arguments += ["--duration", f"{max(SHORTEST_S, left):.3f}"]
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", _PROGRAM, str(os.getpid()), "loopback", *arguments,
+            *self._program, "loopback", *arguments,
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
             start_new_session=True,  # Ctrl-C reaches this process only, which ends the session in order
         )  # fmt: skip
@@ -255,6 +261,8 @@ class SessionKeeper:
         """Until a session ends."""
         result = await child.finish()
         is_first, self.last, self._child = self.last is None, result, None
+        if child.is_replaced:
+            return
         outcome = None if result.report is None else str(result.report.get("outcome"))
         if result.status == COMPLETED or child.is_asked_to_end:
             self._become("idle", child.scene, outcome)
