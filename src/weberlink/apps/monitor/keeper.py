@@ -58,11 +58,13 @@ class SessionResult:
     Args:
         status: exit status.
         report: as of `weberlink loopback --json -`; None if it did not begin.
-        complaint: the last line on standard error.
+        notes: lines on standard error.
+        complaint: the last of them if it failed.
     """
 
     status: int
     report: dict[str, Any] | None
+    notes: tuple[str, ...]
     complaint: str
 
 
@@ -91,11 +93,11 @@ class _Child:
         report = None
         with suppress(ValueError):
             report = json.loads(output)
-        lines = errors.decode(errors="replace").splitlines()
-        status = self.process.returncode
-        is_exit = status is not None and status >= 0
-        complaint = lines[-1].removeprefix("weberlink: ") if lines else f"the session ended with status {status}"
-        return SessionResult(status if status is not None and is_exit else FAILED, report, complaint)
+        notes = [line.removeprefix("weberlink: ") for line in errors.decode(errors="replace").splitlines()]
+        ended = self.process.returncode
+        status = FAILED if ended is None or ended < 0 else ended
+        complaint = notes.pop() if notes and status != COMPLETED else f"the session ended with status {ended}"
+        return SessionResult(status, report, tuple(notes), complaint)
 
 
 class SessionKeeper:
@@ -124,7 +126,8 @@ class SessionKeeper:
         self._program = program
         self._turn = asyncio.Lock()
         self._child: _Child | None = None
-        self._latest: str | None = None
+        self.started: list[str] = []
+        """Names of all its sessions."""
         self._watching: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._deadline: float | None = None
@@ -171,7 +174,7 @@ class SessionKeeper:
     async def start(self, scene: str | None) -> None:
         """Start a session, after the present one has ended."""
         async with self._turn:
-            former = self._latest
+            former = self.started[-1] if self.started else None
             if self._child is not None:
                 self._child.is_replaced = True
             self._become("starting", scene)
@@ -179,7 +182,7 @@ class SessionKeeper:
             if self._is_closing:
                 return
             child = self._child = await self._launch(scene)
-            self._latest = child.name
+            self.started.append(child.name)
             self._watching = self._task(self._watch(child))
             if former is not None:
                 self._task(self._inherit(former, child.name))
@@ -261,6 +264,8 @@ class SessionKeeper:
         """Until a session ends."""
         result = await child.finish()
         is_first, self.last, self._child = self.last is None, result, None
+        for note in result.notes:
+            self._tell(note)
         if child.is_replaced:
             return
         outcome = None if result.report is None else str(result.report.get("outcome"))

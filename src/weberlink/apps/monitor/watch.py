@@ -189,12 +189,16 @@ class SessionWatcher:
 
     def _find(self) -> None:
         for name, rings in find_rings(self._where).items():
-            if self._only in (None, name):
+            if self._follows(name):
                 for ring in rings.values():
                     feed = self._opener.open(ring)
                     if feed is not None:
                         self.admit(name, feed)
                         self._tell(f"session {name}: {feed.side} at {feed.rate_hz:g} Hz")
+
+    def _follows(self, name: str) -> bool:
+        """Whether a session is to be shown: with a keeper, one that it has started."""
+        return self._only in (None, name) if self.keeper is None else name in self.keeper.started
 
     def _follow(self, session: WatchedSession, is_figures_time: bool) -> None:
         viewers = self._viewers_of(session.name)
