@@ -42,7 +42,8 @@ def monitor(
         for package in ("aiohttp", "prometheus_client"):
             need(package, "monitor", "weberlink monitor")
     from weberlink.apps.monitor import access  # noqa: PLC0415
-    from weberlink.apps.monitor.program import MonitorError, MonitorSettings, run, tell  # noqa: PLC0415
+    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
+    from weberlink.apps.monitor.program import MonitorSettings, run, tell  # noqa: PLC0415
 
     addresses = _address("--share", share), _address("--from", source)
     terms = _terms(key_file, needed=share is not None or source is not None)

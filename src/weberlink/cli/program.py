@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import doctor, hardware, monitor, sessions, studies
+from weberlink.cli import doctor, hardware, monitor, sessions, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -15,13 +15,23 @@ from weberlink.system.order import MISCONFIGURED
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
 TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Run": (sessions.loopback, sessions.master, sessions.slave, sessions.simulate, sessions.check, sessions.keygen),
+    "Run": (
+        visit.visit,
+        sessions.loopback,
+        sessions.master,
+        sessions.slave,
+        sessions.simulate,
+        sessions.check,
+        sessions.keygen,
+    ),
     "Look": (monitor.monitor, doctor.doctor, studies.info, studies.export),
     "Devices": (hardware.devices, hardware.emulate),
     "Study": (studies.evaluate, studies.experiment, studies.ratings),
     "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability, studies.bench),
 }
 """The commands, as the help lists them."""
+NAMES: dict[Callable[..., None], str] = {visit.visit: "try"}
+"""Names that Python reserves; the other commands have those of their functions."""
 
 app = typer.Typer(
     name="weberlink",
@@ -34,7 +44,7 @@ app = typer.Typer(
 )
 for topic, commands in TOPICS.items():
     for command in commands:
-        app.command(rich_help_panel=topic)(command)
+        app.command(NAMES.get(command), rich_help_panel=topic)(command)
     if topic == "Devices":
         app.add_typer(hardware.device, rich_help_panel=topic)
 

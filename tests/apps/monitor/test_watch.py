@@ -52,11 +52,12 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         viewer = Viewer(None, may_change=True)
         watch.join(viewer)
         watch.look(0.0)
-        assert told(viewer) == [] and watch.newest is None
+        (greeting,) = told(viewer)
+        assert greeting["session"] is None and greeting["token"] == watch.requests.token and watch.newest is None
         first = ring(tmp_path, 7, "slave")
         write(first, records(20, first=0))
         watch.look(1.0)
-        assert [message["type"] for message in told(viewer)] == ["hello", "samples", "figures"]
+        assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "figures"]
         other = ring(tmp_path, 7, "master")
         write(other, records(20, first=0))
         write(first, records(20, first=20))
@@ -112,13 +113,13 @@ def test_page_pinned_to_a_later_session_waits() -> None:
         watch.join(viewer)
         watch.put(WatchedSession("1", HandFeed("slave")))
         watch.look(0.0)
-        assert told(viewer)[0]["session"] == "1"
+        assert told(viewer)[-1]["session"] == "1"
         watch.put(WatchedSession("9", HandFeed("slave")))
         watch.put(WatchedSession("10", HandFeed("slave")))
         watch.look(1.0)
         assert told(viewer)[0]["session"] == "9"
         watch.look(2.0)
-        assert {message["session"] for message in told(viewer)} == {"9"}
+        assert {message.get("session", "9") for message in told(viewer)} == {"9"}
 
     asyncio.run(run())
 
@@ -168,12 +169,23 @@ def test_ended_sessions_are_forgotten() -> None:
         (None, "expected"),
         ([], "expected"),
         ({"type": "stop"}, "expected"),
-        ({"type": "change"}, "nothing to change"),
-        ({"type": "change", "weber": 0.1}, "no running session"),
+        ({"type": "change", "weber": 0.1, "token": "another"}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1, "token": 7}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1, "token": "\ud800"}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1}, "not the token of this start"),
+        ({"type": "change", "token": "right"}, "nothing to change"),
+        ({"type": "change", "weber": 0.1, "token": "right"}, "no running session"),
+        ({"type": "session", "do": "start", "token": "right"}, "weberlink try does"),
+        ({"type": "session", "do": "stop", "token": "right"}, "no running session"),
+        ({"type": "session", "do": "emergency", "token": "right"}, "no running session"),
+        ({"type": "session", "do": "jump", "token": "right"}, "start, stop or emergency"),
+        ({"type": "drive", "target": [0, 0], "held": True, "token": "right"}, "three finite numbers"),
     ],
 )
 def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
+    if isinstance(request_, dict) and request_.get("token") == "right":
+        request_ = request_ | {"token": watch.requests.token}
     answer = asyncio.run(watch.requests.answer(Viewer(None, may_change=True), request_))
     assert answer is not None and answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
@@ -185,7 +197,8 @@ def test_read_only_page_changes_nothing() -> None:
         watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
         viewer = Viewer(None, may_change=False)
         watch.join(viewer)
-        assert told(viewer)[0]["readonly"] is True
+        greeting = told(viewer)[0]
+        assert greeting["readonly"] is True and greeting["token"] is None
         return await watch.requests.answer(viewer, {"type": "change", "weber": 0.1})
 
     assert "read-only" in asyncio.run(run())["why"]

@@ -32,6 +32,7 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
     system = any_.get("system", {})
+    workspace = None if remote else _workspace(descriptions.get("master") or {})
     changes = [] if remote else list(any_.get("changes", ()))
     return {
         "type": "hello",
@@ -46,6 +47,10 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "schemes": list(any_.get("schemes", SCHEMES)),
         "settings": _settings(system),
         "generation": 0,
+        "link": _link(system),
+        "names": _names(descriptions),
+        "drivable": workspace is not None,
+        "workspace_m": workspace,
         "rate_hz": any_.get("rate_hz"),
         "states": {str(state.value): state.name.lower() for state in State},
         "faults": {str(fault.value): fault.name.lower() for fault in Fault},
@@ -66,6 +71,37 @@ def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
         "predictor": force.get("predictor"),
         "scheme": system.get("control", {}).get("scheme"),
     }
+
+
+def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The emulated link as configured; None if there is none."""
+    emulated = system.get("link", {}).get("emulate")
+    return None if emulated is None else {key: emulated.get(key) for key in ("delay_ms", "jitter_ms", "loss")}
+
+
+def _names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | None]:
+    """Names of the configuration, its device and robot, the address of the peer, and the process of each side."""
+    any_ = next((description for description in descriptions.values() if description is not None), {})
+    system = any_.get("system", {})
+    pids = {side: (descriptions.get(side) or {}).get("pid") for side in ("master", "slave")}
+    return {
+        "file": any_.get("file"),
+        "device": system.get("master", {}).get("device", {}).get("driver"),
+        "robot": system.get("slave", {}).get("robot", {}).get("driver"),
+        "peer": system.get("link", {}).get("slave"),
+        **{side: None if pid is None else f"process {pid}" for side, pid in pids.items()},
+    }
+
+
+def _workspace(master: Mapping[str, Any]) -> float | None:
+    """Half the edge of the workspace of a `pointer` device [m]; None for another device, which pages do not drive."""
+    device = dict(master.get("system", {}).get("master", {}).get("device", {}))
+    if device.pop("driver", None) != "pointer":
+        return None
+    from weberlink.master.devices import load  # noqa: PLC0415 - for a session that pages drive
+
+    options = load("pointer").Options.model_validate(device)
+    return float(getattr(options, "workspace_m"))  # noqa: B009 - of this driver
 
 
 def drawn(objects: Sequence[Mapping[str, Any]], *, files: bool) -> list[dict[str, Any]]:
