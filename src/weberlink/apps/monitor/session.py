@@ -55,12 +55,13 @@ class _WatchedSide:
         self.last: Any = None
         self.has_ended = False
         """Whether its end was told."""
+        self._wall_offset_s = feed.wall_offset_s
 
     def wall_offset_s(self, newest_at: float) -> float:
         """From the clock of the records to the wall clock [s]; estimated by the newest record if it is not known."""
-        if self.feed.wall_offset_s is None:
-            self.feed.wall_offset_s = time() - newest_at
-        return self.feed.wall_offset_s
+        if self._wall_offset_s is None:
+            self._wall_offset_s = time() - newest_at
+        return self._wall_offset_s
 
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
@@ -106,6 +107,8 @@ class WatchedSession:
         self._felt = FeltErrorPairs(first.rate_hz)
         self._all_felt = FeltErrorPairs(first.rate_hz)
         self.log = EventLog(first.rate_hz, first.began)
+        self.told_events = 0
+        """How many events the pages of this session were told."""
         self._history = History(first.rate_hz, first.began)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)

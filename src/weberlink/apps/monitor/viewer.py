@@ -12,6 +12,7 @@ ROWS_WAITING = 60
 """Most messages of rows in the queue: about a second of a session."""
 ANSWERS_WAITING = 16
 GREETINGS_WAITING = 4
+EVENTS_WAITING = 16
 
 
 class MessageKind(Enum):
@@ -26,12 +27,20 @@ class MessageKind(Enum):
     FINAL = auto()
     """The last figures of a session."""
     ANSWER = auto()
+    EVENTS = auto()
+    HISTORY = auto()
+    RECORDING = auto()
+    """State of the recording; only the newest counts."""
+    REPLAY = auto()
+    """State of the replay; only the newest counts."""
 
 
 MOST_BEFORE = {
     MessageKind.HELLO: {
         MessageKind.ROWS: 0,
         MessageKind.FIGURES: 0,
+        MessageKind.EVENTS: 0,
+        MessageKind.HISTORY: 0,
         MessageKind.HELLO: GREETINGS_WAITING - 1,
         MessageKind.FINAL: GREETINGS_WAITING - 1,
     },
@@ -40,6 +49,10 @@ MOST_BEFORE = {
     MessageKind.FIGURES: {MessageKind.FIGURES: 0},
     MessageKind.FINAL: {MessageKind.FIGURES: 0},
     MessageKind.ANSWER: {MessageKind.ANSWER: ANSWERS_WAITING - 1},
+    MessageKind.EVENTS: {MessageKind.EVENTS: EVENTS_WAITING - 1},
+    MessageKind.HISTORY: {MessageKind.HISTORY: 0},
+    MessageKind.RECORDING: {MessageKind.RECORDING: 0},
+    MessageKind.REPLAY: {MessageKind.REPLAY: 0},
 }
 """For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
 
@@ -57,6 +70,7 @@ class Viewer:
         self.may_change = may_change
         self.watching: str | None = None
         """The session of its last greeting."""
+        self.wants_history = False
         self.lost_rows = 0
         self._waiting: deque[tuple[MessageKind, str]] = deque()
         self._counts = dict.fromkeys(MessageKind, 0)
