@@ -75,3 +75,18 @@ def test_figures_name_engagement_and_button() -> None:
     master.put(made)
     session.look()
     assert session.figures()["button"] == "released"
+
+
+def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
+    feed = HandFeed("slave")
+    session = WatchedSession("7", feed)
+    assert session.figures()["alarms"] == []
+    made = records(1000)
+    made["ticks_missed"][500:] = 100
+    made["fault"][900:] = Fault.TRIPPED
+    feed.put(made)
+    session.look()
+    alarms = {alarm["name"]: (alarm["level"], alarm["text"]) for alarm in session.figures()["alarms"]}
+    level, text = alarms["slave_tripped"]
+    assert level == "failed" and text.startswith("slave: the contact force passed its limit")
+    assert alarms["missed_ticks"][0] == "degraded" and "9.1 %" in alarms["missed_ticks"][1]

@@ -1,7 +1,7 @@
 """A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from time import time
 from typing import Any, NamedTuple
@@ -14,10 +14,12 @@ from weberlink.apps.monitor.history import History
 from weberlink.apps.monitor.rings import Feed, joined
 from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 from weberlink.codec.deadband.contract import Measures
-from weberlink.system.composition.channels import measures_in
 from weberlink.protocol.states import State
+from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
+from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 
@@ -240,11 +242,12 @@ class WatchedSession:
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
-        pace = self.pace
+        pace, figures = self.pace, self.score.summary()
         told: dict[str, Any] = {
             "type": "figures",
             "session": self.name,
-            "figures": self.score.summary(),
+            "figures": figures,
+            "alarms": [cause._asdict() for cause in (*self._present_faults(), *self._causes(figures))],
             "faults": self.faults,
             "faults_now": {name: _fault(side.last) for name, side in sorted(self._sides.items())},
             "ended": self.ended,
@@ -258,6 +261,18 @@ class WatchedSession:
             "button": self._button,
         }
         return told | self._settings
+
+    def _present_faults(self) -> Iterator[Cause]:
+        """The faults that are active now, as alarms."""
+        for name, side in sorted(self._sides.items()):
+            fault = _fault(side.last)
+            if fault is not None and not side.feed.drained:
+                told = fault_words(name, fault)
+                yield Cause(FAILURE if told.level == ALARM else DEGRADED, f"{name}_{fault}", f"{name}: {told.text}")
+
+    def _causes(self, figures: dict[str, Any]) -> tuple[Cause, ...]:
+        """What the report would say against the session so far."""
+        return verdict(figures | {"faults": self.faults}).causes
 
     @property
     def _button(self) -> str | None:
