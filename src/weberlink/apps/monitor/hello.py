@@ -8,6 +8,7 @@ from typing import Any
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.slave.scenes.height_field import bumps, read_heights
+from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"
@@ -40,6 +41,7 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "remote": remote,
         "sides": {side: descriptions.get(side) for side in ("master", "slave")},
         "present": sorted(descriptions),
+        "names": names(descriptions),
         "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
         "changes": changes,
         "predictors": _predictors(any_),
@@ -49,6 +51,32 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "rate_hz": any_.get("rate_hz"),
         "states": {str(state.value): state.name.lower() for state in State},
         "faults": {str(fault.value): fault.name.lower() for fault in Fault},
+    }
+
+
+def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | None]:
+    """What a session is made of, by name; None where nothing is known.
+
+    Returns:
+        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave; `master` and
+        `slave`: what the two sides call themselves.
+    """
+    known = [description for description in descriptions.values() if description is not None]
+    any_: dict[str, Any] = known[0] if known else {}
+    system = any_.get("system", {})
+    link = system.get("link", {})
+
+    def own(side: str) -> str | None:
+        name: str | None = (descriptions.get(side) or {}).get("name") or (link.get("names") or {}).get(side)
+        return name
+
+    return {
+        "file": Path(any_["file"]).name if "file" in any_ else None,
+        "device": system.get("master", {}).get("device", {}).get("driver"),
+        "robot": system.get("slave", {}).get("robot", {}).get("driver"),
+        "peer": link.get("slave"),
+        "master": own(MASTER),
+        "slave": own(SLAVE),
     }
 
 
