@@ -95,9 +95,7 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Si
         "entropy": os.urandom,
         "epoch": epoch,
         "stopwatch": perf_counter,
-        "identity": Identity(
-            description.default_name(order.side, link.listen), order.take_over, lambda _now: time_ns()
-        ),
+        "identity": Identity(name, order.take_over, lambda _now: time_ns()),
     }
     # Each side imports its own parts only.
     if order.side == MASTER:

@@ -1,7 +1,8 @@
 """The recorder process: reads the rings of a session while its daemons run, and writes one MCAP file.
 
 It starts with a `RecordingOrder` as JSON and answers with a summary as JSON on standard output. It outlives its parent,
-so that what the daemons leave in their rings is still written.
+so that what the daemons leave in their rings is still written. While it runs it takes commands on standard input, JSON
+objects of one line: `{"mark": text, "at": moment on the clock of the records [s]}`, and `{"finish": true}`.
 """
 
 import json
@@ -15,7 +16,10 @@ from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
 from time import monotonic, process_time, sleep
 from typing import Any
 
+import numpy as np
+
 from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.recording.marks import Mark, shortened
 from weberlink.telemetry.recording.message import COMPLETE, Origin
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
@@ -30,6 +34,8 @@ LOOK_FOR_S = 0.02
 APPEAR_S = 10.0
 """How long the first ring may take to appear [s]."""
 NICENESS = 10
+COMMANDS_AT_ONCE = 65_536
+"""Bytes of commands taken at a look."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +46,15 @@ class RecordingOrder:
         rings: path by side; the files may appear later.
         out: path of the recording.
         facts: as of `RecordingWriter.create`.
+        from_now: whether to leave out what the rings that exist at the start hold already.
+        takes_commands: whether the parent sends commands on standard input.
     """
 
     rings: dict[str, str]
     out: str
     facts: dict[str, str]
+    from_now: bool = False
+    takes_commands: bool = False
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
@@ -70,8 +80,8 @@ class RingSource:
         self._read = 0
         self._lost = 0
 
-    def open(self) -> bool:
-        """Open the ring if it exists; returns whether it is open.
+    def open(self, *, from_now: bool = False) -> bool:
+        """Open the ring if it exists, at its end if `from_now`; returns whether it is open.
 
         Raises:
             RingFormatError, OSError: it is there and cannot be read.
@@ -79,6 +89,8 @@ class RingSource:
         if self.ring is None:
             with suppress(FileNotFoundError):
                 self.ring = RingReader(self.path)
+                if from_now:
+                    self._read = self.ring.skip()
         return self.ring is not None
 
     def move(self, writer: RecordingWriter) -> None:
@@ -104,6 +116,32 @@ class RingSource:
             self.ring.close()
 
 
+class CommandReader:
+    """Commands on standard input, read without waiting; what is no JSON object is passed over."""
+
+    def __init__(self) -> None:
+        self._fd: int | None = sys.stdin.fileno()
+        self._rest = b""
+        os.set_blocking(self._fd, False)
+
+    def read(self) -> list[dict[str, Any]]:
+        """The commands since the last call; none once the parent has closed its end."""
+        if self._fd is None:
+            return []
+        try:
+            data = os.read(self._fd, COMMANDS_AT_ONCE)
+        except BlockingIOError:
+            return []
+        if not data:
+            self._fd = None
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        commands = []
+        for line in lines:
+            with suppress(ValueError):
+                commands.append(json.loads(line))
+        return [command for command in commands if isinstance(command, dict)]
+
+
 class RingRecorder:
     """Moves records from the rings to the file, which is created when the first ring appears.
 
@@ -115,7 +153,12 @@ class RingRecorder:
         self._order = order
         self._sources = [RingSource(side, path) for side, path in order.rings.items()]
         self._clock: tuple[float, float] | None = None
-        self._told: list[Signals] = []
+        self._told: list[str] = []
+        """Why to finish: outcomes."""
+        self._commands = CommandReader() if order.takes_commands else None
+        self._marks: list[dict[str, Any]] = []
+        """Marks that wait for the file."""
+        self._from_now = order.from_now
         self.writer: RecordingWriter | None = None
 
     def run(self) -> str:
@@ -127,6 +170,7 @@ class RingRecorder:
         give_up_at = monotonic() + APPEAR_S
         while True:
             self._look()
+            self._from_now = False  # a ring that appears later is recorded from its beginning
             begun = [source for source in self._sources if source.ring is not None]
             if begun and all(source.drained for source in begun):
                 return self._close(self._whole())
@@ -135,11 +179,11 @@ class RingRecorder:
             sleep(LOOK_S if begun else LOOK_FOR_S)
             if self._told:
                 self._look()
-                return self._close(f"stopped by {self._told[0].name}")
+                return self._close(self._told[0])
 
     def stop(self, number: int, _: object) -> None:
         """Finish at the next look; a signal handler."""
-        self._told.append(Signals(number))
+        self._told.append(f"stopped by {Signals(number).name}")
 
     def close(self, outcome: str) -> None:
         """Close the rings, and the file if it is not finished."""
@@ -151,12 +195,29 @@ class RingRecorder:
 
     def _look(self) -> None:
         for source in self._sources:
-            if source.ring is None and source.open():
+            if source.ring is None and source.open(from_now=self._from_now):
                 self._announce(source)
+        for command in () if self._commands is None else self._commands.read():
+            self._obey(command)
         if self.writer is not None:
             for source in self._sources:
                 source.move(self.writer)
             self.writer.flush()
+            for mark in self._marks:
+                self.writer.mark(self._dated(mark))
+            self._marks.clear()
+
+    def _obey(self, command: dict[str, Any]) -> None:
+        if "mark" in command:
+            self._marks.append(command)
+        elif command.get("finish"):
+            self._told.append(COMPLETE)
+
+    def _dated(self, mark: dict[str, Any]) -> Mark:
+        """A mark on the wall clock, as the records are."""
+        assert self._clock is not None
+        (wall_ns,) = Origin("master", 0.0, *self._clock).log_times_ns(np.array([mark["at"]]))
+        return Mark(int(wall_ns), shortened(mark["mark"]))
 
     def _announce(self, source: RingSource) -> None:
         ring = source.ring
@@ -209,6 +270,7 @@ def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str
         "bytes": 0 if writer is None else writer.size,
         "records": {} if writer is None else writer.records,
         "lost": {} if writer is None else writer.lost,
+        "marks": 0 if writer is None else writer.marks,
         "cpu_s": process_time(),
         "elapsed_s": monotonic() - began,
         "outcome": outcome,
