@@ -34,6 +34,9 @@ def monitor(
             metavar="KEY", help="Key of --share and --from, made by weberlink keygen; the same on both hosts."
         ),
     ] = None,
+    recordings: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
+    ] = Path("recordings"),
 ) -> None:
     """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
@@ -54,7 +57,7 @@ def monitor(
                 MISCONFIGURED,
             )
         tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
-    settings = MonitorSettings(listen, port, session, browse, *addresses, terms)
+    settings = MonitorSettings(listen, port, session, browse, *addresses, terms, recordings)
     try:
         run(settings)
     except MonitorError as error:

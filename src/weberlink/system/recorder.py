@@ -84,17 +84,17 @@ class Recorder:
         facts: see `facts`.
         rings: path of each side's ring; they need not exist yet.
         out: the file to write.
-        from_now: whether to leave out what rings that exist hold already.
+        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
     """
 
     def __init__(
-        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, from_now: bool = False
+        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
     ) -> None:
         from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
         self._out = out
-        told = dict(facts) | ({BEGUN: DURING} if from_now else {})
-        order = RecordingOrder(dict(rings), str(out), told, from_now=from_now, takes_commands=True)
+        told = dict(facts) | ({} if since is None else {BEGUN: DURING})
+        order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
@@ -128,6 +128,10 @@ class Recorder:
         assert self._process.stdin is not None
         with suppress(BrokenPipeError, ValueError):  # it has ended
             self._process.stdin.write(json.dumps(command).encode() + b"\n")
+
+    def kill(self) -> None:
+        """End it at once, if it does not finish; what it has written stays readable."""
+        self._process.kill()
 
     def finish(self) -> dict[str, Any]:
         """Wait for a limited time until the file is complete; returns its summary. May be repeated."""

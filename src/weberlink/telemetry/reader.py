@@ -88,11 +88,6 @@ class RingReader:
         """Whether the writer has closed the ring; one that was killed has not."""
         return self._map[CLOSED_AT] != 0
 
-    def skip(self) -> int:
-        """Leave out the records so far, which do not count in `overrun`; returns their number."""
-        self._next = self._counter[0]
-        return self._next
-
     def read(self) -> NDArray[np.void]:
         """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
 

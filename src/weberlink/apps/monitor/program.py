@@ -8,6 +8,7 @@ from collections.abc import Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from errno import EADDRINUSE, EADDRNOTAVAIL
+from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM
 from time import monotonic
 from typing import Any
@@ -17,6 +18,7 @@ from aiohttp import web
 
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.watch import SessionWatcher
@@ -49,6 +51,8 @@ class MonitorSettings:
     """Host and port that shares its telemetry."""
     terms: StreamTerms | None = None
     """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
+    recordings: Path = FOLDER
+    """Folder of the recordings that pages start."""
 
 
 def run(settings: MonitorSettings) -> None:
@@ -72,6 +76,7 @@ async def _serve(settings: MonitorSettings) -> None:
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
+        stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
         stack.push_async_callback(runner.cleanup)
         url = await _bind(runner, settings)
         tell(f"{url} (Ctrl-C ends it)")

@@ -111,6 +111,7 @@ class SessionWatcher:
         for session in list(self.sessions.values()):
             if not session.ended:
                 self._follow(session, is_figures_time=is_figures_time, is_history_time=is_history_time)
+            self._tell_events(session)
         self._assign()
         self._forget()
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recording.marks import Mark, shortened
-from weberlink.telemetry.recording.message import COMPLETE, Origin
+from weberlink.telemetry.recording.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 
@@ -46,14 +46,14 @@ class RecordingOrder:
         rings: path by side; the files may appear later.
         out: path of the recording.
         facts: as of `RecordingWriter.create`.
-        from_now: whether to leave out what the rings that exist at the start hold already.
+        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
         takes_commands: whether the parent sends commands on standard input.
     """
 
     rings: dict[str, str]
     out: str
     facts: dict[str, str]
-    from_now: bool = False
+    since: float | None = None
     takes_commands: bool = False
 
     def to_json(self) -> str:
@@ -70,18 +70,22 @@ class RingSource:
     Args:
         side: whose records they are.
         path: of the ring.
+        since: as of `RecordingOrder`.
     """
 
-    def __init__(self, side: str, path: str) -> None:
+    def __init__(self, side: str, path: str, since: float | None = None) -> None:
         self.side = side
         self.path = path
         self.ring: RingReader | None = None
         self.drained = False
         self._read = 0
         self._lost = 0
+        self._since = since
+        self._left_out: int | None = None
+        """How many records were before `since`; None before the first look."""
 
-    def open(self, *, from_now: bool = False) -> bool:
-        """Open the ring if it exists, at its end if `from_now`; returns whether it is open.
+    def open(self) -> bool:
+        """Open the ring if it exists; returns whether it is open.
 
         Raises:
             RingFormatError, OSError: it is there and cannot be read.
@@ -89,8 +93,6 @@ class RingSource:
         if self.ring is None:
             with suppress(FileNotFoundError):
                 self.ring = RingReader(self.path)
-                if from_now:
-                    self._read = self.ring.skip()
         return self.ring is not None
 
     def move(self, writer: RecordingWriter) -> None:
@@ -103,13 +105,25 @@ class RingSource:
             return
         alive, written = self.ring.alive, self.ring.written  # before the read, which then takes all there ever is
         records = self.ring.read()
+        if self._left_out is None and len(records):
+            self._left_out, records = self._cut(records, written)
         self._read += len(records)
         # The ring does not count what it lost before it was opened.
-        lost = max(self._lost, self.ring.overrun, written - self._read)
+        lost = max(self._lost, self.ring.overrun, written - self._read - (self._left_out or 0))
         writer.note_lost(self.side, lost - self._lost)
         self._lost = lost
         self.drained = not alive
         writer.write(self.side, records)
+
+    def _cut(self, records: Rows, written: int) -> tuple[int, Rows]:
+        """Leave out what was before `since`; returns how many records that are, and the others."""
+        assert self.ring is not None
+        if self._since is None:
+            return 0, records
+        first = int(np.searchsorted(records["at"], self._since))
+        overwritten = written - len(records)
+        missing = int((float(records["at"][0]) - self._since) * self.ring.rate_hz) if overwritten else 0
+        return first + overwritten - max(0, missing), records[first:]
 
     def close(self) -> None:
         if self.ring is not None:
@@ -151,14 +165,13 @@ class RingRecorder:
 
     def __init__(self, order: RecordingOrder) -> None:
         self._order = order
-        self._sources = [RingSource(side, path) for side, path in order.rings.items()]
+        self._sources = [RingSource(side, path, order.since) for side, path in order.rings.items()]
         self._clock: tuple[float, float] | None = None
         self._told: list[str] = []
         """Why to finish: outcomes."""
         self._commands = CommandReader() if order.takes_commands else None
         self._marks: list[dict[str, Any]] = []
         """Marks that wait for the file."""
-        self._from_now = order.from_now
         self.writer: RecordingWriter | None = None
 
     def run(self) -> str:
@@ -170,7 +183,6 @@ class RingRecorder:
         give_up_at = monotonic() + APPEAR_S
         while True:
             self._look()
-            self._from_now = False  # a ring that appears later is recorded from its beginning
             begun = [source for source in self._sources if source.ring is not None]
             if begun and all(source.drained for source in begun):
                 return self._close(self._whole())
@@ -195,7 +207,7 @@ class RingRecorder:
 
     def _look(self) -> None:
         for source in self._sources:
-            if source.ring is None and source.open(from_now=self._from_now):
+            if source.ring is None and source.open():
                 self._announce(source)
         for command in () if self._commands is None else self._commands.read():
             self._obey(command)
