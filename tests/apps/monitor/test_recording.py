@@ -174,10 +174,10 @@ def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path)
     path = Path(rig.ask(do="start")["path"])
 
     def look() -> dict[str, Any] | None:
-        made = records(2, first=rig.ticks, seed=rig.ticks)  # noise does not compress
-        made["at"] = monotonic() + np.arange(2) * 1e-6
+        made = records(6, first=rig.ticks, seed=rig.ticks)  # noise does not compress
+        made["at"] = monotonic() + np.arange(6) * 1e-6
         write(rig.ring, made)
-        rig.ticks += 2
+        rig.ticks += 6
         state = rig.state()
         return state if state is not None and state["state"] == "failed" else None
 

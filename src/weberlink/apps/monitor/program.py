@@ -4,14 +4,14 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from errno import EADDRINUSE, EADDRNOTAVAIL
 from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvloop
 from aiohttp import web
@@ -25,6 +25,9 @@ from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
 from weberlink.protocol.sealed_stream import StreamTerms
+
+if TYPE_CHECKING:
+    from weberlink.apps.monitor.replay import ReplaySource
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -53,6 +56,8 @@ class MonitorSettings:
     """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
     recordings: Path = FOLDER
     """Folder of the recordings that pages start."""
+    replay: "ReplaySource | None" = None
+    """A recording to show in the place of running sessions."""
 
 
 def run(settings: MonitorSettings) -> None:
@@ -71,12 +76,15 @@ async def _serve(settings: MonitorSettings) -> None:
     loop = asyncio.get_running_loop()
     for number in (SIGINT, SIGTERM, SIGHUP):
         loop.add_signal_handler(number, over.set)
-    watch = SessionWatcher(None, settings.session, tell)
+    only = settings.session if settings.replay is None else settings.replay.name
+    watch = SessionWatcher(None, only, tell)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
         stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
+        if settings.replay is not None:
+            stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
         url = await _bind(runner, settings)
         tell(f"{url} (Ctrl-C ends it)")
@@ -92,6 +100,13 @@ async def _serve(settings: MonitorSettings) -> None:
             assert settings.terms is not None
             running.append(Following(settings.terms, settings.source, watch, None, tell).run())
         await first_result(running)
+
+
+def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Awaitable[None]]:
+    """Show a recording; returns what ends that."""
+    from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
+
+    return Replay(watch, source).close
 
 
 async def _share(settings: MonitorSettings) -> Sharing:
