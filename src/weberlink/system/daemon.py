@@ -8,24 +8,21 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from getpass import getuser
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
-from socket import gethostname
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
 from weberlink.system import description
 from weberlink.system.composition.link import Identity, build_link, build_security
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System, load
+from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, System, load
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
 from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
@@ -96,12 +93,13 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
 
 def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
     link = configuration.system.link
+    name = description.default_name(order.side, link.listen)
     common: dict[str, Any] = {
         "security": build_security(configuration),
         "entropy": os.urandom,
         "epoch": epoch,
         "stopwatch": perf_counter,
-        "identity": Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns()),
+        "identity": Identity(name, order.take_over, lambda _now: time_ns()),
     }
     # Each side imports its own parts only.
     if order.side == MASTER:
@@ -111,19 +109,6 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Si
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
     return build_slave(configuration, **common)
-
-
-def _default_name(side: str, listen: str) -> str:
-    """The name of a side where the file gives none."""
-    host = gethostname()
-    if side == SLAVE:
-        name = f"{host}:{split_address(listen)[1]}"
-    else:
-        try:
-            name = f"{getuser()}@{host}"
-        except (KeyError, OSError):  # a user id without a name, as in containers
-            name = f"{os.getuid()}@{host}"
-    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":

@@ -6,15 +6,19 @@ before the ring appears and removed after it, so that every ring has a descripti
 
 import json
 import os
+from getpass import getuser
 from pathlib import Path
+from socket import gethostname
 from tempfile import mkstemp
 from typing import Any
 
 from weberlink.control.table import SCHEMES
+from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, channels
 from weberlink.system.composition.link import permitted
-from weberlink.system.configuration import Configuration
+from weberlink.system.configuration import SLAVE, Configuration
+from weberlink.system.configuration.model import split_address
 from weberlink.telemetry.runtime_directory import open_file
 
 LONGEST = 1_000_000
@@ -31,6 +35,7 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     force, torque = banks(system)
     return {
         "side": side,
+        "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
         "file": str(configuration.path),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
@@ -72,6 +77,19 @@ class Description:
 
     def remove(self) -> None:
         self._path.unlink(missing_ok=True)
+
+
+def default_name(side: str, listen: str) -> str:
+    """The name of a side where the file gives none."""
+    host = gethostname()
+    if side == SLAVE:
+        name = f"{host}:{split_address(listen)[1]}"
+    else:
+        try:
+            name = f"{getuser()}@{host}"
+        except (KeyError, OSError):  # a user id without a name, as in containers
+            name = f"{os.getuid()}@{host}"
+    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:

@@ -203,9 +203,9 @@ class Session:
         for ring in rings.values():  # left by an earlier process with this process id
             Path(ring).unlink(missing_ok=True)
         if self.record is not None:  # before the daemons, so that it sees their rings appear
-            from weberlink.system.recorder import Recorder  # noqa: PLC0415
+            from weberlink.system.recorder import Recorder, facts  # noqa: PLC0415
 
-            self._recorder = Recorder(self.configuration, rings, self.record)
+            self._recorder = Recorder(facts(self.configuration), rings, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))
             self.daemons[side] = daemon

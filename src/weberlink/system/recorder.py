@@ -4,10 +4,13 @@ Daemons and launcher never wait for it during a session; if it dies or the disk 
 """
 
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import yaml
@@ -20,6 +23,7 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.recording.message import BEGUN, DURING
 
 FINISH_LIMIT_S = 3.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish."""
@@ -33,9 +37,20 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
         virtual: whether the session runs in virtual time.
     """
     system = configuration.system
-    force, torque = banks(system)
+    return _facts(system.model_dump(mode="json"), *banks(system), virtual=virtual)
+
+
+def facts_of(description: Mapping[str, Any]) -> dict[str, str]:
+    """The same from the description of a running daemon, which leaves out the path of the key."""
+    torque = description.get("torque_bank")
+    return _facts(description["system"], description["bank"], torque, virtual=False)
+
+
+def _facts(
+    system: Mapping[str, Any], force: Sequence[str], torque: Sequence[str] | None, *, virtual: bool
+) -> dict[str, str]:
     return {
-        "configuration": yaml.safe_dump(system.model_dump(mode="json"), sort_keys=False),
+        "configuration": yaml.safe_dump(dict(system), sort_keys=False),
         "bank": " ".join(force),
         **({} if torque is None else {"torque_bank": " ".join(torque)}),
         "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
@@ -72,23 +87,30 @@ class Recorder:
     """The child process.
 
     Args:
-        configuration: of the session.
+        facts: see `facts`.
         rings: path of each side's ring; they need not exist yet.
         out: the file to write.
+        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
     """
 
-    def __init__(self, configuration: Configuration, rings: Mapping[str, str], out: Path) -> None:
+    def __init__(
+        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
+    ) -> None:
         from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
         self.path = out
-        order = RecordingOrder(rings=dict(rings), out=str(out), facts=facts(configuration))
+        told = dict(facts) | ({} if since is None else {BEGUN: DURING})
+        order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
-            stdin=subprocess.DEVNULL,
+            bufsize=0,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
         )
+        assert self._process.stdin is not None
+        os.set_blocking(self._process.stdin.fileno(), False)
         self._summary: dict[str, Any] | None = None
 
     @property
@@ -99,6 +121,23 @@ class Recorder:
     def running(self) -> bool:
         """Whether the process runs; it ends early if it was killed or could not write."""
         return self._process.poll() is None
+
+    def mark(self, text: str) -> None:
+        """Set a mark at this moment; without effect if the process has ended."""
+        self._command({"mark": text, "at": monotonic()})
+
+    def stop(self) -> None:
+        """Tell it to finish the file; `running` then becomes false."""
+        self._command({"finish": True})
+
+    def _command(self, command: Mapping[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError, ValueError):  # it has ended
+            self._process.stdin.write(json.dumps(command).encode() + b"\n")
+
+    def kill(self) -> None:
+        """End it at once, if it does not finish; what it has written stays readable."""
+        self._process.kill()
 
     def finish(self) -> dict[str, Any]:
         """Wait for a limited time until the file is complete; returns its summary. May be repeated."""

@@ -57,7 +57,7 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         first = ring(tmp_path, 7, "slave")
         write(first, records(20, first=0))
         watch.look(1.0)
-        assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "figures"]
+        assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "events", "figures"]
         other = ring(tmp_path, 7, "master")
         write(other, records(20, first=0))
         write(first, records(20, first=20))
@@ -70,7 +70,9 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         other.close()
         watch.look(3.0)
         messages = told(viewer)
-        assert [message["session"] for message in messages if "session" in message] == ["7", "8", "8"]
+        assert [(message["type"], message["session"]) for message in messages if "session" in message] == [
+            ("figures", "7"), ("hello", "8"), ("figures", "8")
+        ]  # fmt: skip
         assert messages[0]["ended"] and messages[0]["figures"]["ticks"]["slave"]["count"] == 40
         assert [of["session"] for of in watch.overview()] == ["8", "7"]
         second.close()
@@ -221,3 +223,25 @@ def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
     assert found["12"]["slave"].path == tmp_path / "weberlink-12-slave.ring"
     assert found["12"]["slave"].inode == (tmp_path / "weberlink-12-slave.ring").stat().st_ino
     assert find_rings(tmp_path / "missing") == {}
+
+
+def test_subscribed_page_gets_the_history() -> None:
+    async def run() -> None:
+        watch = SessionWatcher(None, "7", print)
+        feed = HandFeed("slave")
+        watch.put(WatchedSession("7", feed))
+        viewers = [Viewer(None, may_change=False), Viewer(None, may_change=False)]
+        for viewer in viewers:
+            watch.join(viewer)
+        assert await watch.requests.answer(viewers[0], {"type": "subscribe", "history": True}) is None
+        feed.put(records(2000))
+        for now in (0.0, 1.0, 2.0):
+            watch.look(now)
+        sent = [[message for message in told(viewer) if message["type"] == "history"] for viewer in viewers]
+        assert not sent[1]
+        (newest,) = sent[0]  # a page that reads late gets the newest only
+        assert newest["session"] == "7" and len(newest["columns"]["t"]) == 20
+        wrong = await watch.requests.answer(viewers[1], {"type": "subscribe", "history": 1})
+        assert wrong is not None and not wrong["accepted"]
+
+    asyncio.run(run())

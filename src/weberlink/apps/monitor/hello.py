@@ -8,6 +8,7 @@ from typing import Any
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.slave.scenes.height_field import bumps, read_heights
+from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"
@@ -41,6 +42,7 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "remote": remote,
         "sides": {side: descriptions.get(side) for side in ("master", "slave")},
         "present": sorted(descriptions),
+        "names": names(descriptions),
         "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
         "changes": changes,
         "predictors": _predictors(any_),
@@ -48,12 +50,37 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "settings": _settings(system),
         "generation": 0,
         "link": _link(system),
-        "names": _names(descriptions),
         "drivable": workspace is not None,
         "workspace_m": workspace,
         "rate_hz": any_.get("rate_hz"),
         "states": {str(state.value): state.name.lower() for state in State},
         "faults": {str(fault.value): fault.name.lower() for fault in Fault},
+    }
+
+
+def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | None]:
+    """What a session is made of, by name; None where nothing is known.
+
+    Returns:
+        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave; `master` and
+        `slave`: what the two sides call themselves.
+    """
+    known = [description for description in descriptions.values() if description is not None]
+    any_: dict[str, Any] = known[0] if known else {}
+    system = any_.get("system", {})
+    link = system.get("link", {})
+
+    def own(side: str) -> str | None:
+        name: str | None = (descriptions.get(side) or {}).get("name") or (link.get("names") or {}).get(side)
+        return name
+
+    return {
+        "file": Path(any_["file"]).name if "file" in any_ else None,
+        "device": system.get("master", {}).get("device", {}).get("driver"),
+        "robot": system.get("slave", {}).get("robot", {}).get("driver"),
+        "peer": link.get("slave"),
+        "master": own(MASTER),
+        "slave": own(SLAVE),
     }
 
 
@@ -77,20 +104,6 @@ def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:
     """The emulated link as configured; None if there is none."""
     emulated = system.get("link", {}).get("emulate")
     return None if emulated is None else {key: emulated.get(key) for key in ("delay_ms", "jitter_ms", "loss")}
-
-
-def _names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | None]:
-    """Names of the configuration, its device and robot, the address of the peer, and the process of each side."""
-    any_ = next((description for description in descriptions.values() if description is not None), {})
-    system = any_.get("system", {})
-    pids = {side: (descriptions.get(side) or {}).get("pid") for side in ("master", "slave")}
-    return {
-        "file": any_.get("file"),
-        "device": system.get("master", {}).get("device", {}).get("driver"),
-        "robot": system.get("slave", {}).get("robot", {}).get("driver"),
-        "peer": system.get("link", {}).get("slave"),
-        **{side: None if pid is None else f"process {pid}" for side, pid in pids.items()},
-    }
 
 
 def _workspace(master: Mapping[str, Any]) -> float | None:

@@ -4,14 +4,15 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvloop
 from aiohttp import web
@@ -20,6 +21,7 @@ from weberlink.apps.monitor import access, address
 from weberlink.apps.monitor.address import MonitorError
 from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrder
 from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.viewer import MessageKind
@@ -27,6 +29,9 @@ from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
 from weberlink.protocol.sealed_stream import StreamTerms
+
+if TYPE_CHECKING:
+    from weberlink.apps.monitor.replay import ReplaySource
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -51,6 +56,10 @@ class MonitorSettings:
     """Host and port that shares its telemetry."""
     terms: StreamTerms | None = None
     """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
+    recordings: Path = FOLDER
+    """Folder of the recordings that pages start."""
+    replay: "ReplaySource | None" = None
+    """A recording to show in the place of running sessions."""
 
 
 @dataclass(frozen=True)
@@ -81,13 +90,17 @@ def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult 
 async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResult | None:
     over = asyncio.Event()
     say = tell if visit is None else partial(tell, program="weberlink try")
-    watch = SessionWatcher(None, settings.session, say)
+    only = settings.session if settings.replay is None else settings.replay.name
+    watch = SessionWatcher(None, only, say)
     keeper = None if visit is None else _keeper(visit, watch, say)
     _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
+        stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
+        if settings.replay is not None:
+            stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
         listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
         await web.SockSite(runner, listening).start()
@@ -132,6 +145,13 @@ def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:
 
     for number in (SIGINT, SIGTERM, SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, end, number)
+
+
+def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Awaitable[None]]:
+    """Show a recording; returns what ends that."""
+    from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
+
+    return Replay(watch, source).close
 
 
 async def _share(settings: MonitorSettings) -> Sharing:

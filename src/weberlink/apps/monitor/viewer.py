@@ -15,6 +15,7 @@ ROWS_WAITING = 60
 """Most messages of rows in the queue: about a second of a session."""
 ANSWERS_WAITING = 16
 GREETINGS_WAITING = 4
+EVENTS_WAITING = 16
 
 
 class MessageKind(Enum):
@@ -33,12 +34,20 @@ class MessageKind(Enum):
     """Who drives."""
     KEEPER = auto()
     """The state of the session that the page starts."""
+    EVENTS = auto()
+    HISTORY = auto()
+    RECORDING = auto()
+    """State of the recording; only the newest counts."""
+    REPLAY = auto()
+    """State of the replay; only the newest counts."""
 
 
 MOST_BEFORE = {
     MessageKind.HELLO: {
         MessageKind.ROWS: 0,
         MessageKind.FIGURES: 0,
+        MessageKind.EVENTS: 0,
+        MessageKind.HISTORY: 0,
         MessageKind.HELLO: GREETINGS_WAITING - 1,
         MessageKind.FINAL: GREETINGS_WAITING - 1,
     },
@@ -49,6 +58,10 @@ MOST_BEFORE = {
     MessageKind.ANSWER: {MessageKind.ANSWER: ANSWERS_WAITING - 1},
     MessageKind.HANDLE: {MessageKind.HANDLE: 0},
     MessageKind.KEEPER: {MessageKind.KEEPER: 0},
+    MessageKind.EVENTS: {MessageKind.EVENTS: EVENTS_WAITING - 1},
+    MessageKind.HISTORY: {MessageKind.HISTORY: 0},
+    MessageKind.RECORDING: {MessageKind.RECORDING: 0},
+    MessageKind.REPLAY: {MessageKind.REPLAY: 0},
 }
 """For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
 
@@ -70,6 +83,7 @@ class Viewer:
         self.may_change = may_change
         self.watching: str | None = None
         """The session of its last greeting."""
+        self.wants_history = False
         self.lost_rows = 0
         self._waiting: deque[tuple[MessageKind, str]] = deque()
         self._answers: deque[tuple[MessageKind, str]] = deque()

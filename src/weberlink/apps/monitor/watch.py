@@ -4,10 +4,11 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol
 
 from weberlink.apps.monitor import driving
 from weberlink.apps.monitor.control import SessionControl, ask_daemon, take_settings
+from weberlink.apps.monitor.events import events_message
 from weberlink.apps.monitor.keeper import SessionKeeper
 from weberlink.apps.monitor.requests import Answer, Requests, always, refusal
 from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
@@ -22,6 +23,7 @@ LOOK_ALONE_S = 0.25
 """Period without a page; the rings hold ten seconds."""
 FIND_S = 0.25
 FIGURES_S = 0.5
+HISTORY_S = 2.0
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
 INHERIT_TIMES = 50
@@ -29,6 +31,19 @@ INHERIT_AGAIN_S = 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
 ENDED_KEPT = 4
 """Ended sessions that can still be viewed."""
+
+
+class Attachment(Protocol):
+    """A part of the monitor with messages of its own, beside requests that it answers."""
+
+    def look(self, now: float) -> None:
+        """Called at each look at the sessions."""
+
+    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
+        """What it adds to the greeting of a session for a page."""
+
+    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
+        """Called when a page is shown another session, after the greeting."""
 
 
 class SessionWatcher:
@@ -50,17 +65,24 @@ class SessionWatcher:
         self._opener = RingOpener(tell)
         self._find_at = 0.0
         self._figures_at = 0.0
+        self._history_at = 0.0
+        self._attached: list[Attachment] = []
         self._asking: set[asyncio.Task[None]] = set()
         self.requests = Requests()
         """What pages may ask for; other parts of the monitor add theirs."""
         self.control = SessionControl(self.sessions, self._greet_all)
-        self.driving = driving.Driving(self.sessions, self._viewers_of, driving.connect)
+        self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
         self.keeper: SessionKeeper | None = None
         """Of the session that pages may start; None where they may not."""
         self.requests.add("change", self.control.change)
         self.requests.add("drive", self.driving.drive, urgent=always)
         self.requests.add("session", self._session, urgent=lambda request: request.get("do") == "emergency")
         self.requests.add("ping", _pong, reads=True, urgent=always)
+        self.requests.add("subscribe", self._subscribe, reads=True)
+
+    def attach(self, part: Attachment) -> None:
+        """Add a part."""
+        self._attached.append(part)
 
     @property
     def newest(self) -> WatchedSession | None:
@@ -98,9 +120,15 @@ class SessionWatcher:
         is_figures_time = now >= self._figures_at
         if is_figures_time:
             self._figures_at = now + FIGURES_S
+        is_history_time = now >= self._history_at
+        if is_history_time:
+            self._history_at = now + HISTORY_S
+        for part in self._attached:
+            part.look(now)
         for session in list(self.sessions.values()):
             if not session.ended:
-                self._follow(session, is_figures_time)
+                self._follow(session, is_figures_time=is_figures_time, is_history_time=is_history_time)
+            self._tell_events(session)
         self.driving.look(now)
         self._assign()
         self._forget()
@@ -174,7 +202,7 @@ class SessionWatcher:
         self.sessions[session.name] = session
         if self.keeper is not None:
             self.keeper.note_running(session.name)
-        for viewer in self._viewers_of(session.name):
+        for viewer in self.viewers_of(session.name):
             self._introduce(viewer, session)
 
     def admit(self, name: str, feed: Feed) -> None:
@@ -200,8 +228,8 @@ class SessionWatcher:
         """Whether a session is to be shown: with a keeper, one that it has started."""
         return self._only in (None, name) if self.keeper is None else name in self.keeper.started
 
-    def _follow(self, session: WatchedSession, is_figures_time: bool) -> None:
-        viewers = self._viewers_of(session.name)
+    def _follow(self, session: WatchedSession, *, is_figures_time: bool, is_history_time: bool) -> None:
+        viewers = self.viewers_of(session.name)
         for message in session.look(show=bool(viewers)):
             text = to_json(message)
             for viewer in viewers:
@@ -210,10 +238,39 @@ class SessionWatcher:
         if session.ended:
             self._tell(f"session {session.name}: over")
             self.driving.announce(session.name)
+        self._tell_events(session)
+        if is_history_time or session.ended:
+            self._tell_history(session, viewers)
         if viewers and (is_figures_time or session.ended):
             text = to_json(session.figures())
             for viewer in viewers:
                 viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, text)
+
+    def _tell_events(self, session: WatchedSession) -> None:
+        events = session.log.since(session.told_events)
+        session.told_events = session.log.count
+        if events:
+            text = to_json(events_message(session.name, events))
+            for viewer in self.viewers_of(session.name):
+                viewer.put(MessageKind.EVENTS, text)
+
+    @staticmethod
+    def _tell_history(session: WatchedSession, viewers: list[Viewer]) -> None:
+        wanting = [viewer for viewer in viewers if viewer.wants_history]
+        if wanting:
+            text = to_json(session.history)
+            for viewer in wanting:
+                viewer.put(MessageKind.HISTORY, text)
+
+    async def _subscribe(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any] | None:
+        """Begin or end the messages with the history."""
+        if not isinstance(request.get("history"), bool):
+            return refusal('expected {"type": "subscribe", "history": true} or false')
+        viewer.wants_history = request["history"]
+        session = self.sessions.get(viewer.watching or "")
+        if session is not None:
+            self._tell_history(session, [viewer])
+        return None
 
     def _assign(self) -> None:
         """Assign each page its session: the one it asked for, or the newest."""
@@ -227,10 +284,13 @@ class SessionWatcher:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
-        viewer.put(kind, to_json(hello | self._own_part(viewer)))
+        hello |= self._own_part(viewer)
+        for part in self._attached:
+            hello |= part.hello(session, viewer)
+        viewer.put(kind, to_json(hello))
 
     def _greet_all(self, session: WatchedSession) -> None:
-        for viewer in self._viewers_of(session.name):
+        for viewer in self.viewers_of(session.name):
             self._greet(viewer, session, MessageKind.AGAIN)
 
     def _own_part(self, viewer: Viewer) -> dict[str, Any]:
@@ -246,9 +306,15 @@ class SessionWatcher:
         self.driving.tell(viewer)
         for message in session.backlog():
             viewer.put(MessageKind.ROWS, to_json(message))
+        if session.log.events:
+            viewer.put(MessageKind.EVENTS, to_json(events_message(session.name, list(session.log.events))))
+        self._tell_history(session, [viewer])
         viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, to_json(session.figures()))
+        for part in self._attached:
+            part.introduced(session, viewer)
 
-    def _viewers_of(self, name: str) -> list[Viewer]:
+    def viewers_of(self, name: str) -> list[Viewer]:
+        """The pages that are shown this session."""
         return [viewer for viewer in self.viewers if viewer.watching == name]
 
     def _forget(self) -> None:
