@@ -11,6 +11,7 @@ export class Link {
     this.wait = FIRST_WAIT_MS;
     this.session = null;
     this.socket = null;
+    this.token = null; // of the greeting: shows the server that a request comes from this page
   }
 
   // Follows a session; null is the newest.
@@ -23,7 +24,7 @@ export class Link {
 
   send(message) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify(message));
+    this.socket.send(JSON.stringify(this.token === null ? message : { ...message, token: this.token }));
     return true;
   }
 
@@ -39,7 +40,10 @@ export class Link {
       this.onState("open");
     };
     socket.onmessage = (event) => {
-      if (socket === this.socket) this.onMessage(JSON.parse(event.data));
+      if (socket !== this.socket) return;
+      const message = JSON.parse(event.data);
+      if (message.type === "hello") this.token = message.token ?? null;
+      this.onMessage(message);
     };
     socket.onclose = () => {
       if (socket !== this.socket) return;

@@ -5,9 +5,11 @@ import { Controls } from "./controls.js";
 import { Headline, fillFigures } from "./headline.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
+import { Rooms } from "./rooms.js";
 import { Store } from "./store.js";
 import { onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
+import { Touch } from "./touch.js";
 
 const LEAST_INTERVAL_MS = 1000 / 30;
 const IDLE_SHARE = 3; // the page is idle at least this many times as long as a drawing took
@@ -19,6 +21,8 @@ const headline = new Headline(store);
 const charts = PANELS.map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
 const controls = new Controls(store, (message) => link.send(message));
+const touch = new Touch(store, (message) => link.send(message));
+const rooms = new Rooms((message) => link.send(message));
 const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
 let view = null;
 let connected = false;
@@ -28,6 +32,7 @@ const link = new Link(receive, (state) => {
   document.body.dataset.connection = state;
   headline.connection = state;
   controls.refresh(connected);
+  touch.connection(connected);
   if (connected) listSessions();
   schedule();
 });
@@ -40,6 +45,8 @@ function receive(message) {
     if (message.settings || message.ended) controls.refresh(connected);
   }
   if (message.type === "answer") controls.answer(message);
+  touch.take(message);
+  rooms.take(message);
   schedule();
 }
 
@@ -140,6 +147,7 @@ try {
   const { View } = await import("./scene.js");
   view = new View(by("scene"), store, schedule);
   view.setScene();
+  touch.attach(view);
   by("scene").dataset.value = "webgl";
 } catch (error) {
   const note = document.createElement("p");
