@@ -16,6 +16,7 @@ export class Drive {
     this.sentAt = -Infinity;
     for (const leaving of ["blur", "pagehide"]) addEventListener(leaving, () => this.release());
     document.addEventListener("visibilitychange", () => document.hidden && this.release());
+    addEventListener("keydown", (event) => this.#escape(event), true);
   }
 
   get held() {
@@ -50,6 +51,11 @@ export class Drive {
     this.#post();
   }
 
+  // Repeats the message if it is time. Drawings call it, for a slow one keeps the timer waiting.
+  beat() {
+    if (this.held && performance.now() - this.sentAt >= REPEAT_MS) this.#post();
+  }
+
   // Ends the hold of a source, or of all.
   release(source = null) {
     if (!this.held || (source !== null && !this.sources.delete(source))) return;
@@ -64,6 +70,14 @@ export class Drive {
   refuse(why) {
     this.refusal = why;
     if (why !== null) this.release();
+  }
+
+  // Escape lets go, and means nothing else then.
+  #escape(event) {
+    if (event.key !== "Escape" || !this.held) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    this.release();
   }
 
   #inside(target) {

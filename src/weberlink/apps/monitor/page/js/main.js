@@ -5,7 +5,7 @@ import { Controls } from "./controls.js";
 import { Headline, fillFigures } from "./headline.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
-import { Rooms } from "./rooms.js";
+import { Scenes } from "./scenes.js";
 import { Store } from "./store.js";
 import { onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
@@ -17,12 +17,12 @@ const SESSIONS_EVERY_MS = 4000;
 
 const by = (id) => document.getElementById(id);
 const store = new Store();
+const touch = new Touch(store, (message) => link.send(message));
+const scenes = new Scenes((message) => link.send(message));
 const headline = new Headline(store);
 const charts = PANELS.map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
 const controls = new Controls(store, (message) => link.send(message));
-const touch = new Touch(store, (message) => link.send(message));
-const rooms = new Rooms((message) => link.send(message));
 const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
 let view = null;
 let connected = false;
@@ -46,7 +46,7 @@ function receive(message) {
   }
   if (message.type === "answer") controls.answer(message);
   touch.take(message);
-  rooms.take(message);
+  scenes.take(message);
   schedule();
 }
 
@@ -80,6 +80,7 @@ function draw(now) {
     if (chart.panel?.when?.(store) === false) continue;
     chart.prefer?.(only);
     chart.draw(from, from + drawing.window);
+    touch.drive.beat();
   }
   const whole = view?.draw(newest, begin) ?? true;
   drawing.drawn += 1;

@@ -21,10 +21,9 @@ export class Pointing {
     Object.assign(this, { place, view, drive, anywhere: false, pointer: null, finger: null, keys: new Set() });
     const early = { capture: true, passive: false }; // before the controls of the camera
     place.addEventListener("pointerdown", (event) => this.#down(event), early);
-    // Raw updates come between two drawings, too.
-    for (const kind of ["pointerrawupdate", "pointermove"]) place.addEventListener(kind, (event) => this.#move(event));
-    for (const kind of ["pointerup", "pointercancel", "lostpointercapture"])
-      place.addEventListener(kind, (event) => this.#up(event));
+    // Raw updates come between two drawings, too. The window hears of pointers of which the place has lost the capture.
+    for (const kind of ["pointerrawupdate", "pointermove"]) addEventListener(kind, (event) => this.#move(event));
+    for (const kind of ["pointerup", "pointercancel"]) addEventListener(kind, (event) => this.#up(event));
     place.addEventListener("wheel", (event) => this.#wheel(event), early);
     place.addEventListener("contextmenu", (event) => drive.held && event.preventDefault());
     place.addEventListener("keydown", (event) => this.#key(event), early);
@@ -64,9 +63,10 @@ export class Pointing {
       this.#deepen((finger.y - event.clientY) * view.pixel(view.handle));
       finger.y = event.clientY;
     } else if (pointer && event.pointerId === pointer.id) {
+      if (event.buttons === 0) return this.#up(event); // released where this page could not hear it
       pointer.at = [event.clientX, event.clientY];
       this.#follow(pointer.hit);
-    } else if (!pointer && event.type === "pointermove") {
+    } else if (!pointer && event.type === "pointermove" && this.place.contains(event.target)) {
       this.place.classList.toggle("near", !this.drive.refusal && (this.anywhere || this.#isNear(event)));
     }
   }
@@ -110,7 +110,6 @@ export class Pointing {
 
   #key(event) {
     const { drive } = this;
-    if (event.key === "Escape") drive.release();
     if (event.target !== this.place || !(event.key in MOVES) || event.shiftKey || event.ctrlKey || event.altKey) return;
     if (drive.refusal !== null) return; // arrow keys turn the view
     event.preventDefault();

@@ -21,8 +21,6 @@ const AXES_M = [
   [0, 0, 0.012],
 ]; // for a tool of which only the orientation is known
 const SOFT_INTERVAL_MS = 120; // a software renderer takes processor time from the daemons
-const LIVE_INTERVAL_MS = 14; // while the visitor drives
-const LIVE_SOFT_INTERVAL_MS = 40;
 const DROP_S = 0.3; // time and height of a packet's fall onto its place
 const DROP_MM = 16;
 const SPLASH_S = 0.7; // of the ring around a new packet
@@ -39,7 +37,7 @@ export class View {
     this.interval = software(this.renderer.getContext()) ? SOFT_INTERVAL_MS : 0;
     this.drawn = -Infinity;
     this.newest = { t: 0, came: 0 }; // row of the last drawing [s], and when it came [ms]
-    this.live = false; // the visitor drives: newest row, shorter intervals
+    this.live = false; // another one renders it
     this.aim = null; // where the visitor pulls the hand to [mm]
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
     place.prepend(this.renderer.domElement);
@@ -89,9 +87,15 @@ export class View {
 
   // Draws the state at a time; false if the last drawing is too recent, then call it again later.
   draw(to, now) {
-    if (now - this.drawn < this.#interval()) return false;
+    if (this.live) return true;
+    if (now - this.drawn < this.interval) return false;
+    this.render(to, now);
+    return true;
+  }
+
+  // Draws the state at a time, now.
+  render(to, now) {
     this.drawn = now;
-    if (this.live) to = this.store.newest;
     if (to !== this.newest.t) this.newest = { t: to, came: now };
     const { master, slave } = this.store.rings;
     const hand = point(master, to, "position") ?? null;
@@ -106,7 +110,6 @@ export class View {
     this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", to);
     this.#packets(slave, to, Math.min(BETWEEN_ROWS_S, (now - this.newest.came) / 1000));
     this.renderer.render(this.world, this.camera);
-    return true;
   }
 
   // The hand in the newest row [mm]; null while unknown.
@@ -124,11 +127,6 @@ export class View {
   }
   pixel(where) {
     return pixel(this.camera, this.renderer.domElement, where);
-  }
-
-  #interval() {
-    if (!this.live) return this.interval;
-    return this.interval ? LIVE_SOFT_INTERVAL_MS : LIVE_INTERVAL_MS;
   }
 
   #colour() {
@@ -224,10 +222,13 @@ export class View {
     const { sent } = slave.columns;
     const wanted = (row) => sent?.[row] > 0;
     const moves = !this.calm.matches;
+    let falling = 0;
     const place = (mesh, most, from, opacity, height) => {
       const { position, color } = mesh.geometry.attributes;
       const put = (k, x, y, z, age) => {
-        position.setXYZ(k, x, y, z + height(age + since));
+        const above = height(age + since);
+        falling += above > 0;
+        position.setXYZ(k, x, y, z + above);
         color.setW(k, opacity(age + since));
       };
       mesh.geometry.setDrawRange(0, along(slave, "output", from, to, put, wanted, most));
@@ -237,6 +238,7 @@ export class View {
     place(this.packets, TRAIL_POINTS, to - TRAIL_S, (age) => Math.max(FADED, 1 - age / 2), fall);
     const ripple = (age) => (moves && age > DROP_S ? Math.max(0, 1 - (age - DROP_S) / SPLASH_S) : 0);
     place(this.splash, SPLASHES, to - DROP_S - SPLASH_S, ripple, () => 0);
+    this.place.dataset.falling = falling;
   }
 
   #key(event) {

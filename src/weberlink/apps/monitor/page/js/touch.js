@@ -11,6 +11,7 @@ const M = 1e-3; // millimetres in metres
 const CONTACT_N = 0.1; // force at which a contact begins
 const FREE_N = 0.03; // and ends
 const PING_MS = 2000;
+const SMOOTH_MS = 12; // a frame of less leaves time enough
 const QUIET_MS = 400; // without rows there is no tone
 const ARIA = {
   true: "3-D view of the scene; arrow keys, Page Up and Page Down move the handle, Escape lets go, Shift and arrow keys orbit",
@@ -50,6 +51,7 @@ export class Touch {
   // Takes one message of the server, after the store.
   take(message) {
     const now = performance.now();
+    this.drive.beat();
     if (message.type === "hello") this.#greet(message);
     if (message.type === "handle") {
       [this.state, this.why] = [message.state, message.why ?? null];
@@ -102,7 +104,7 @@ export class Touch {
   #held() {
     const { held } = this.drive;
     this.view.live = held;
-    if (held) requestAnimationFrame((now) => this.#draw(now));
+    if (held) requestAnimationFrame(() => this.#draw());
     else {
       this.pointing.forget();
       this.gamepads.still();
@@ -112,12 +114,19 @@ export class Touch {
     this.#say();
   }
 
-  // Draws the handle and its target while they are driven, independently of the charts.
-  #draw(now) {
+  // Draws the newest row and the target while the visitor drives, independently of the charts: up to 60 times a second, but
+  // idle for as long as a frame took, because a software renderer takes processor time from messages and daemons.
+  #draw() {
     if (!this.drive.held) return;
+    const begin = performance.now();
     this.view.aim = this.drive.target.map((value) => value / M);
-    this.view.draw(this.store.newest, now);
-    requestAnimationFrame((next) => this.#draw(next));
+    this.drive.beat();
+    this.view.render(this.store.newest, begin);
+    this.drive.beat();
+    setTimeout(() => {
+      const cost = performance.now() - begin; // with what the browser did to show it
+      setTimeout(() => requestAnimationFrame(() => this.#draw()), cost < SMOOTH_MS ? 0 : cost);
+    });
   }
 
   #dragAnywhere(anywhere) {
@@ -136,7 +145,7 @@ export class Touch {
     if (!this.view) return "driving needs the 3-D view, which needs WebGL";
     if (!hello?.drivable) return this.why ?? "this session has no handle for the pointer";
     if (ended) return "the session has ended";
-    if (this.state === "taken") return `somebody else drives${this.why ? `: ${this.why}` : ""}`;
+    if (this.state === "taken") return this.why ?? "somebody else drives";
     if (this.state === "none") return this.why ?? "waiting for the handle";
     return null;
   }

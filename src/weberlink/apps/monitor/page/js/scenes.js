@@ -11,12 +11,12 @@ const STATES = {
   failed: (title, why) => `not started: ${why ?? "unknown reason"}`,
 };
 
-export class Rooms {
+export class Scenes {
   // `send(message)` returns whether the message was sent.
   constructor(send) {
     Object.assign(this, { send, rooms: null, keeper: null, chosen: null });
-    by("start").addEventListener("click", () => this.#start());
-    by("room").addEventListener("change", (event) => {
+    by("scene-start").addEventListener("click", () => this.#start());
+    by("scene-choice").addEventListener("change", (event) => {
       this.chosen = event.target.value;
       this.#show();
     });
@@ -37,7 +37,7 @@ export class Rooms {
   }
 
   #start() {
-    const scene = by("room").value;
+    const scene = by("scene-choice").value;
     this.chosen = null;
     const went = this.send({ type: "session", do: "start", scene });
     this.#said(went ? { state: "starting", scene } : { state: "failed", scene, why: "the monitor does not answer" });
@@ -51,10 +51,10 @@ export class Rooms {
 
   #show() {
     const { rooms, keeper } = this;
-    by("rooms").hidden = !rooms?.start;
+    by("scenes").hidden = !rooms?.start;
     if (!rooms?.start) return;
     const scenes = rooms.scenes ?? [];
-    const select = by("room");
+    const select = by("scene-choice");
     const wanted = JSON.stringify(scenes);
     if (select.dataset.names !== wanted) {
       select.replaceChildren(...scenes.map(({ name, title }) => new Option(title ?? name, name)));
@@ -65,7 +65,7 @@ export class Rooms {
     const state = keeper?.state ?? (rooms.scene ? "running" : "idle");
     const title = scenes.find(({ name }) => name === current)?.title ?? current ?? "";
     show(by("keeper"), STATES[state]?.(title, keeper?.why) ?? state, state);
-    select.disabled = by("start").disabled = state === "starting";
-    by("start").textContent = state === "running" && select.value === current ? "Restart" : "Start";
+    select.disabled = by("scene-start").disabled = state === "starting";
+    by("scene-start").textContent = state === "running" && select.value === current ? "Restart" : "Start";
   }
 }
