@@ -29,12 +29,12 @@ def info(
 
 def export(
     recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or parquet (extra: weberlink[parquet]).")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet (extra: weberlink[parquet]) or ros.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the tables; default: that of the recording.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the files; default: that of the recording.")
     ] = None,
 ) -> None:
-    """Convert a recording to CSV or Parquet tables."""
+    """Convert a recording to tables, or to MCAP for ROS tools."""
     from weberlink.apps.recordings import ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 
@@ -74,6 +74,10 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
         float | None, typer.Option(metavar="N", min=1.0, callback=finite, help="Largest rate of updates [1/s].")
     ] = None,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="U,..", help="Units of CSV files, such as mm,ms; default: SI units."),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
     ] = None,
@@ -92,7 +96,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
             result = run(
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
-                max_updates=max_updates,
+                max_updates=max_updates, units=units,
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:

@@ -11,7 +11,7 @@ from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.by_source import by_source
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, coded_samples, rows_of
 from weberlink.studies.evaluate.table import tables_of
-from weberlink.studies.evaluate.traces import NamedTrace, read_traces
+from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult
@@ -63,6 +63,7 @@ def run(
     plots: bool = False,
     deadbands: str = ISOTROPIC,
     max_updates: float | None = None,
+    units: str | None = None,
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -79,6 +80,7 @@ def run(
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.
         max_updates: largest rate of updates [1/s]; None for no limit.
+        units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
         workers: where the work is done.
         progress: called after every task.
 
@@ -107,7 +109,7 @@ def run(
         max_updates_per_s=max_updates,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
-    named = read_traces(traces)
+    named = read_traces(traces, None if units is None else units_of(units))
     rows = _compute(study, named, workers, progress)
     run_time, facts = perf_counter() - began, environment()
     caption = footer(facts)
