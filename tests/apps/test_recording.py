@@ -185,7 +185,7 @@ class TestOfASimulation:
         with RecordingWriter.create(alone, recording.facts) as writer:
             writer.add_side(recording.origins["master"])
             writer.write("master", recording.records["master"])
-        status, output, errors = weberlink("export", alone, "--to", "csv")
+        status, _, errors = weberlink("export", alone, "--to", "csv")
         assert (status, errors) == (0, "")
         assert [each.name for each in sorted(tmp_path.glob("*.csv"))] == ["alone-master.csv"]
 

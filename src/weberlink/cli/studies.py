@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from weberlink.cli.arguments import File, Full, Json, OptionalFile, Plots, Set, Workers, finite
+from weberlink.cli.figures import Footer, Format, figures
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED, MISCONFIGURED
@@ -87,6 +88,14 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     ] = None,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
+    from_: Annotated[
+        float | None, typer.Option("--from", metavar="S", callback=finite, help="Begin of the drawn forces [s].")
+    ] = None,
+    until: Annotated[
+        float | None, typer.Option("--to", metavar="S", callback=finite, help="End of the drawn forces [s].")
+    ] = None,
 ) -> None:
     """Code recorded signals: packets, error and run time."""
     from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
@@ -96,21 +105,25 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
             result = run(
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
-                max_updates=max_updates, units=units,
+                max_updates=max_updates, units=units, period=(from_, until),
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
-def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
+def precision(
+    full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
+) -> None:
     """Measure error against run time: integrators and codec."""
     from weberlink.studies.precision.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, progress=lambda what, done, total: progress(done, total, what))
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
 def stability(
@@ -118,6 +131,8 @@ def stability(
     workers: Workers = None,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Map stability, force and energy on stiff and extreme cases.
 
@@ -127,7 +142,8 @@ def stability(
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
     if result.problem:
         fail(result.problem, FAILED)
 
@@ -147,6 +163,8 @@ def bench(
     budget: Annotated[bool, typer.Option("--budget", help="Measure only what each part of a tick costs.")] = False,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
     set_: Set = None,
 ) -> None:
     """Measure real-time figures beside this machine's limits."""
@@ -169,7 +187,8 @@ def bench(
             )  # fmt: skip
     except BenchError as error:
         fail(str(error), FAILED)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
 def experiment(
@@ -229,6 +248,8 @@ def ratings(
     json_out: Json = None,
     csv_out: Annotated[Path | None, typer.Option("--csv", metavar="OUT", help="Write every rating as CSV.")] = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Analyse ratings: means, tests, packets at equal quality."""
     from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
@@ -236,7 +257,8 @@ def ratings(
     with errors():
         result = run(folder, level=level, only=only, plots=plots is not None)
     problem = None if csv_out is None else attempt(lambda: result.write_csv(csv_out), csv_out)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
     if problem is not None:
         fail(problem, FAILED)
 

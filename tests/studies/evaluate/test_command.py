@@ -298,7 +298,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
-    for name in ("packet_rate", "quality", "quality_over_rate", "force", "model"):
+    for name in ("packet_rate", "quality", "quality_over_rate", "force", "model_hybrid"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
@@ -311,6 +311,57 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
             ["", "", "", ""] if selected is None else [str(sends) for sends in selected.values()]
         )
     assert (tmp_path / "curves.csv").read_text().count("\n") == 5
+
+
+def drawn(folder: Path, *options: object) -> Result:
+    return invoke(OPERATOR, "--predictor", "zoh,linear,plane,hybrid", "--plots", folder, *options)
+
+
+def test_every_predictor_is_in_the_figure_over_time(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    ended = drawn(tmp_path, "--from", 1.0, "--to", 1.2, "--format", "svg")
+    assert (ended.exit_code, ended.stderr) == (0, "")
+    with (tmp_path / "force.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(dict.fromkeys(row["predictor"] for row in rows)) == ["zoh", "linear", "plane", "hybrid"]
+    times = [float(row["t_s"]) for row in rows]
+    assert (min(times), max(times)) == pytest.approx((1.0, 1.2), abs=2e-3)
+    svg = (tmp_path / "force.svg").read_text(encoding="utf-8")
+    for name in ("zoh", "linear", "plane", "hybrid"):
+        assert f">{name}: " in svg
+    assert {path.stem for path in tmp_path.glob("model_*.svg")} == {"model_plane", "model_hybrid"}
+    assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize(("footer", "printed_below"), [("--footer", True), ("--no-footer", False)])
+def test_metadata_have_what_the_footer_says(footer: str, printed_below: bool, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    image = pytest.importorskip("PIL.Image")
+    ended = invoke(OPERATOR, "--predictor", "zoh", "--plots", tmp_path, footer, "--format", "png,svg,pdf")
+    assert (ended.exit_code, ended.stderr) == (0, "")
+    with image.open(tmp_path / "force.png") as picture:
+        assert "numpy" in picture.text["Description"]
+        height = picture.height
+    svg = (tmp_path / "force.svg").read_text(encoding="utf-8")
+    metadata, _, body = svg.partition("</metadata>")
+    assert "numpy" in metadata
+    assert ("numpy" in body) is printed_below
+    pdf = (tmp_path / "force.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF") and b"/Subject" in pdf and b"numpy" in pdf
+    assert b"CreationDate" not in pdf
+    assert (height > 600) is printed_below, "the figure is as much higher as the footer"
+
+
+def test_wrong_figure_options_are_said_before_the_work(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    for options, said in (
+        (("--format", "jpg"), "--format: 'jpg' is none of png, pdf, svg"),
+        (("--from", 3600.0), "--from, --to: operator has no two samples there; its time is 0 to"),
+    ):
+        ended = drawn(tmp_path / "none", *options)
+        assert (ended.exit_code, ended.stdout) == (2, "")
+        assert said in ended.stderr
+    assert not (tmp_path / "none").exists()
 
 
 def test_recordings_of_people_stay_within_the_deadband() -> None:

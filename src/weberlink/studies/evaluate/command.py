@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.by_source import by_source
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, coded_samples, rows_of
 from weberlink.studies.evaluate.table import tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
+from weberlink.studies.moments.moments import TickWindow
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult
@@ -64,6 +67,7 @@ def run(
     deadbands: str = ISOTROPIC,
     max_updates: float | None = None,
     units: str | None = None,
+    period: tuple[float | None, float | None] = (None, None),
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -81,6 +85,8 @@ def run(
         deadbands: names of shapes, separated by commas.
         max_updates: largest rate of updates [1/s]; None for no limit.
         units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
+        period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
+            None for the second that shows most.
         workers: where the work is done.
         progress: called after every task.
 
@@ -110,6 +116,7 @@ def run(
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces, None if units is None else units_of(units))
+    window = _window(named[0], period) if plots else None
     rows = _compute(study, named, workers, progress)
     run_time, facts = perf_counter() - began, environment()
     caption = footer(facts)
@@ -128,7 +135,7 @@ def run(
     def draw(folder: Path) -> None:
         from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
-        draw_study(study, named, rows, folder, caption)
+        draw_study(study, named, rows, folder, caption, window)
 
     return Evaluation(document, tables_of(rows, jnd, run_time, caption), draw, rows)
 
@@ -155,6 +162,25 @@ def _compute(
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
         ) from None
+
+
+def _window(trace: NamedTrace, period: tuple[float | None, float | None]) -> TickWindow | None:
+    """The ticks of a trace in a period [s], None for its begin or end; None for no period.
+
+    Raises:
+        ConfigurationError: there are fewer than two.
+    """
+    begin, until = period
+    if begin is None and until is None:
+        return None
+    times = trace.trace.time_s
+    first = 0 if begin is None else int(np.searchsorted(times, begin))
+    beyond = len(times) if until is None else int(np.searchsorted(times, until, side="right"))
+    if beyond - first < 2:
+        raise ConfigurationError(
+            f"--from, --to: {trace.name} has no two samples there; its time is {times[0]:g} to {times[-1]:g} s"
+        )
+    return TickWindow(first, beyond)
 
 
 def _names(option: str, text: str, known: Sequence[str]) -> list[str]:
