@@ -95,7 +95,8 @@ class _Layout:
 
     def rows(self, count: int) -> Rows:
         layout = {"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": self.end}
-        return np.zeros(count, np.dtype(layout))  # type: ignore[call-overload,no-any-return]
+        kind: np.dtype[np.void] = np.dtype(layout)  # type: ignore[call-overload]
+        return np.zeros(count, kind)
 
 
 def pose_stamped(motion: Motion) -> Rows:
