@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from benchmarks.budget import PARTS, Budget
 from benchmarks.lateness import Lateness
+from weberlink.studies.sheet import caption_below, save
 
 COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
 """Colours of Okabe and Ito, distinct for colour-blind readers; the limit is black and dashed."""
@@ -29,7 +30,7 @@ def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None
 
     Args:
         rates: measured.
-        path: of the picture; its suffix names the format.
+        path: of the picture, a PNG unless other formats are asked for.
         caption: environment of the run, printed below.
     """
     figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
@@ -41,8 +42,8 @@ def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None
     panels[0].set_ylabel("share of ticks that are later")
     panels[0].legend(fontsize=8, loc="lower left")
     figure.suptitle("Lateness of a tick, beside a thread that only waits", fontsize=11)
-    figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
-    figure.savefig(path, dpi=160)
+    caption_below(figure, caption, _wrapped(caption), fontsize=CAPTION_PT, color="0.3")
+    save(figure, path.with_suffix(""), dpi=160, usual=("png",))
 
 
 def _panel(axes: Axes, rate: Lateness) -> None:
@@ -99,8 +100,8 @@ def cpu_figure(cost: Budget, live: Lateness, path: Path, caption: str) -> None:
     axes.invert_yaxis()
     axes.set_xlabel(f"CPU time of a tick at {live.rate_hz / 1e3:g} kHz [us]")
     figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-    figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
-    figure.savefig(path, dpi=160)
+    caption_below(figure, caption, _wrapped(caption), fontsize=CAPTION_PT, color="0.3")
+    save(figure, path.with_suffix(""), dpi=160, usual=("png",))
 
 
 def _bars(axes: Axes, sides: Sequence[str], widths: ArrayLike, left: ArrayLike, colour: Any, label: str) -> None:

@@ -141,7 +141,7 @@ class TestOfASimulation:
         path, _ = simulated
         for to in ("csv", "parquet"):
             status, output, errors = weberlink("export", path, "--to", to, "--out", tmp_path)
-            assert (status, errors) == (0, "") and output.count("\n") == 2
+            assert (status, errors) == (0, "") and output.count("\n") == (3 if to == "csv" else 2)
         recording = read_recording(path)
         parquet = pytest.importorskip("pyarrow.parquet")
         for side, records in recording.records.items():
@@ -158,6 +158,34 @@ class TestOfASimulation:
         one_line(status, errors, "touch-master.csv exists")
         status, _, errors = weberlink("export", path, "--to", "xlsx")
         one_line(status, errors, "--to", "csv, parquet")
+
+    def test_exported_trace_gives_the_same_evaluation(self, simulated, tmp_path):
+        path, _ = simulated
+        status, output, errors = weberlink("export", path, "--to", "csv", "--out", tmp_path)
+        assert (status, errors) == (0, "")
+        trace = tmp_path / "touch-trace.csv"
+        assert f"{trace}: " in output
+        rows = []
+        for given in (path, trace):
+            status, output, errors = weberlink("evaluate", given, "--predictor", "zoh,hybrid", "--json", "-")
+            assert (status, errors) == (0, "")
+            rows.append(document(output)["rows"])
+        assert len(rows[0]) == 2
+        own = {"trace", "tick_us"}
+        for recorded, read_back in zip(*rows, strict=True):
+            for key in recorded.keys() - own:
+                assert recorded[key] == read_back[key], key
+
+    def test_export_without_contact_side_has_no_trace(self, simulated, tmp_path):
+        path, _ = simulated
+        recording = read_recording(path)
+        alone = tmp_path / "alone.mcap"
+        with RecordingWriter.create(alone, recording.facts) as writer:
+            writer.add_side(recording.origins["master"])
+            writer.write("master", recording.records["master"])
+        status, _, errors = weberlink("export", alone, "--to", "csv")
+        assert (status, errors) == (0, "")
+        assert [each.name for each in sorted(tmp_path.glob("*.csv"))] == ["alone-master.csv"]
 
     def test_a_full_disk_ends_the_recording_alone(self, small_disk):
         path = small_disk / "r.mcap"

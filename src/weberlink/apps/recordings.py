@@ -1,8 +1,8 @@
-"""The `info` and `export` commands: describe recordings, and write their records as tables."""
+"""The `info` and `export` commands: describe recordings, and write them as tables, as a signal, and for ROS tools."""
 
 import csv
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,13 +21,13 @@ from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES
 from weberlink.telemetry.recording.message import BEGUN
 
-FORMATS = ("csv", "parquet")
+FORMATS = ("csv", "parquet", "ros")
 BLOCK_ROWS = 50_000
 """Rows converted at a time: Python numbers take far more memory than an array."""
 
 
 class ExportError(Exception):
-    """A table cannot be written."""
+    """A file cannot be written."""
 
 
 @dataclass(frozen=True)
@@ -77,48 +77,94 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
 
 
 def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
-    """Write one table for each side beside the first recording, or into the folder; returns a line for each.
+    """Write files beside the first recording, or into the folder; returns a line for each.
+
+    `csv` and `parquet` are a table for each side; with `csv` also the signal that `evaluate` reads, what the robot was
+    commanded and felt while engaged. `ros` is one MCAP file for ROS tools.
 
     Raises:
-        ConfigurationError: for a format or a file that cannot be used, or a table that exists already.
-        ExportError: a table cannot be written; no part of it is left.
+        ConfigurationError: for a format or a file that cannot be used, or a file that exists already.
+        ExportError: a file cannot be written; no part of it is left.
     """
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
     if to == "parquet":
         need("pyarrow", "parquet", "--to parquet")
-    _, session = _read(paths)
-    from weberlink.system.scoring.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
-
-    times = time_axis(session)
+    recordings, session = _read(paths)
     target = folder if folder is not None else paths[0].parent
-    outs = {side: target / f"{paths[0].stem}-{side}.{to}" for side in session.sides}
+    outputs = dict(_outputs(recordings, session, to))
+    outs = {name: target / f"{paths[0].stem}-{name}" for name in outputs}
     for out in outs.values():
         if out.exists():
             raise ConfigurationError(f"--out: {out} exists; move it away or name another folder")
-    lines = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for side, records in session.sides.items():
-            columns = {"t": times[side]} | _columns(records)
-            _place(columns, outs[side], _write_csv if to == "csv" else _write_parquet)
-            lines.append(f"{outs[side]}: {len(records)} rows, {len(columns)} columns")
+        return [f"{out}: {_place(outputs[name], out)}" for name, out in outs.items()]
     except OSError as error:
         raise ExportError(f"{target}: cannot be written: {error.strerror or error}") from None
-    return lines
 
 
-def _place(
-    columns: dict[str, NDArray[Any]], path: Path, write: Callable[[dict[str, NDArray[Any]], Path], None]
-) -> None:
-    """Write to a temporary name, then rename, so that no part of a table can remain."""
+Output = Callable[[Path], str]
+"""Writes a file that is not there yet, and says what is in it."""
+
+
+def _outputs(recordings: Sequence[Any], session: Any, to: str) -> Iterator[tuple[str, Output]]:
+    """The end of the name of each file, and what writes it."""
+    from weberlink.system.scoring.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
+
+    if to == "ros":
+        yield "ros.mcap", lambda path: _write_ros(recordings, session, path)
+        return
+    times = time_axis(session)
+    for side, records in session.sides.items():
+        columns = {"t": times[side]} | _columns(records)
+        yield f"{side}.{to}", _table(columns, _write_csv if to == "csv" else _write_parquet)
+    signal = _signal(recordings) if to == "csv" else None
+    if signal is not None:
+        yield "trace.csv", _table(signal, _write_csv)
+
+
+def _table(columns: dict[str, NDArray[Any]], write: Callable[[dict[str, NDArray[Any]], Path], None]) -> Output:
+    def output(path: Path) -> str:
+        write(columns, path)
+        return f"{len(next(iter(columns.values())))} rows, {len(columns)} columns"
+
+    return output
+
+
+def _signal(recordings: Sequence[Any]) -> dict[str, NDArray[Any]] | None:
+    """The columns of the trace of the slave's side; None where it was not recorded or never engaged."""
+    from weberlink.master.trace import COLUMNS, TraceError, read_trace  # noqa: PLC0415
+
+    for recording in recordings:
+        if len(recording.records.get("slave", ())):
+            try:
+                trace = read_trace(recording.path)
+            except TraceError:
+                return None
+            table = np.column_stack((trace.time_s, trace.position_m, trace.force_n))
+            return dict(zip(COLUMNS, table.T, strict=True))
+    return None
+
+
+def _write_ros(recordings: Sequence[Any], session: Any, path: Path) -> str:
+    from weberlink.apps.ros_export import RATE_HZ, write_ros  # noqa: PLC0415 - writes with an optional library
+
+    first = next((each for each in recordings if "master" in each.origins), recordings[0])
+    count = write_ros(session, first.origins, first.facts, path)
+    return f"{count} messages; poses, forces and frames at {RATE_HZ:g} Hz"
+
+
+def _place(write: Output, path: Path) -> str:
+    """Write to a temporary name, then rename, so that no part of a file can remain."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        write(columns, draft)
+        told = write(draft)
         draft.rename(path)
     except BaseException:
         draft.unlink(missing_ok=True)
         raise
+    return told
 
 
 def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:

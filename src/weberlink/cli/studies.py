@@ -21,6 +21,7 @@ from weberlink.cli.arguments import (
     finite,
     folder_target,
 )
+from weberlink.cli.figures import Footer, Format, figures
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED, MISCONFIGURED
@@ -40,15 +41,15 @@ def info(
 
 def export(
     recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or parquet (extra: weberlink[parquet]).")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet (extra: weberlink[parquet]) or ros.")],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", callback=folder_target, help="Folder of the tables; default: that of the recording."
+            "--out", metavar="DIR", callback=folder_target, help="Folder of the files; default: that of the recording."
         ),
     ] = None,
 ) -> None:
-    """Convert a recording to CSV or Parquet tables."""
+    """Convert a recording to tables, or to MCAP for ROS tools."""
     from weberlink.apps.recordings import ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 
@@ -88,6 +89,10 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
         float | None, typer.Option(metavar="N", min=1.0, callback=finite, help="Largest rate of updates [1/s].")
     ] = None,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="U,..", help="Units of CSV files, such as mm,ms; default: SI units."),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
     ] = None,
@@ -97,6 +102,14 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     ] = None,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
+    from_: Annotated[
+        float | None, typer.Option("--from", metavar="S", callback=finite, help="Begin of the drawn forces [s].")
+    ] = None,
+    until: Annotated[
+        float | None, typer.Option("--to", metavar="S", callback=finite, help="End of the drawn forces [s].")
+    ] = None,
 ) -> None:
     """Code recorded signals: packets, error and run time."""
     from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
@@ -106,21 +119,25 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
             result = run(
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
-                max_updates=max_updates,
+                max_updates=max_updates, units=units, period=(from_, until),
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
-def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
+def precision(
+    full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
+) -> None:
     """Measure error against run time: integrators and codec."""
     from weberlink.studies.precision.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, progress=progress)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
 def stability(
@@ -128,6 +145,8 @@ def stability(
     workers: Workers = None,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Map stability, force and energy on stiff and extreme cases.
 
@@ -137,7 +156,8 @@ def stability(
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
 def bench(
@@ -155,6 +175,8 @@ def bench(
     budget: Annotated[bool, typer.Option("--budget", help="Measure only what each part of a tick costs.")] = False,
     json_out: Json = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
     set_: Set = None,
 ) -> None:
     """Measure real-time figures beside this machine's limits."""
@@ -177,7 +199,8 @@ def bench(
             )  # fmt: skip
     except BenchError as error:
         fail(str(error), FAILED)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
 
 
 def experiment(
@@ -241,6 +264,8 @@ def ratings(
         Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every rating as CSV.")
     ] = None,
     plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Analyse ratings: means, tests, packets at equal quality."""
     from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
@@ -248,7 +273,8 @@ def ratings(
     with errors():
         result = run(folder, level=level, only=only, plots=plots is not None)
     problem = None if csv_out is None else attempt(lambda: result.write_csv(csv_out), csv_out)
-    publish(result, json_out, plots)
+    with figures(footer, format_):
+        publish(result, json_out, plots)
     if problem is not None:
         fail(problem, FAILED)
 

@@ -66,7 +66,7 @@ class CurveFigures:
     units: str = "units"
 
     def write(self, folder: Path) -> None:
-        """Write packet_rate, quality and quality_over_rate as PNG and SVG, and curves.csv, into an existing folder."""
+        """Write packet_rate, quality and quality_over_rate and curves.csv, into an existing folder."""
         save(self.packet_rate(), folder / "packet_rate")
         save(self.quality_over_weber(), folder / "quality")
         save(self.quality_over_rate(), folder / "quality_over_rate")

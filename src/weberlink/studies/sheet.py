@@ -1,6 +1,6 @@
-"""Figures for print: page, style of each predictor, warning mark, footer and files. Needs matplotlib (extra: plots)."""
+"""Figures for print: page, style of each predictor, mark, caption and files. Needs matplotlib (extra: plots)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from textwrap import fill
@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+
+from weberlink.studies.drawing import current
 
 WIDTH_IN = 16.0 / 2.54
 """Figures are printed at this width, so font sizes are those on the page."""
@@ -82,8 +84,22 @@ def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> 
     heading = fill(title if mark is None else f"{mark}: {title}", 78)
     colour = "black" if mark is None else MARK_COLOUR
     figure.suptitle(heading, fontsize=10.5, color=colour, parse_math=False)
-    figure.supxlabel(footer(caption), x=0.015, ha="left", fontsize=SMALLEST_PT, color="0.3", parse_math=False)
+    caption_below(figure, caption, footer(caption), x=0.015, ha="left", fontsize=SMALLEST_PT, color="0.3")
     return figure
+
+
+def caption_below(figure: Figure, caption: str, text: str | None = None, **options: Any) -> None:
+    """Give a figure its caption: printed below where a footer is asked for, and in the metadata by `save`.
+
+    Args:
+        figure: without one.
+        caption: the environment of the measurement.
+        text: the caption as it is printed, for example wrapped.
+        options: of the text.
+    """
+    figure.set_label(caption)
+    if current().footer:
+        figure.supxlabel(caption if text is None else text, parse_math=False, **options)
 
 
 def footer(caption: str) -> str:
@@ -92,8 +108,8 @@ def footer(caption: str) -> str:
 
 
 def footer_cm(caption: str) -> float:
-    """Height of the footer [cm]."""
-    return 0.35 * (2 + footer(caption).count("\n"))
+    """Height of the footer [cm]; 0 where none is printed."""
+    return 0.35 * (2 + footer(caption).count("\n")) if current().footer else 0.0
 
 
 def watermark(axes: Any, mark: str | None) -> None:
@@ -108,11 +124,32 @@ def watermark(axes: Any, mark: str | None) -> None:
     text.set_in_layout(False)
 
 
-def save(figure: Figure, stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg; text stays text in the SVG, and equal figures give equal files."""
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink"}):
-        figure.savefig(beside(stem, ".png"), dpi=200, metadata={"Software": None})
-        figure.savefig(beside(stem, ".svg"), metadata={"Date": None, "Creator": None})
+PRINTED = ("png", "svg")
+
+
+def save(figure: Figure, stem: Path, *, dpi: float = 200, usual: Sequence[str] = PRINTED) -> None:
+    """Write `stem` in the formats asked for, with the caption in the metadata.
+
+    Text stays text in SVG and PDF, and equal figures give equal files.
+
+    Args:
+        figure: with a caption, see `caption_below`.
+        stem: of the files.
+        dpi: of a PNG.
+        usual: formats where none are asked for.
+    """
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink", "pdf.fonttype": 42}):
+        for name in current().formats or usual:
+            figure.savefig(beside(stem, f".{name}"), dpi=dpi, metadata=_metadata(name, str(figure.get_label())))
+
+
+def _metadata(name: str, caption: str) -> Mapping[str, str | None]:
+    """The caption where a format has room for it; no date and no version of the program."""
+    if name == "pdf":
+        return {"Subject": caption, "Creator": None, "Producer": None, "CreationDate": None}
+    if name == "svg":
+        return {"Description": caption, "Date": None, "Creator": None}
+    return {"Description": caption, "Software": None}
 
 
 def beside(stem: Path, ending: str) -> Path:

@@ -109,7 +109,9 @@ def let_go(page: Browser, server: ScriptedServer) -> None:
     page.wait(lambda: not drives(server)[-1]["held"], "the release")
 
 
-def after(server: ScriptedServer, page: Browser, condition: Callable[[NDArray[np.float64]], bool]) -> NDArray[np.float64]:
+def after(
+    server: ScriptedServer, page: Browser, condition: Callable[[NDArray[np.float64]], bool]
+) -> NDArray[np.float64]:
     """The newest target once it fulfils a condition."""
     page.wait(lambda: bool(drives(server)) and condition(target(server)), "the target")
     return target(server)
@@ -328,7 +330,9 @@ def test_gamepad_drives_and_rumbles(page: Browser, server: ScriptedServer) -> No
 
 
 def test_sound_is_off_until_switched_on(page: Browser, server: ScriptedServer) -> None:
-    page.run("window.made = 0; window.AudioContext = class extends AudioContext { constructor(o) { super(o); made += 1; } }")
+    page.run(
+        "window.made = 0; window.AudioContext = class extends AudioContext { constructor(o) { super(o); made += 1; } }"
+    )
     page.run("window.tones = 0; window.OscillatorNode = class extends OscillatorNode {"
              "constructor(c, o) { super(c, o); tones += 1; } }")  # fmt: skip
     server.say(rest(0.2, 0.3, output=[0.0, 0.0, 2.0]))

@@ -146,6 +146,57 @@ def test_a_wrong_argument_is_one_line(arguments: tuple[str, ...], said: str) -> 
 # --- processes
 
 
+def in_units(path: Path, time: float, position: float, force: float = 1.0) -> Path:
+    """A wall of 100 samples at 100 Hz, its numbers divided by what a unit is in SI."""
+    rows = [(0.01 * i, 0.03, 0.0, -0.00002 * i, 0.0, 0.0, 0.01 * i) for i in range(100)]
+    lines = [
+        ",".join(f"{value / unit:.12g}" for value, unit in zip(row, (time, *[position] * 3, *[force] * 3), strict=True))
+        for row in rows
+    ]
+    path.write_text("\n".join(("t,px,py,pz,fx,fy,fz", *lines)) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("factors", "seen", "option"),
+    [
+        ((1e-3, 1e-3), "positions reach 30 m and samples are 10 s apart", "--units mm,ms, or --units m,s"),
+        ((1.0, 1e-3), "positions reach 30 m", "--units mm, or --units m if"),
+        ((1.0, 1e-6), "positions reach 3e+04 m", "--units um,"),
+        ((1e-6, 1.0), "samples are 1e+04 s apart", "--units us,"),
+        ((1.0, 1.0, 1e-4), "forces reach 9900 N", "--units mN, or --units N if"),
+    ],
+)
+def test_unlikely_units_are_asked_about(factors: tuple[float, ...], seen: str, option: str, tmp_path: Path) -> None:
+    path = in_units(tmp_path / "t.csv", *factors)
+    result = CliRunner().invoke(app, ["evaluate", str(path)])
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"weberlink: {path}: {seen}: in which units is it? Add ")
+    assert option in line
+
+
+def test_stated_units_give_the_figures_of_si_units(tmp_path: Path) -> None:
+    si = run([in_units(tmp_path / "si.csv", 1.0, 1.0)], "zoh,plane", "0.1", 0.02).rows
+    other = run([in_units(tmp_path / "mm.csv", 1e-3, 1e-3)], "zoh,plane", "0.1", 0.02, units="mm,ms").rows
+    for a, b in zip(si, other, strict=True):
+        assert b.packets_per_s == pytest.approx(a.packets_per_s)
+        assert b.error_rms_jnd == pytest.approx(a.error_rms_jnd)
+    stated = run([in_units(tmp_path / "far.csv", 1.0, 1e-3)], "zoh", "0.1", 0.02, units="m").rows
+    assert len(stated) == 1, "if somebody says that it is so"
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [("mm,inch", "--units: 'inch' is none of s, ms, us, ns, m, cm,"), ("mm,m", "mm and m are both units of position")],
+)
+def test_wrong_units_are_one_line(units: str, said: str, tmp_path: Path) -> None:
+    path = in_units(tmp_path / "t.csv", 1.0, 1.0)
+    result = CliRunner().invoke(app, ["evaluate", str(path), "--units", units])
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert said in result.stderr
+
+
 def test_rows_do_not_depend_on_the_number_of_processes(traces: list[Path]) -> None:
     alone, shared = (
         rows_from(*traces, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--workers", n) for n in (1, 2)
@@ -247,7 +298,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
-    for name in ("packet_rate", "quality", "quality_over_rate", "force", "model"):
+    for name in ("packet_rate", "quality", "quality_over_rate", "force", "model_hybrid"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
@@ -260,6 +311,41 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
             ["", "", "", ""] if selected is None else [str(sends) for sends in selected.values()]
         )
     assert (tmp_path / "curves.csv").read_text().count("\n") == 5
+
+
+def drawn(folder: Path, *options: object) -> Result:
+    return invoke(OPERATOR, "--predictor", "zoh,linear,plane,hybrid", "--plots", folder, *options)
+
+
+def test_every_predictor_is_in_the_figure_over_time(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    ended = drawn(tmp_path, "--from", 1.0, "--to", 1.2, "--format", "svg", "--no-footer")
+    assert (ended.exit_code, ended.stderr) == (0, "")
+    with (tmp_path / "force.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(dict.fromkeys(row["predictor"] for row in rows)) == ["zoh", "linear", "plane", "hybrid"]
+    times = [float(row["t_s"]) for row in rows]
+    assert (min(times), max(times)) == pytest.approx((1.0, 1.2), abs=2e-3)
+    svg = (tmp_path / "force.svg").read_text(encoding="utf-8")
+    for name in ("zoh", "linear", "plane", "hybrid"):
+        assert f">{name}: " in svg
+    metadata, _, body = svg.partition("</metadata>")
+    assert "numpy" in metadata
+    assert "numpy" not in body
+    assert {path.stem for path in tmp_path.glob("model_*.svg")} == {"model_plane", "model_hybrid"}
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_wrong_figure_options_are_said_before_the_work(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    for options, said in (
+        (("--format", "jpg"), "--format: 'jpg' is none of png, pdf, svg"),
+        (("--from", 3600.0), "--from, --to: operator has no two samples there; its time is 0 to"),
+    ):
+        ended = drawn(tmp_path / "none", *options)
+        assert (ended.exit_code, ended.stdout) == (2, "")
+        assert said in ended.stderr
+    assert not (tmp_path / "none").exists()
 
 
 def test_recordings_of_people_stay_within_the_deadband() -> None:

@@ -7,12 +7,15 @@ from difflib import get_close_matches
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.by_source import by_source
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, EvaluationTask, coded_samples, rows_of
 from weberlink.studies.evaluate.table import tables_of
-from weberlink.studies.evaluate.traces import read_traces
+from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
+from weberlink.studies.moments.moments import TickWindow
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult, how_much
@@ -64,6 +67,8 @@ def run(
     plots: bool = False,
     deadbands: str = ISOTROPIC,
     max_updates: float | None = None,
+    units: str | None = None,
+    period: tuple[float | None, float | None] = (None, None),
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -82,6 +87,9 @@ def run(
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.
         max_updates: largest rate of updates [1/s]; None for no limit.
+        units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
+        period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
+            None for the second that shows most.
         workers: where the work is done.
         progress: called after every task.
 
@@ -110,7 +118,8 @@ def run(
         max_updates_per_s=max_updates,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
-    named = read_traces(traces)
+    named = read_traces(traces, None if units is None else units_of(units))
+    window = _window(named[0], period) if plots else None
     tasks = study.tasks(named)
     results = _compute(tasks, workers, progress)
     interrupted = how_much(len(results), len(tasks), "tasks")
@@ -132,7 +141,7 @@ def run(
     def draw(folder: Path) -> None:
         from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
-        draw_study(study, named, rows, folder, caption)
+        draw_study(study, named, rows, folder, caption, window)
 
     table = tables_of(rows, jnd, run_time, caption) if rows else caption
     # A curve over Weber factors needs all of them.
@@ -160,6 +169,25 @@ def _compute(
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
         ) from None
+
+
+def _window(trace: NamedTrace, period: tuple[float | None, float | None]) -> TickWindow | None:
+    """The ticks of a trace in a period [s], None for its begin or end; None for no period.
+
+    Raises:
+        ConfigurationError: there are fewer than two.
+    """
+    begin, until = period
+    if begin is None and until is None:
+        return None
+    times = trace.trace.time_s
+    first = 0 if begin is None else int(np.searchsorted(times, begin))
+    beyond = len(times) if until is None else int(np.searchsorted(times, until, side="right"))
+    if beyond - first < 2:
+        raise ConfigurationError(
+            f"--from, --to: {trace.name} has no two samples there; its time is {times[0]:g} to {times[-1]:g} s"
+        )
+    return TickWindow(first, beyond)
 
 
 def _names(option: str, text: str, known: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The files of `weberlink evaluate --plots`: curves over the Weber factor, one second of forces, a fitted surface."""
+"""The files of `weberlink evaluate --plots`: curves over the Weber factor, forces over time, fitted surfaces."""
 
 import csv
 from collections.abc import Sequence
@@ -11,18 +11,29 @@ from weberlink.studies.curves import Observation, curves
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
-from weberlink.studies.moments.moments import CodedTrace, longest
+from weberlink.studies.moments.moments import CodedTrace, TickWindow, longest
 from weberlink.system.scoring.perception import ABSOLUTE_THRESHOLD_N
 
 USUAL_WEBER = 0.10
-SHOWN = ("zoh", "linear", "hybrid")
-"""Predictors whose forces over time are drawn; more panels do not fit a page."""
 
 
 def draw_study(
-    study: EvaluationStudy, traces: Sequence[NamedTrace], rows: Sequence[EvaluationRow], folder: Path, caption: str
+    study: EvaluationStudy,
+    traces: Sequence[NamedTrace],
+    rows: Sequence[EvaluationRow],
+    folder: Path,
+    caption: str,
+    window: TickWindow | None = None,
 ) -> None:
-    """Write all figures and tables into an existing folder; the caption names the environment of the rows.
+    """Write all figures and tables into an existing folder.
+
+    Args:
+        study: that gave the rows.
+        traces: of the rows, the first of which is drawn over time.
+        rows: of all combinations.
+        folder: of the files.
+        caption: names the environment of the rows.
+        window: of the first trace that is drawn; None for the second that shows most.
 
     Raises:
         OSError: a file cannot be written.
@@ -34,8 +45,8 @@ def draw_study(
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"
     CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
-    _draw_moment(study, traces[0], weber, folder / "force", caption)
-    _draw_model(study, traces, weber, folder / "model", caption)
+    _draw_moment(study, traces[0], weber, folder / "force", caption, window)
+    _draw_models(study, traces, weber, folder, caption)
 
 
 def write_rows(rows: Sequence[EvaluationRow], path: Path) -> None:
@@ -53,20 +64,25 @@ def _flat(row: EvaluationRow) -> dict[str, Any]:
     return document | {f"selected_{name}": sends for name, sends in selected.items()}
 
 
-def _draw_moment(study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str) -> None:
-    """A second of the first trace."""
-    shown = [name for name in SHOWN if name in study.predictors] or study.predictors[:3]
-    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in shown]
-    draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption)
+def _draw_moment(
+    study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str, window: TickWindow | None
+) -> None:
+    """The first trace over time, with every predictor."""
+    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in study.predictors]
+    draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption, window=window)
 
 
-def _draw_model(study: EvaluationStudy, traces: Sequence[NamedTrace], weber: float, stem: Path, caption: str) -> None:
-    """The surface that was in use longest, on the first trace that has one."""
-    fitting = [name for name in study.predictors if name not in PREDICTORS or PREDICTORS[name].geometric]
-    for trace in traces if fitting else ():
-        run = CodedTrace(trace.trace, study.channel(fitting[-1], weber))
-        fit = longest(run.fits)
-        if fit is not None:
-            title = f"Fitted surface, {trace.name}, {fitting[-1]}, k = {weber:g}"
-            draw_model(run, fit.newest.tick, stem, title=title, caption=caption)
-            return
+def _draw_models(
+    study: EvaluationStudy, traces: Sequence[NamedTrace], weber: float, folder: Path, caption: str
+) -> None:
+    """For each predictor that fits surfaces, the one in use longest, on the first trace that has one."""
+    for name in study.predictors:
+        if name in PREDICTORS and not PREDICTORS[name].geometric:
+            continue
+        for trace in traces:
+            run = CodedTrace(trace.trace, study.channel(name, weber))
+            fit = longest(run.fits)
+            if fit is not None:
+                title = f"Fitted surface, {trace.name}, {name}, k = {weber:g}"
+                draw_model(run, fit.newest.tick, folder / f"model_{name}", title=title, caption=caption)
+                break

@@ -6,7 +6,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from weberlink.master.trace import Trace, TraceError, read_trace
+from weberlink.master.trace import (
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    SI,
+    TIME_UNITS,
+    Trace,
+    TraceError,
+    Units,
+    read_trace,
+    unlikely_units,
+)
 from weberlink.studies import recordings
 from weberlink.system.configuration import ConfigurationError
 
@@ -26,10 +36,30 @@ class NamedTrace(NamedTuple):
     source: str = FILES
 
 
-def read_traces(given: Sequence[Path]) -> list[NamedTrace]:
+def units_of(text: str) -> Units:
+    """Units from their symbols with commas between them, such as "mm,ms"; SI units for what is not named.
+
+    Raises:
+        ConfigurationError: for an unknown symbol, or two of one quantity.
+    """
+    tables = {"time": TIME_UNITS, "position": LENGTH_UNITS, "force": FORCE_UNITS}
+    found: dict[str, str] = {}
+    for symbol in (part.strip() for part in text.split(",")):
+        quantity = next((name for name, table in tables.items() if symbol in table), None)
+        if quantity is None:
+            known = ", ".join(symbol for table in tables.values() for symbol in table)
+            raise ConfigurationError(f"--units: {symbol!r} is none of {known}")
+        if quantity in found:
+            raise ConfigurationError(f"--units: {found[quantity]} and {symbol} are both units of {quantity}")
+        found[quantity] = symbol
+    return Units(**found)
+
+
+def read_traces(given: Sequence[Path], units: Units | None = None) -> list[NamedTrace]:
     """Read traces and give each a different name.
 
     Args:
+        units: of the CSV files; None for SI units, which are checked for plausibility then.
         given: files; or, where there is no such file, names of shipped recordings, the first words of such names
             (`tue_rigid` for `tue_rigid_1` and others, `tue` for all of that source), or `ALL`.
 
@@ -48,7 +78,7 @@ def read_traces(given: Sequence[Path]) -> list[NamedTrace]:
         if listed is None:
             paths.append(path)
     try:
-        read = {path: read_trace(path) for path in paths}
+        read = {path: _read(path, units) for path in paths}
     except TraceError as error:
         known = f"; shipped recordings: {ALL}, {', '.join(recordings.SOURCES)}" if "not found" in str(error) else ""
         raise ConfigurationError(f"{error}{known}") from None
@@ -63,6 +93,19 @@ def read_traces(given: Sequence[Path]) -> list[NamedTrace]:
         else:
             found += [NamedTrace(name, recordings.load(name), recordings.source_of(name).name) for name in listed]
     return found
+
+
+def _read(path: Path, units: Units | None) -> Trace:
+    trace = read_trace(path, units or SI)
+    doubt = None if units is not None else unlikely_units(trace)
+    if doubt is not None:
+        seen, others = doubt
+        meant = ",".join(other for other, si in zip(others, SI, strict=True) if other != si)
+        stated = ",".join(si for other, si in zip(others, SI, strict=True) if other != si)
+        raise ConfigurationError(
+            f"{path}: {seen}: in which units is it? Add --units {meant}, or --units {stated} if it is so"
+        )
+    return trace
 
 
 def _shipped(path: Path) -> Sequence[str] | None:

@@ -42,9 +42,10 @@ def draw_force(
     title: str,
     caption: str,
     seconds: float = 1.0,
+    window: TickWindow | None = None,
 ) -> None:
-    """Write force over time as PNG and SVG, and its numbers as CSV, in the window that shows most."""
-    window = interesting_window(runs[0], seconds)
+    """Write force over time, and its numbers as CSV, in a window; by default the one that shows most."""
+    window = interesting_window(runs[0], seconds) if window is None else window
     save(force_figure(runs, window, title, caption), path_stem)
     with beside(path_stem, ".csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -88,7 +89,7 @@ def quantity(run: CodedTrace, window: TickWindow) -> tuple[str, tuple[Array, Arr
 def draw_model(
     run: CodedTrace, tick: int, path_stem: Path, scene: Scene | None = None, *, title: str, caption: str
 ) -> None:
-    """Write the model in use at a tick as PNG and SVG, and its numbers and parameters as CSV.
+    """Write the model in use at a tick, and its numbers and parameters as CSV.
 
     Args:
         scene: in which the trace was made, in its frame; None if unknown.
@@ -119,10 +120,11 @@ def _draw_run(axes: Any, run: CodedTrace, window: TickWindow) -> None:
             time[mine], displayed[mine], marker, color=colour, markersize=4.5, markeredgecolor="white",
             markeredgewidth=0.5, zorder=4, label=f"sent {name}",
         )  # fmt: skip
-    axes.plot(
+    (ticks,) = axes.plot(
         time[sent], np.zeros(sent.sum()), "|", color=SENT, markersize=9, transform=axes.get_xaxis_transform(),
         clip_on=False, zorder=5, label="ticks",
     )  # fmt: skip
+    ticks.set_in_layout(False)  # without a send it would have a place far from the axes
     axes.set_ylabel(label)
     axes.set_xlim(time[0], time[-1])
     axes.grid(alpha=0.3, linewidth=0.6)

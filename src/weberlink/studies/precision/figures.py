@@ -17,6 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from weberlink.studies.precision.coding import RECOMMENDED, CodingRow, CodingStudy
 from weberlink.studies.precision.measurement import IntegratorRow, front
 from weberlink.studies.precision.study import ProblemResult
+from weberlink.studies.sheet import caption_below, save
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#56B4E9", "#E69F00")
 """Colours of Okabe and Ito, distinct for colour-blind readers."""
@@ -32,7 +33,7 @@ def work_precision(results: Sequence[ProblemResult], path: Path, caption: str) -
 
     Args:
         results: of the study.
-        path: of the picture; its suffix names the format.
+        path: of the picture, a PNG unless other formats are asked for.
         caption: the environment of the measurement, printed below.
     """
     names = list(dict.fromkeys(row.integrator for result in results for row in result.rows))
@@ -51,8 +52,8 @@ def work_precision(results: Sequence[ProblemResult], path: Path, caption: str) -
         if index + columns >= len(results):
             grid[index].set_xlabel("CPU time per simulated second [s]", fontsize=7.5)
     figure.supylabel("largest position error / extent of the motion", fontsize=9)
-    figure.supxlabel(caption, fontsize=6, color="0.4")
-    figure.savefig(path, dpi=160)
+    caption_below(figure, caption, fontsize=6, color="0.4")
+    save(figure, path.with_suffix(""), dpi=160, usual=("png",))
 
 
 def panel(axes: Axes, result: ProblemResult, colors: dict[str, str]) -> None:
@@ -113,7 +114,7 @@ def coding_figure(study: CodingStudy, path: Path, caption: str) -> None:
 
     Args:
         study: of the codec.
-        path: of the picture; its suffix names the format.
+        path: of the picture, a PNG unless other formats are asked for.
         caption: the environment of the measurement, printed below.
     """
     rows = study.pooled
@@ -136,8 +137,8 @@ def coding_figure(study: CodingStudy, path: Path, caption: str) -> None:
         f"updates felt {study.latency_ticks} tick{'s' if study.latency_ticks != 1 else ''} later",
         fontsize=10,
     )
-    figure.supxlabel(fill(caption, 120), fontsize=7, color="0.3")
-    figure.savefig(path, dpi=250)
+    caption_below(figure, caption, fill(caption, 120), fontsize=7, color="0.3")
+    save(figure, path.with_suffix(""), dpi=250, usual=("png",))
 
 
 def _coding_panel(axes: Any, rows: Sequence[CodingRow], abscissa: Callable[[CodingRow], float]) -> None:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
+from weberlink.studies.sheet import caption_below, save
 from weberlink.studies.stability.cells import COUPLING_N_M, SystemCell
 from weberlink.studies.stability.survey import WallRow
 from weberlink.studies.stability.verdict import CellVerdict, line_share
@@ -48,15 +49,15 @@ def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
 
     Args:
         rows: of a survey.
-        path: of the picture; its suffix names the format.
+        path: of the picture, a PNG unless other formats are asked for.
         caption: the environment of the run, printed below.
     """
     figure = Figure(figsize=(11.0, 5.0), layout="constrained")
     limits, energies = figure.subplots(1, 2)
     _draw_limits(limits, rows)
     _draw_activity(energies, rows)
-    figure.supxlabel(caption, fontsize=5.5, color="0.4")
-    figure.savefig(path, dpi=150)
+    caption_below(figure, caption, fontsize=5.5, color="0.4")
+    save(figure, path.with_suffix(""), dpi=150, usual=("png",))
 
 
 def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
@@ -66,7 +67,7 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
 
     Args:
         verdicts: of all cells.
-        path: of the picture; its suffix names the format.
+        path: of the picture, a PNG unless other formats are asked for.
         caption: the environment of the run, printed below.
     """
     panels: dict[tuple[str, ...], list[Judged]] = {}
@@ -85,8 +86,8 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
     bar = figure.colorbar(mappable, ax=places, extend="both", shrink=min(1.0, 2.0 / lines), pad=0.01)
     bar.set_label("energy out since the press [J]", fontsize=8)
     _explain(figure)
-    figure.supxlabel(caption, fontsize=6.5, color="0.4")
-    figure.savefig(path, dpi=130)
+    caption_below(figure, caption, fontsize=6.5, color="0.4")
+    save(figure, path.with_suffix(""), dpi=130, usual=("png",))
 
 
 def _title(cell: SystemCell) -> str:
