@@ -28,7 +28,7 @@ class ScriptedServer:
         self.answer: Callable[[Message], Message | None] = lambda _: None
         self.asked: list[Message] = []
         self.posted: list[tuple[str, str | None]] = []
-        """Paths of the requests by POST, and their tokens."""
+        """Paths of the requests by POST with their queries, and their tokens."""
         self.pictures: list[bytes] = []
         """Messages to a page that opens the view; empty for a monitor without one."""
         self.followed: list[str | None] = []
@@ -106,8 +106,8 @@ class ScriptedServer:
     async def _answered(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Answer what the page asks by HTTP, and send the pictures of the view."""
         if request.method == "POST":
-            self.posted.append((request.path, request.headers.get("X-WeberLink-Token")))
-            answer = self.answer({"type": request.path} | await request.json())
+            self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
+            answer = self.answer({"type": request.path})
             return web.json_response(answer, status=200 if answer and answer["accepted"] else 403)
         if request.path == "/view" and self.pictures:
             socket = web.WebSocketResponse()

@@ -1,4 +1,4 @@
-"""The page as a control room: emergency stop, alarms, events, recording, replay, history, view, layouts, accessibility."""
+"""The page as a control room: emergency stop, alarms, events, recording, replay, view, layouts, accessibility."""
 
 import struct
 import threading
@@ -165,7 +165,7 @@ def test_emergency_is_sent_twice_within_100_ms(page: Browser, server: ScriptedSe
         assert np.median(took) < WITHIN_MS, took
     assert asked(page, server, PRESSES) == PRESSES * [{"type": "session", "do": "emergency"}]
     page.wait(lambda: len(server.posted) == PRESSES, "the requests by HTTP")
-    assert set(server.posted) == {("/api/emergency", TOKEN)}
+    assert set(server.posted) == {("/api/emergency?session=1234", TOKEN)}
 
 
 def test_emergency_stop_says_how_to_start_again(page: Browser, server: ScriptedServer) -> None:
@@ -310,8 +310,11 @@ def test_whole_session_is_drawn_as_history(page: Browser, server: ScriptedServer
     page.click('[data-window="all"]')
     assert asked(page, server, 1) == [{"type": "subscribe", "history": True}]
     t = [2.0 * k for k in range(600)]
-    columns = {name: [1.0 + sin(0.02 * x) for x in t] for name in ("force_max", "felt_max", "packets", "missed")}
-    server.say({"type": "history", "session": "1234", "step_s": 2.0, "columns": columns | {"t": t, "rtt_ms": [None] * 600}})
+    columns: Message = {
+        name: [1.0 + sin(0.02 * x) for x in t] for name in ("force_max", "felt_max", "packets", "missed")
+    }
+    columns |= {"t": t, "rtt_ms": [None] * len(t)}
+    server.say({"type": "history", "session": "1234", "step_s": 2.0, "columns": columns})
     for name in ("force", "felt", "packets", "missed"):
         page.wait(lambda name=name: page.pixels(f"#panel-history-{name} canvas") > 5, name)
     page.wait(lambda: page.run("return document.querySelector('#panel-history-delay .empty').innerText") != "", "none")

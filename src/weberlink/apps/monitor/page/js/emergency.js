@@ -23,13 +23,10 @@ export class Emergency {
     });
     // A click without pointer or key: assistive technology.
     button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
-    addEventListener(
-      "keydown",
-      (event) => {
-        if (event.key === "Escape" && !event.repeat && store.running) this.press();
-      },
-      true,
-    );
+    // While the person drives, Escape lets go of the handle and comes no further; the next one stops.
+    addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !event.repeat && store.running) this.press();
+    });
   }
 
   press() {
@@ -62,12 +59,12 @@ export class Emergency {
   }
 
   async #post() {
+    const session = this.store.hello?.session; // without one, all sessions of the host are stopped
     try {
-      const response = await fetch("api/emergency", {
+      const response = await fetch(`api/emergency${session ? `?session=${encodeURIComponent(session)}` : ""}`, {
         method: "POST",
         keepalive: true,
-        headers: { "Content-Type": "application/json", "X-WeberLink-Token": this.link.token ?? "" },
-        body: JSON.stringify({ session: this.store.hello?.session ?? null }),
+        headers: { "X-WeberLink-Token": this.link.token ?? "" },
       });
       const text = await response.text();
       const told = parsed(text);

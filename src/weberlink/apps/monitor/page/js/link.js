@@ -39,8 +39,9 @@ export class Link {
 
   #open() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const query = this.session === null ? "" : `?session=${encodeURIComponent(this.session)}`;
-    const socket = new WebSocket(`${scheme}//${location.host}/${this.path}${query}`);
+    const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may drive
+    if (this.session !== null) query.set("session", this.session);
+    const socket = new WebSocket(`${scheme}//${location.host}/${this.path}?${query}`);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.onopen = () => {
