@@ -38,7 +38,7 @@ export class Emergency {
     this.state = "asked";
     this.#show(`emergency stop asked for at ${clock()}`, "warn");
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.#fail("no answer"), PATIENCE_MS);
+    this.timer = setTimeout(() => this.#fail([...this.reasons, "no answer"].join("; ")), PATIENCE_MS);
   }
 
   // The answer to a request of type `session`; false if none was asked for here.
