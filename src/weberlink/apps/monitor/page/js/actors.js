@@ -4,6 +4,7 @@ import * as THREE from "../vendor/three.module.min.js";
 import { RINGS, SPOKES, ribs, triangles } from "./patch.js";
 
 export const TRAIL_POINTS = 1400;
+export const SPLASHES = 64;
 const ON_TOP = { depthTest: false, depthWrite: false, transparent: true };
 
 export function actors() {
@@ -44,12 +45,29 @@ export function actors() {
     new THREE.LineBasicMaterial({ ...ON_TOP, vertexColors: true }),
   );
   made.trail.renderOrder = 4;
-  made.packets = new THREE.Points(
-    cloud(TRAIL_POINTS),
-    new THREE.PointsMaterial({ ...ON_TOP, size: 8, sizeAttenuation: false, map: disc(), alphaTest: 0.4 }),
-  );
+  made.packets = marks(TRAIL_POINTS, 9, disc());
   made.packets.renderOrder = 5;
-  for (const actor of [made.belief, made.rim, made.trail, made.packets]) actor.frustumCulled = false;
+  made.splash = marks(SPLASHES, 26, ring(3));
+  made.splash.renderOrder = 5;
+  made.spring = new THREE.Mesh(
+    new THREE.CylinderGeometry(0.28, 0.28, 1, 8).translate(0, 0.5, 0),
+    new THREE.MeshBasicMaterial({ ...ON_TOP, opacity: 0.75 }),
+  );
+  made.spring.renderOrder = 7;
+  made.target = marks(1, 22, ring(5));
+  made.target.geometry.setDrawRange(0, 1);
+  made.target.renderOrder = 10;
+  made.spring.visible = made.target.visible = false;
+  for (const actor of [made.belief, made.rim, made.trail, made.packets, made.splash, made.target])
+    actor.frustumCulled = false;
+  return made;
+}
+
+// Points of one size [px], each with its own opacity.
+function marks(count, size, map) {
+  const material = new THREE.PointsMaterial({ ...ON_TOP, size, sizeAttenuation: false, map, vertexColors: true });
+  const made = new THREE.Points(cloud(count, true), material);
+  made.geometry.attributes.color.array.fill(1);
   return made;
 }
 
@@ -61,12 +79,19 @@ function cloud(count, coloured = false) {
   return geometry;
 }
 
-function disc() {
+const disc = () => stamp((ctx) => ctx.arc(32, 32, 30, 0, 2 * Math.PI), "fill");
+const ring = (width) =>
+  stamp((ctx) => {
+    ctx.lineWidth = 2 * width;
+    ctx.arc(32, 32, 30 - width, 0, 2 * Math.PI);
+  }, "stroke");
+
+function stamp(draw, finish) {
   const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 32;
+  canvas.width = canvas.height = 64;
   const ctx = canvas.getContext("2d");
-  ctx.fillStyle = "#fff";
-  ctx.arc(16, 16, 15, 0, 2 * Math.PI);
-  ctx.fill();
+  ctx.fillStyle = ctx.strokeStyle = "#fff";
+  draw(ctx);
+  ctx[finish]();
   return new THREE.CanvasTexture(canvas);
 }

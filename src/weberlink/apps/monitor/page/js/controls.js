@@ -3,28 +3,37 @@
 import { show } from "./format.js";
 
 const by = (id) => document.getElementById(id);
-const NAMES = ["weber", "predictor", "scheme"];
+const AGREED = ["weber", "predictor", "scheme"]; // by both ends
+const LINK = ["delay_ms", "loss"]; // of the emulated network
+const NAMES = [...AGREED, ...LINK];
+const percent = (value) => `${Math.round(1000 * value) / 10} %`;
+const SLIDERS = { weber: percent, delay_ms: (value) => `${value} ms`, loss: percent };
 const PATIENCE_MS = 4000;
+const SETTLED_MS = 120; // a key held on a slider changes it many times
 
 export class Controls {
   // `send(message)` returns whether the message was sent.
   constructor(store, send) {
-    this.store = store;
-    this.send = send;
-    for (const name of NAMES) by(name).addEventListener("change", () => this.#ask(name));
-    by("weber").addEventListener("input", () => this.#label(Number(by("weber").value)));
+    Object.assign(this, { store, send, waiting: {} });
+    for (const name of NAMES) by(name).addEventListener("change", () => this.#settle(name));
+    for (const name in SLIDERS) by(name).addEventListener("input", () => this.#label(name, Number(by(name).value)));
   }
 
   // After a greeting, a change, an end, or when the connection came or went.
   refresh(connected, reset = false) {
-    const { hello, wanted: settings, ended } = this.store;
+    const { hello, wanted, ended } = this.store;
+    const settings = { ...wanted, ...hello?.link };
+    by("link").hidden = !hello?.link;
     fill(by("predictor"), hello?.predictors ?? [], settings.predictor, reset);
     fill(by("scheme"), hello?.schemes ?? [], settings.scheme, reset);
-    if (typeof settings.weber === "number" && (reset || document.activeElement !== by("weber")))
-      by("weber").value = settings.weber;
-    if (typeof settings.weber === "number") this.#label(settings.weber);
-    const reasons = NAMES.map((name) => this.#reason(name, connected, hello, ended));
-    NAMES.forEach((name, k) => {
+    for (const name in SLIDERS) {
+      if (typeof settings[name] !== "number" || name in this.waiting) continue;
+      if (reset || document.activeElement !== by(name)) by(name).value = settings[name];
+      this.#label(name, settings[name]);
+    }
+    const shown = hello?.link ? NAMES : AGREED;
+    const reasons = shown.map((name) => this.#reason(name, connected, hello, ended));
+    shown.forEach((name, k) => {
       const reason = reasons[k];
       const place = by(`control-${name}`);
       by(name).disabled = Boolean(reason);
@@ -37,10 +46,15 @@ export class Controls {
     else if (by("answer").dataset.value === "") this.#say("", "");
   }
 
+  // The answer to a change; other answers are not meant for this.
   answer(message) {
+    if ((message.to ?? "change") !== "change") return;
     clearTimeout(this.timer);
-    if (message.accepted) this.#say(`from tick ${message.tick} on, both ends`, "accepted", message.tick);
-    else this.#say(`not changed: ${message.why ?? "refused"}`, "refused");
+    const { hello } = this.store;
+    if (message.link && hello) hello.link = { ...hello.link, ...message.link };
+    if (!message.accepted) this.#say(`not changed: ${message.why ?? "refused"}`, "refused");
+    else if (message.tick === undefined) this.#say("in force, both ends", "accepted");
+    else this.#say(`from tick ${message.tick} on, both ends`, "accepted", message.tick);
     this.refresh(true, true);
   }
 
@@ -50,16 +64,24 @@ export class Controls {
     if (!hello?.session) return "no session";
     if (ended) return "the session has ended";
     if (hello.remote) return "read-only: watched from another host";
+    const link = LINK.includes(name);
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
-    if (hello.readonly && permitted.length)
+    if (hello.readonly && (link || permitted.length))
       return "read-only: only the user who runs the session can change settings";
-    if ((hello.changes ?? []).includes(name)) return "";
+    if (link || (hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";
   }
 
-  #ask(name) {
-    const value = name === "weber" ? Number(by("weber").value) : by(name).value;
+  // Asks once the control has not changed for a while.
+  #settle(name) {
+    clearTimeout(this.waiting[name]);
+    const value = name in SLIDERS ? Number(by(name).value) : by(name).value;
+    this.waiting[name] = setTimeout(() => this.#ask(name, value), SETTLED_MS);
+  }
+
+  #ask(name, value) {
+    delete this.waiting[name];
     if (!this.send({ type: "change", [name]: value })) {
       this.#say("not changed: the monitor does not answer", "refused");
       return;
@@ -69,8 +91,8 @@ export class Controls {
     this.timer = setTimeout(() => this.answer({ accepted: false, why: "no answer" }), PATIENCE_MS);
   }
 
-  #label(k) {
-    show(by("weber-value"), `${Math.round(1000 * k) / 10} %`, k);
+  #label(name, value) {
+    show(by(`${name}-value`), SLIDERS[name](value), value);
   }
 
   #say(text, kind, tick) {

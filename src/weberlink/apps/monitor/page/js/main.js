@@ -16,6 +16,7 @@ import { Sessions } from "./sessions.js";
 import { Store } from "./store.js";
 import { chooseTheme, chosenTheme, onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
+import { Touch } from "./touch.js";
 import { PictureView } from "./view.js";
 
 const LEAST_INTERVAL_MS = 1000 / 30;
@@ -28,6 +29,7 @@ const store = new Store();
 const link = new Link("ws", receive, connect);
 const emergency = new Emergency(store, link, () => schedule());
 const ask = (message) => link.send(message);
+const touch = new Touch(store, ask);
 const headline = new Headline(store);
 const charts = [...PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
@@ -71,6 +73,7 @@ function connect(state) {
   headline.connection = state;
   if (connected && drawing.window === ALL) subscribe();
   refresh();
+  touch.connection(connected);
   sessions.refresh(connected);
   schedule();
 }
@@ -80,6 +83,7 @@ function receive(message) {
   store.take(message);
   if (store.begun !== before) renew();
   TAKE[message.type]?.(message);
+  touch.take(message);
   schedule();
 }
 
@@ -143,6 +147,7 @@ async function inSlices(parts) {
   for (const part of parts) {
     part();
     await null; // a chart draws in the microtask that it has just queued
+    touch.drive.beat();
     const slice = performance.now() - begin;
     if (slice < LONGEST_SLICE_MS) continue;
     cost += slice;
@@ -215,6 +220,7 @@ try {
   const { View } = await import("./scene.js");
   view = new View(by("scene"), store, schedule);
   view.setScene();
+  touch.attach(view);
   by("scene").dataset.value = "webgl";
 } catch (error) {
   const note = document.createElement("p");

@@ -3,7 +3,8 @@
 
 import * as THREE from "../vendor/three.module.min.js";
 import { OrbitControls } from "../vendor/orbit_controls.js";
-import { TRAIL_POINTS, actors } from "./actors.js";
+import { SPLASHES, TRAIL_POINTS, actors } from "./actors.js";
+import { frame, hit, pixel, seen } from "./aim.js";
 import { modelName } from "./names.js";
 import { PLANE, SPHERE, patch } from "./patch.js";
 import { extent, solids } from "./solids.js";
@@ -20,6 +21,11 @@ const AXES_M = [
   [0, 0, 0.012],
 ]; // for a tool of which only the orientation is known
 const SOFT_INTERVAL_MS = 120; // a software renderer takes processor time from the daemons
+const DROP_S = 0.3; // time and height of a packet's fall onto its place
+const DROP_MM = 16;
+const SPLASH_S = 0.7; // of the ring around a new packet
+const FADED = 0.3; // opacity of a packet's mark when it is old
+const BETWEEN_ROWS_S = 0.2; // longest time by which marks age without a new row
 
 export class View {
   // Calls `redraw()` when the user turns the view. Throws without WebGL.
@@ -30,6 +36,10 @@ export class View {
     this.renderer.localClippingEnabled = true;
     this.interval = software(this.renderer.getContext()) ? SOFT_INTERVAL_MS : 0;
     this.drawn = -Infinity;
+    this.newest = { t: 0, came: 0 }; // row of the last drawing [s], and when it came [ms]
+    this.live = false; // another one renders it
+    this.aim = null; // where the visitor pulls the hand to [mm]
+    this.calm = matchMedia("(prefers-reduced-motion: reduce)");
     place.prepend(this.renderer.domElement);
     this.world = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 1, 5000);
@@ -44,6 +54,7 @@ export class View {
     this.world.add(this.solids);
     Object.assign(this, actors());
     this.world.add(this.hand, this.robot, this.tool, this.arrow, this.belief, this.rim, this.trail, this.packets);
+    this.world.add(this.splash, this.spring, this.target);
     this.#colour();
     this.#resize();
     this.#look();
@@ -76,8 +87,16 @@ export class View {
 
   // Draws the state at a time; false if the last drawing is too recent, then call it again later.
   draw(to, now) {
+    if (this.live) return true;
     if (now - this.drawn < this.interval) return false;
+    this.render(to, now);
+    return true;
+  }
+
+  // Draws the state at a time, now.
+  render(to, now) {
     this.drawn = now;
+    if (to !== this.newest.t) this.newest = { t: to, came: now };
     const { master, slave } = this.store.rings;
     const hand = point(master, to, "position") ?? null;
     const robot = point(slave, to, "output") ?? null;
@@ -87,19 +106,37 @@ export class View {
     this.#turn(robot, this.store.rotates ? point(slave, to, "rotation_output", 1) : null);
     this.#arrow(here, hand ? point(master, to, "output", 1) : point(slave, to, "raw", 1));
     this.#belief(master.empty ? slave : master, to, here);
-    this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", slave, to);
+    this.#spring(hand);
+    this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", to);
+    this.#packets(slave, to, Math.min(BETWEEN_ROWS_S, (now - this.newest.came) / 1000));
     this.renderer.render(this.world, this.camera);
-    return true;
+  }
+
+  // The hand in the newest row [mm]; null while unknown.
+  get handle() {
+    return point(this.store.rings.master, Infinity, "position");
+  }
+  plane() {
+    return frame(this.camera);
+  }
+  hit(at, origin, normal) {
+    return hit(this.camera, this.renderer.domElement, at, new THREE.Vector3(...origin), normal);
+  }
+  seen(where) {
+    return seen(this.camera, this.renderer.domElement, where);
+  }
+  pixel(where) {
+    return pixel(this.camera, this.renderer.domElement, where);
   }
 
   #colour() {
-    this.hand.material.color.set(theme.master);
+    for (const actor of [this.hand, this.spring, this.target]) actor.material.color.set(theme.master);
     this.robot.material.color.set(theme.slave);
     this.tool.material.color.set(theme.slave);
     this.shaft.material.color.set(theme.text);
     this.belief.material.color.set(theme.model);
     this.rim.material.color.set(theme.model);
-    this.packets.material.color.set(theme.packets);
+    for (const actor of [this.packets, this.splash]) actor.material.color.set(theme.packets);
   }
 
   #rebuild() {
@@ -156,35 +193,57 @@ export class View {
     caption(kind, size, known ? ring.columns.surface_stiffness?.[row] : NaN);
   }
 
-  #trail(ring, name, slave, to) {
-    const from = to - TRAIL_S;
+  // From the hand to where the visitor pulls it: the lag of the hand is visible.
+  #spring(hand) {
+    const { spring, target, aim } = this;
+    spring.visible = target.visible = hand !== null && aim !== null;
+    if (!spring.visible) return;
+    const way = new THREE.Vector3(...aim).sub(new THREE.Vector3(...hand));
+    target.position.set(...aim);
+    spring.position.set(...hand);
+    spring.scale.y = Math.max(0.01, way.length());
+    spring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.normalize());
+  }
+
+  #trail(ring, name, to) {
     const { r, g, b } = this.hand.material.color;
     const { position, color } = this.trail.geometry.attributes;
-    const count = along(ring, name, from, to, (k, x, y, z, age) => {
+    const count = along(ring, name, to - TRAIL_S, to, (k, x, y, z, age) => {
       position.setXYZ(k, x, y, z);
       color.setXYZW(k, r, g, b, 1 - 0.9 * (age / TRAIL_S));
     });
     position.needsUpdate = color.needsUpdate = true;
     this.trail.geometry.setDrawRange(0, count);
-    const dots = this.packets.geometry.attributes.position;
-    const sent = slave.columns.sent;
-    const marked = sent
-      ? along(
-          slave,
-          "output",
-          from,
-          to,
-          (k, x, y, z) => dots.setXYZ(k, x, y, z),
-          (row) => sent[row] > 0,
-        )
-      : 0;
-    dots.needsUpdate = true;
-    this.packets.geometry.setDrawRange(0, marked);
+  }
+
+  // The places where the robot sent a packet: each mark falls onto its place and fades. `since` is the age of the newest
+  // row [s].
+  #packets(slave, to, since) {
+    const { sent } = slave.columns;
+    const wanted = (row) => sent?.[row] > 0;
+    const moves = !this.calm.matches;
+    let falling = 0;
+    const place = (mesh, most, from, opacity, height) => {
+      const { position, color } = mesh.geometry.attributes;
+      const put = (k, x, y, z, age) => {
+        const above = height(age + since);
+        falling += above > 0;
+        position.setXYZ(k, x, y, z + above);
+        color.setW(k, opacity(age + since));
+      };
+      mesh.geometry.setDrawRange(0, along(slave, "output", from, to, put, wanted, most));
+      position.needsUpdate = color.needsUpdate = true;
+    };
+    const fall = (age) => (moves && age < DROP_S ? DROP_MM * (1 - (age / DROP_S) ** 2) : 0);
+    place(this.packets, TRAIL_POINTS, to - TRAIL_S, (age) => Math.max(FADED, 1 - age / 2), fall);
+    const ripple = (age) => (moves && age > DROP_S ? Math.max(0, 1 - (age - DROP_S) / SPLASH_S) : 0);
+    place(this.splash, SPLASHES, to - DROP_S - SPLASH_S, ripple, () => 0);
+    this.place.dataset.falling = falling;
   }
 
   #key(event) {
     const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    if (!turn) return;
+    if (!turn || event.defaultPrevented) return; // the key has moved the handle
     event.preventDefault();
     const arm = this.camera.position.clone().sub(this.controls.target);
     const angles = new THREE.Spherical().setFromVector3(
@@ -222,14 +281,14 @@ function point(ring, to, name, scale = MM) {
 }
 
 // Calls `put(k, x, y, z, age)` for the rows between two times, for every n-th one if there are too many.
-function along(ring, name, from, to, put, wanted = null) {
+function along(ring, name, from, to, put, wanted = null, most = TRAIL_POINTS) {
   const { t, [`${name}_x`]: x, [`${name}_y`]: y, [`${name}_z`]: z } = ring.columns;
   if (!z) return 0;
   const end = Math.min(ring.end, ring.at(to) + 1);
   const begin = ring.at(from);
   const step = wanted ? 1 : Math.max(1, Math.ceil((end - begin) / TRAIL_POINTS));
   let k = 0;
-  for (let row = begin; row < end && k < TRAIL_POINTS; row += step) {
+  for (let row = begin; row < end && k < most; row += step) {
     if ((wanted && !wanted(row)) || z[row] !== z[row]) continue;
     put(k, MM * x[row], MM * y[row], MM * z[row], to - t[row]);
     k += 1;

@@ -1,0 +1,399 @@
+"""The page in a browser: the visitor drives, with scripted messages."""
+
+from collections.abc import Callable, Iterator
+from math import hypot, radians, tan
+from time import sleep
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.apps.monitor import synthetic_session as session
+from tests.apps.monitor.browser import Browser, browser
+from tests.apps.monitor.scripted_server import Message, ScriptedServer
+
+CAMERA = np.array([-0.85, -2.1, 1.3])
+"""Where the view looks from at first, towards the middle of the scene."""
+AWAY = np.array([0.85, 2.1, 0.0]) / hypot(0.85, 2.1)
+RIGHT = np.array([2.1, -0.85, 0.0]) / hypot(0.85, 2.1)
+UP = np.array([0.0, 0.0, 1.0])
+FREE: Message = {"type": "handle", "state": "free", "why": None}
+SCENES = [{"name": "dome", "title": "A dome on a table"}, {"name": "box", "title": "A box"}]
+DRIVEN: Message = {
+    "drivable": True,
+    "token": "secret",
+    "workspace_m": 0.08,
+    "link": {"delay_ms": 0, "jitter_ms": 0, "loss": 0.0},
+    "rooms": {"start": True, "scenes": SCENES, "scene": "dome"},
+}
+STAMPS = """
+const send = WebSocket.prototype.send;
+window.stamps = [];
+WebSocket.prototype.send = function (text) {
+  if (JSON.parse(text).type === "drive") stamps.push(performance.now());
+  send.call(this, text);
+};
+"""
+GAMEPAD = """
+window.rumbles = [];
+window.pad = {
+  connected: true, axes: [0, 0, 0, 0], buttons: Array.from({length: 16}, () => ({pressed: false, value: 0})),
+  vibrationActuator: {
+    playEffect: (kind, effect) => { rumbles.push({kind, ...effect}); return Promise.resolve("complete"); },
+    reset: () => Promise.resolve("complete"),
+  },
+};
+navigator.getGamepads = () => [null, window.pad];
+dispatchEvent(new Event("gamepadconnected"));
+"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as one:
+        one.size(1400, 900)
+        yield one
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[ScriptedServer]:
+    with ScriptedServer() as one:
+        yield one
+
+
+@pytest.fixture
+def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
+    """A server that remembers nothing, and a page that shows its session with the handle in the middle of the scene."""
+    served.asked.clear()
+    served.answer = lambda _: None
+    served.greeting = [session.hello(**DRIVEN), rest(0.0, 0.2), FREE]
+    page.open(served.address)
+    page.wait(lambda: page.data("handle-state") == "free", "the handle")
+    yield served
+    page.driver.get("about:blank")
+
+
+def rest(begin: float, end: float, **other: Any) -> Message:
+    """Rows of the master with the handle at rest in the middle, in no contact; `other` replaces columns."""
+    rows = session.samples("master", begin, end)
+    count = len(rows["t"])
+    rows["columns"] |= {"position": [[0.0] * count] * 3, "output": [[0.0] * count] * 3}
+    rows["columns"] |= {name: [[part] * count for part in value] for name, value in other.items()}
+    return rows
+
+
+def drives(server: ScriptedServer) -> list[Message]:
+    return [asked for asked in server.asked if asked["type"] == "drive"]
+
+
+def target(server: ScriptedServer) -> NDArray[np.float64]:
+    return np.array(drives(server)[-1]["target"])
+
+
+def chain(page: Browser) -> Any:
+    """Actions of a person at the page."""
+    from selenium.webdriver import ActionChains  # noqa: PLC0415 - an optional library
+
+    return ActionChains(page.driver, duration=20)
+
+
+def hold(page: Browser) -> None:
+    """The mouse grasps the handle."""
+    chain(page).move_to_element(page.driver.find_element("id", "scene")).click_and_hold().perform()
+    page.wait(lambda: page.data("handle-state") == "held", "the hold")
+
+
+def let_go(page: Browser, server: ScriptedServer) -> None:
+    chain(page).release().perform()
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+
+
+def after(server: ScriptedServer, page: Browser, condition: Callable[[NDArray[np.float64]], bool]) -> NDArray[np.float64]:
+    """The newest target once it fulfils a condition."""
+    page.wait(lambda: bool(drives(server)) and condition(target(server)), "the target")
+    return target(server)
+
+
+def pixel_m(page: Browser) -> float:
+    """Size of a pixel at the middle of the scene [m]."""
+    height = page.run("return document.querySelector('#scene canvas').clientHeight")
+    aspect = page.run("const c = document.querySelector('#scene canvas'); return c.clientWidth / c.clientHeight")
+    reach = max(55.0, 1.15 * 20.0) * max(1.0, 1.02 / aspect)
+    return float(2e-3 * reach * np.linalg.norm(CAMERA) * tan(radians(16.0)) / height)
+
+
+def test_drag_moves_target_on_vertical_plane(page: Browser, server: ScriptedServer) -> None:
+    page.run(STAMPS)
+    hold(page)
+    assert drives(server)[0] == {"type": "drive", "target": [0.0, 0.0, 0.0], "held": True, "token": "secret"}
+    chain(page).move_by_offset(40, -30).perform()
+    moved = after(server, page, lambda t: hypot(*t) > 0.005)
+    sleep(0.2)
+    moved = target(server)
+    size = pixel_m(page)
+    slope = np.linalg.norm(CAMERA) / hypot(CAMERA[0], CAMERA[1])
+    assert abs(moved @ AWAY) < 1e-5
+    assert moved @ RIGHT == pytest.approx(40 * size, rel=0.1)
+    assert moved @ UP == pytest.approx(30 * size * slope, rel=0.1)
+    gaps = np.diff(page.run("return stamps"))
+    assert gaps.min() > 7.5
+    assert np.median(gaps) < 50.0  # 25 ms, where the browser draws without a graphics card
+    let_go(page, server)
+    assert drives(server)[-1]["target"] == moved.tolist()
+    assert page.data("handle-state") == "free"
+    assert page.console() == []
+
+
+def test_drag_beside_handle_orbits(page: Browser, server: ScriptedServer) -> None:
+    scene = page.driver.find_element("id", "scene")
+    before = page.picture_of("scene")
+    actions = chain(page).move_to_element_with_offset(scene, 90, 60).click_and_hold()
+    actions.move_by_offset(40, 10).release().perform()
+    page.wait(lambda: bool(np.any(page.picture_of("scene") != before)), "the view to turn")
+    assert drives(server) == []
+    page.click("#anywhere")
+    chain(page).move_to_element_with_offset(scene, 90, 60).click_and_hold().perform()
+    page.wait(lambda: len(drives(server)) > 0, "the handle to be held")
+    assert drives(server)[0]["target"] == [0.0, 0.0, 0.0]
+    let_go(page, server)
+
+
+def test_wheel_changes_depth_while_held(page: Browser, server: ScriptedServer) -> None:
+    hold(page)
+    page.run(
+        "const e = new WheelEvent('wheel', {deltaY: -300, bubbles: true, cancelable: true});"
+        "document.querySelector('#scene canvas').dispatchEvent(e); return e.defaultPrevented"
+    )
+    deep = after(server, page, lambda t: hypot(*t) > 0.005)
+    assert deep @ AWAY == pytest.approx(0.012, rel=0.01)
+    let_go(page, server)
+
+
+def test_second_finger_changes_depth(page: Browser, server: ScriptedServer) -> None:
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder  # noqa: PLC0415 - an optional library
+    from selenium.webdriver.common.actions.interaction import POINTER_TOUCH  # noqa: PLC0415
+    from selenium.webdriver.common.actions.pointer_input import PointerInput  # noqa: PLC0415
+
+    scene = page.driver.find_element("id", "scene")
+    fingers = [ActionBuilder(page.driver, mouse=PointerInput(POINTER_TOUCH, name), duration=20) for name in "ab"]
+    fingers[0].pointer_action.move_to(scene).pointer_down()
+    fingers[0].perform()
+    page.wait(lambda: page.data("handle-state") == "held", "the hold")
+    fingers[1].devices.insert(0, fingers[0].devices[0])
+    fingers[0].devices[0].clear_actions()
+    fingers[1].pointer_action.move_to(scene, 60, 40).pointer_down().move_to(scene, 60, -10).pointer_up()
+    fingers[1].perform()
+    deep = after(server, page, lambda t: hypot(*t) > 0.005)
+    assert deep @ AWAY == pytest.approx(50 * pixel_m(page), rel=0.15)
+    assert abs(deep @ RIGHT) < 1e-3
+    fingers[0].pointer_action.pointer_up()
+    fingers[0].perform()
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+
+
+def test_keys_move_target_and_release_it(page: Browser, server: ScriptedServer) -> None:
+    from selenium.webdriver.common.keys import Keys  # noqa: PLC0415 - an optional library
+
+    page.run("document.getElementById('scene').focus()")
+    for key, direction in ((Keys.ARROW_RIGHT, RIGHT), (Keys.ARROW_DOWN, -UP), (Keys.PAGE_UP, AWAY)):
+        chain(page).key_down(key).perform()
+        moved = after(server, page, lambda t, along=direction: t @ along > 0.002)
+        assert np.linalg.norm(moved - (moved @ direction) * direction) < 1e-5
+        chain(page).key_up(key).perform()
+        page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    chain(page).key_down(Keys.SPACE).key_down(Keys.ESCAPE).perform()
+    page.wait(lambda: page.data("handle-state") == "free", "Escape to let go")
+    chain(page).key_up(Keys.ESCAPE).key_up(Keys.SPACE).perform()
+    sent = len(drives(server))
+    chain(page).key_down(Keys.SHIFT).send_keys(Keys.ARROW_LEFT).key_up(Keys.SHIFT).perform()
+    sleep(0.1)
+    assert len(drives(server)) == sent  # that turns the view
+
+
+def test_target_under_keys_stays_near_handle(page: Browser, server: ScriptedServer) -> None:
+    from selenium.webdriver.common.keys import Keys  # noqa: PLC0415 - an optional library
+
+    page.run("document.getElementById('scene').focus()")
+    chain(page).key_down(Keys.ARROW_DOWN).perform()
+    sleep(1.3)
+    chain(page).key_up(Keys.ARROW_DOWN).perform()
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    assert np.linalg.norm(target(server)) == pytest.approx(0.03, abs=1e-4)  # the handle does not follow
+
+
+@pytest.mark.parametrize(
+    "leaving",
+    [
+        "dispatchEvent(new Event('blur'))",
+        "dispatchEvent(new Event('pagehide'))",
+        "document.getElementById('scene').dispatchEvent(new PointerEvent('pointercancel', {pointerId: 1, bubbles: true}))",
+        "Object.defineProperty(document, 'hidden', {value: true});document.dispatchEvent(new Event('visibilitychange'))",
+    ],
+    ids=["blur", "leaving", "cancelled", "hidden"],
+)
+def test_leaving_the_page_releases(page: Browser, server: ScriptedServer, leaving: str) -> None:
+    hold(page)
+    page.run(leaving)
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    assert page.data("handle-state") != "held"
+    chain(page).release().perform()
+
+
+def test_refused_handle_is_told(page: Browser, server: ScriptedServer) -> None:
+    hold(page)
+    server.say({"type": "handle", "state": "taken", "why": None})
+    page.wait(lambda: page.text("handle-state") == "somebody else drives", "the refusal")
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    chain(page).release().perform()
+    sent = len(drives(server))
+    chain(page).click_and_hold().move_by_offset(10, 0).release().perform()
+    assert len(drives(server)) == sent
+    server.say({"type": "handle", "state": "none", "why": "the master has ended"})
+    page.wait(lambda: page.text("handle-state") == "the master has ended", "the reason")
+    server.say({"type": "handle", "state": "yours", "why": None})
+    hold(page)
+    assert page.text("handle-state").startswith("yours")
+    let_go(page, server)
+
+
+def test_session_without_pointer_shows_no_driving(page: Browser, server: ScriptedServer) -> None:
+    server.say(session.hello(session="5678"), rest(0.0, 0.2))
+    page.wait(lambda: page.picked("session") == "5678", "the session")
+    shown = "return [...document.querySelectorAll('#drive, #scenes, #link, #handle-state')].filter(e => e.offsetParent)"
+    page.wait(lambda: page.run(shown) == [], "driving to be hidden")
+    chain(page).move_to_element(page.driver.find_element("id", "scene")).click_and_hold().release().perform()
+    assert drives(server) == []
+
+
+def test_link_sliders_ask_once_and_show_answer(page: Browser, server: ScriptedServer) -> None:
+    def answer(asked: Message) -> Message | None:
+        if asked["type"] != "change":
+            return None
+        if "loss" in asked:
+            return {"type": "answer", "to": "change", "accepted": False, "why": "the link is not emulated"}
+        return {"type": "answer", "to": "change", "accepted": True, "link": {"delay_ms": 40, "loss": 0.0}}
+
+    server.answer = answer
+    page.wait(lambda: not page.run("return document.getElementById('delay_ms').disabled"), "the slider")
+    page.choose("delay_ms", "30")
+    page.choose("delay_ms", "45")
+    page.wait(lambda: page.data("answer") == "accepted", "the answer")
+    changes = [asked for asked in server.asked if asked["type"] == "change"]
+    assert changes == [{"type": "change", "delay_ms": 45, "token": "secret"}]
+    assert (page.text("delay_ms-value"), page.picked("delay_ms")) == ("40 ms", "40")
+    page.choose("loss", "0.12")
+    page.wait(lambda: page.data("answer") == "refused", "the refusal")
+    assert page.text("answer") == "not changed: the link is not emulated"
+    assert (page.text("loss-value"), page.picked("loss")) == ("0 %", "0")
+    assert server.asked[-1]["loss"] == 0.12
+
+
+def test_scene_is_chosen_and_started(page: Browser, server: ScriptedServer) -> None:
+    server.say({"type": "keeper", "state": "running", "scene": "dome", "why": None})
+    page.wait(lambda: page.text("keeper") == "running: A dome on a table", "the keeper")
+    assert page.text("scene-start") == "Restart"
+    page.choose("scene-choice", "box")
+    assert page.text("scene-start") == "Start"
+    page.click("#scene-start")
+    page.wait(lambda: page.text("keeper") == "starting: A box", "the start")
+    asked = [each for each in server.asked if each["type"] == "session"]
+    assert asked == [{"type": "session", "do": "start", "scene": "box", "token": "secret"}]
+    server.say({"type": "keeper", "state": "failed", "scene": "box", "why": "the port is in use"})
+    page.wait(lambda: page.text("keeper") == "not started: the port is in use", "the reason")
+    assert not page.run("return document.getElementById('scene-start').disabled")
+
+
+def test_gamepad_drives_and_rumbles(page: Browser, server: ScriptedServer) -> None:
+    page.run(GAMEPAD)
+    page.wait(lambda: "gamepad" in page.text("handle-state"), "the gamepad")
+    page.run("pad.axes[0] = 1")
+    sleep(0.1)
+    assert drives(server) == []  # without its dead-man's button
+    page.run("pad.buttons[0].pressed = true")
+    moved = after(server, page, lambda t: t @ RIGHT > 0.003)
+    assert np.linalg.norm(moved - (moved @ RIGHT) * RIGHT) < 1e-5
+    page.run("pad.axes = [0, 0, 0, -1]")
+    after(server, page, lambda t: t @ AWAY > 0.003)
+    server.say(rest(0.2, 0.3, output=[0.0, 0.0, 2.5]))
+    page.wait(lambda: page.run("return rumbles.length") > 0, "the contact")
+    sleep(0.1)
+    server.say(rest(0.3, 0.4, output=[0.0, 0.0, 2.5]))
+    page.wait(lambda: page.run("return rumbles.length") > 1, "the force")
+    contact, force = page.run("return rumbles")[:2]
+    assert (contact["kind"], contact["weakMagnitude"]) == ("dual-rumble", 1)
+    assert force["strongMagnitude"] == pytest.approx(0.5)
+    page.run("pad.buttons[0].pressed = false")
+    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+
+
+def test_sound_is_off_until_switched_on(page: Browser, server: ScriptedServer) -> None:
+    page.run("window.made = 0; window.AudioContext = class extends AudioContext { constructor(o) { super(o); made += 1; } }")
+    page.run("window.tones = 0; window.OscillatorNode = class extends OscillatorNode {"
+             "constructor(c, o) { super(c, o); tones += 1; } }")  # fmt: skip
+    server.say(rest(0.2, 0.3, output=[0.0, 0.0, 2.0]))
+    page.wait(lambda: float(page.data("scene", "force") or 0) > 1.9, "the force")
+    assert page.run("return made") == 0
+    page.choose("sound", "force")
+    assert (page.run("return made"), page.run("return tones")) == (1, 1)
+    sleep(0.2)  # the context begins to run
+    server.say(rest(0.3, 0.4), rest(0.4, 0.5, output=[0.0, 0.0, 2.0]))
+    page.wait(lambda: page.run("return tones") == 2, "the click of the contact")
+    page.choose("sound", "off")
+    assert page.console() == []
+
+
+def falling(page: Browser, server: ScriptedServer, begin: float) -> set[str]:
+    """How many packets' marks were seen in the air while new packets came."""
+    seen = set()
+    for k in range(8):
+        server.say(session.samples("slave", begin + 0.05 * k, begin + 0.05 * (k + 1)))
+        sleep(0.06)
+        seen.add(page.data("scene", "falling"))
+    return seen
+
+
+def test_new_packets_fall_unless_motion_is_reduced(page: Browser, server: ScriptedServer) -> None:
+    assert max(map(int, falling(page, server, 0.2))) > 0
+    motion = [{"name": "prefers-reduced-motion", "value": "reduce"}]
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": motion})
+    try:
+        server.say(session.samples("slave", 0.6, 1.6))
+        page.wait(lambda: page.data("scene", "falling") == "0", "the marks to lie")
+        assert falling(page, server, 1.6) == {"0"}
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_latency_is_time_to_first_row_that_follows(page: Browser, server: ScriptedServer) -> None:
+    hold(page)
+    sleep(0.25)  # the target is still
+    chain(page).move_by_offset(30, 0).perform()
+    after(server, page, lambda t: t @ RIGHT > 0.002)
+    server.say(rest(0.2, 0.3, position=[0.0, 0.0, 0.001]))  # across
+    assert page.run("return document.body.dataset.latencies ?? ''") == ""
+    server.say(rest(0.3, 0.4, position=(0.001 * RIGHT).tolist()))
+    page.wait(lambda: page.run("return document.body.dataset.latencies") != "", "the measurement")
+    (took,) = map(float, page.run("return document.body.dataset.latencies").split())
+    assert 1.0 < took < 1000.0
+    assert "ms" in page.text("latency")
+    let_go(page, server)
+
+
+def test_clock_of_server_is_measured(page: Browser, server: ScriptedServer) -> None:
+    server.answer = lambda asked: (
+        {"type": "pong", "at": asked["at"], "now": 5.0 + asked["at"] / 1000.0} if asked["type"] == "ping" else None
+    )
+    server.say(session.hello(**DRIVEN))
+    page.wait(lambda: page.run("return document.body.dataset.clockOffset || ''"), "the pong")
+    assert float(page.run("return document.body.dataset.clockOffset")) == pytest.approx(5000.0, abs=100.0)
+
+
+def test_handle_is_drawn_with_newest_row(page: Browser, server: ScriptedServer) -> None:
+    page.click("#pause")
+    hold(page)
+    page.wait(lambda: page.data("scene", "force") == "0", "the first row")
+    server.say(rest(0.2, 0.3, output=[0.0, 3.0, 0.0]))
+    page.wait(lambda: float(page.data("scene", "force")) == 3.0, "the newest row")
+    let_go(page, server)
+    page.click("#pause")
