@@ -49,6 +49,11 @@ export class Emergency {
     return true;
   }
 
+  // The session is over: whatever the answers were, it is stopped.
+  ended() {
+    if (this.state === "asked" || this.state === "failed") this.#stopped();
+  }
+
   // Another session is shown.
   clear() {
     clearTimeout(this.timer);

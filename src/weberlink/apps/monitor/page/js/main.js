@@ -52,6 +52,7 @@ const TAKE = {
   figures(message) {
     fillFigures(message);
     alarms.show(message.alarms);
+    if (message.ended) emergency.ended();
     if (message.settings || message.ended) refresh();
   },
   answer(message) {
