@@ -414,7 +414,10 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer, size: tuple[in
     script = axe.source(tmp_path)
     page.size(*size)
     on: Message = {"type": "recording", "state": "on", "path": "a.mcap", "bytes": 4.1e6, "seconds": 12.3, "marks": 2}
-    visit(page, server, hello(replay={"duration_s": 60.0}), *told(), figures(ALARM, LOST), events("connected"), on)
+    link = {"delay_ms": 20, "jitter_ms": 0, "loss": 0.02}
+    everything = hello(replay={"duration_s": 60.0}, drivable=True, workspace_m=0.06, link=link)
+    free: Message = {"type": "handle", "state": "free", "why": None}
+    visit(page, server, everything, *told(), figures(ALARM, LOST), events("connected"), on, free)
     page.wait(lambda: page.text("recording") != "" and LOST["text"] in page.text("alarms"), "all of it")
     try:
         for scheme in ("light", "dark"):
