@@ -10,7 +10,7 @@ from aiohttp import web
 
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
-from weberlink.apps.monitor.web import Site
+from weberlink.apps.monitor.web import Handler, Site
 
 Message = dict[str, Any]
 
@@ -26,6 +26,10 @@ class ScriptedServer:
         self.sessions: list[Message] = []
         self.answer: Callable[[Message], Message | None] = lambda _: None
         self.asked: list[Message] = []
+        self.posted: list[tuple[str, str | None]] = []
+        """Paths of the requests by POST with their queries, and their tokens."""
+        self.pictures: list[bytes] = []
+        """Messages to a page that opens the view; empty for a monitor without one."""
         self.followed: list[str | None] = []
         self.viewers: list[Viewer] = []
         self.port = 0
@@ -97,9 +101,27 @@ class ScriptedServer:
     def _wait(self, work: Coroutine[Any, Any, None]) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)
 
+    @web.middleware
+    async def _answered(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Answer what the page asks by HTTP, and send the pictures of the view."""
+        if request.method == "POST":
+            self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
+            answer = self.answer({"type": request.path})
+            return web.json_response(answer, status=200 if answer and answer["accepted"] else 403)
+        if request.path == "/view" and self.pictures:
+            socket = web.WebSocketResponse()
+            await socket.prepare(request)
+            for picture in self.pictures:
+                await socket.send_bytes(picture)
+            await socket.receive()
+            return socket
+        return await handler(request)
+
     async def _start(self) -> None:
         site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
-        self._runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        application = site.application()
+        application.middlewares.append(self._answered)
+        self._runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
         await self._runner.setup()
         await web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True).start()
         self.port = int(self._runner.addresses[0][1])

@@ -23,13 +23,10 @@ export class Emergency {
     });
     // A click without pointer or key: assistive technology.
     button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
-    addEventListener(
-      "keydown",
-      (event) => {
-        if (event.key === "Escape" && !event.repeat && store.running) this.press();
-      },
-      true,
-    );
+    // While the person drives, Escape lets go of the handle and comes no further; the next one stops.
+    addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !event.repeat && store.running) this.press();
+    });
   }
 
   press() {
@@ -41,7 +38,7 @@ export class Emergency {
     this.state = "asked";
     this.#show(`emergency stop asked for at ${clock()}`, "warn");
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.#fail("no answer"), PATIENCE_MS);
+    this.timer = setTimeout(() => this.#fail([...this.reasons, "no answer"].join("; ")), PATIENCE_MS);
   }
 
   // The answer to a request of type `session`; false if none was asked for here.
@@ -50,6 +47,11 @@ export class Emergency {
     if (message.accepted) this.#stopped();
     else this.#refused(message.why ?? "refused");
     return true;
+  }
+
+  // The session is over: whatever the answers were, it is stopped.
+  ended() {
+    if (this.state === "asked" || this.state === "failed") this.#stopped();
   }
 
   // Another session is shown.
@@ -62,12 +64,12 @@ export class Emergency {
   }
 
   async #post() {
+    const session = this.store.hello?.session; // without one, all sessions of the host are stopped
     try {
-      const response = await fetch("api/emergency", {
+      const response = await fetch(`api/emergency${session ? `?session=${encodeURIComponent(session)}` : ""}`, {
         method: "POST",
         keepalive: true,
-        headers: { "Content-Type": "application/json", "X-WeberLink-Token": this.link.token ?? "" },
-        body: JSON.stringify({ session: this.store.hello?.session ?? null }),
+        headers: { "X-WeberLink-Token": this.link.token ?? "" },
       });
       const text = await response.text();
       const told = parsed(text);

@@ -16,10 +16,10 @@ export function three(value) {
 export const AS = {
   count: (v) => (known(v) ? v.toLocaleString("en").replace(/,/g, "\u202f") : UNKNOWN),
   number1: (v) => (known(v) ? fixed(v, 1) : UNKNOWN),
+  number2: (v) => (known(v) ? fixed(v, 2) : UNKNOWN),
   pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
   rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
   percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
-  deadbands: (v) => (known(v) ? `${fixed(v, 2)} deadbands` : UNKNOWN),
   ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
   us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
   mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),

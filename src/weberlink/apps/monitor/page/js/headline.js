@@ -34,7 +34,8 @@ export class Headline {
 
   // Which sides are engaged, and whether the operator holds the button that lets the robot follow.
   #engagement() {
-    const { figures, present, rings, running } = this.store;
+    const { figures, present, rings, stopped } = this.store;
+    const running = this.store.running && !stopped;
     const told = figures?.engaged ?? Object.fromEntries(present.map((side) => [side, rings[side].last("state") === ENGAGED]));
     const sides = Object.keys(told).filter((side) => told[side]);
     const known = running && Object.keys(told).length > 0;
@@ -53,9 +54,9 @@ export class Headline {
   #summary(states) {
     const { store, connection } = this;
     if (connection === "gone") return ["lost", "connection to the monitor lost; reconnecting"];
-    if (store.stopped) return ["stopped", "by the emergency stop of this page"];
+    if (store.stopped) return ["stopped", "by the emergency stop"];
     if (store.ended) return ["ended", "these are the final figures"];
-    if (!store.hello?.session) return ["connecting", "waiting for a session to begin"];
+    if (!store.hello?.session) return ["no session", "waiting for a session to begin"];
     if (!states.length) return ["connecting", "waiting for the first tick"];
     const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
     const sides = new Set(states);

@@ -31,9 +31,8 @@ const emergency = new Emergency(store, link, () => schedule());
 const ask = (message) => link.send(message);
 const touch = new Touch(store, ask);
 const headline = new Headline(store);
-const charts = PANELS.map((panel) => new Chart(panel, store, by("charts")));
+const charts = [...PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
-const history = HISTORY.map((panel) => new Chart(panel, store, by("charts")));
 const controls = new Controls(store, ask);
 const sessions = new Sessions(store, (name) => link.follow(name));
 const room = new Room(store, ask);
@@ -43,6 +42,7 @@ const events = new EventLog();
 const alarms = new Alarms();
 const picture = new PictureView();
 const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
+const inSight = new Set(); // the charts and the scene that are in the window: only these are drawn
 let view = null;
 let connected = false;
 
@@ -52,6 +52,7 @@ const TAKE = {
   figures(message) {
     fillFigures(message);
     alarms.show(message.alarms);
+    if (message.ended) emergency.ended();
     if (message.settings || message.ended) refresh();
   },
   answer(message) {
@@ -140,29 +141,21 @@ async function draw(now) {
   }
 }
 
-// Runs the parts of a drawing, and lets input in between. Returns how long they took [ms].
+// Runs the parts of a drawing, in several frames if they take long: input comes in between. Returns how long they took [ms].
 async function inSlices(parts) {
   let cost = 0;
   let begin = performance.now();
   for (const part of parts) {
     part();
+    await null; // a chart draws in the microtask that it has just queued
     touch.drive.beat();
     const slice = performance.now() - begin;
     if (slice < LONGEST_SLICE_MS) continue;
     cost += slice;
-    await inputs();
+    await new Promise(requestAnimationFrame);
     begin = performance.now();
   }
   return cost + performance.now() - begin;
-}
-
-// Settles when waiting input events and messages have been handled.
-function inputs() {
-  return new Promise((resume) => {
-    const { port1, port2 } = new MessageChannel();
-    port1.onmessage = resume;
-    port2.postMessage(null);
-  });
 }
 
 // The parts of one drawing.
@@ -171,16 +164,15 @@ function steps(newest) {
   const from = all ? 0 : Math.max(0, newest - drawing.window);
   const to = all ? Math.max(1, newest, store.rings.history.newest) : from + drawing.window;
   const only = store.present.length === 1 ? store.present[0] : "master";
-  const shown = all ? history : charts.filter((chart) => chart.panel?.when?.(store) !== false);
   return [
     () => headline.draw(),
-    ...shown.map((chart) => () => {
+    ...charts.filter(({ body }) => inSight.has(body)).map((chart) => () => {
       chart.prefer?.(only);
       chart.draw(from, to);
     }),
     () => {
       clearTimeout(drawing.rest);
-      if (view?.draw(newest, performance.now()) === false) drawing.rest = setTimeout(schedule, view.interval);
+      if (inSight.has(by("scene")) && view?.draw(newest, performance.now()) === false) drawing.rest = setTimeout(schedule, view.interval);
     },
   ];
 }
@@ -207,10 +199,19 @@ for (const button of document.querySelectorAll("[data-window]")) {
 by("theme").value = chosenTheme();
 by("theme").addEventListener("change", ({ target }) => chooseTheme(target.value));
 onThemeChange(() => {
-  for (const chart of [...charts, ...history]) chart.restyle();
+  for (const chart of charts) chart.restyle();
   view?.restyle();
   schedule();
 });
+
+const sight = new IntersectionObserver(
+  (entries) => {
+    for (const { isIntersecting, target } of entries) isIntersecting ? inSight.add(target) : inSight.delete(target);
+    schedule();
+  },
+  { rootMargin: "50px" },
+);
+for (const place of [by("scene"), ...charts.map(({ body }) => body)]) sight.observe(place);
 
 refresh();
 link.follow(null);

@@ -112,7 +112,6 @@ export const PANELS = [
     name: "torque",
     title: "Torque",
     unit: "mN m",
-    when: (store) => store.rotates,
     choices: ["norm", "x", "y", "z"],
     choice: "norm",
     help:
@@ -155,7 +154,6 @@ export const PANELS = [
     name: "orientation",
     title: "Orientation",
     unit: "°",
-    when: (store) => store.rotates,
     choices: ["norm", "x", "y", "z"],
     choice: "norm",
     help:
@@ -261,7 +259,6 @@ export const PANELS = [
     name: "energy",
     title: "Energy tanks",
     unit: "mJ",
-    when: (store) => !store.rotates, // no control scheme with a tank supports rotation
     help:
       "Energy that each side may still spend. The passivity controller brakes when a tank is empty, which keeps a " +
       "delayed link stable. Without such a control scheme there is no tank.",

@@ -59,8 +59,8 @@ export class Recording {
   }
 
   #switch() {
-    const message = this.on ? { do: "stop" } : { do: "start", name: this.#text() || name() };
-    this.#ask(message);
+    if (this.on) this.#ask({ do: "stop" });
+    else this.#ask({ do: "start", name: this.#text() || null }); // without a name: one of the session and the time
   }
 
   #mark() {
@@ -80,13 +80,6 @@ export class Recording {
     by("record-text").value = "";
     return text;
   }
-}
-
-// As files are named: date and time of the start.
-function name() {
-  const now = new Date();
-  const local = new Date(now - 60000 * now.getTimezoneOffset());
-  return local.toISOString().slice(0, 19).replace("T", "-").replaceAll(":", "");
 }
 
 function progress({ seconds, bytes, marks }) {
