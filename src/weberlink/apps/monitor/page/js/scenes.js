@@ -24,7 +24,7 @@ export class Scenes {
 
   // Takes one message of the server.
   take(message) {
-    if (message.type === "hello" && message.rooms) this.rooms = message.rooms;
+    if (message.type === "hello") this.rooms = message.rooms ?? null;
     if (message.type === "keeper") this.#said(message);
     if (message.type === "answer" && message.to === "session" && !message.accepted)
       this.#said({ state: "failed", scene: this.rooms?.scene, why: message.why });

@@ -59,7 +59,10 @@ export class Touch {
     }
     if (message.type === "figures" && message.ended) this.#say();
     if (message.type === "samples" && message.t.length) this.#feel(message, now);
-    if (message.type === "pong") this.latency.pong(message, now);
+    if (message.type === "pong") {
+      this.latency.pong(message, now);
+      this.#tellLatency();
+    }
   }
 
   #greet(hello) {
