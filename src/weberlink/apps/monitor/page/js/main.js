@@ -5,7 +5,6 @@ import { Controls } from "./controls.js";
 import { Headline, fillFigures } from "./headline.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
-import { Scenes } from "./scenes.js";
 import { Store } from "./store.js";
 import { onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
@@ -18,7 +17,6 @@ const SESSIONS_EVERY_MS = 4000;
 const by = (id) => document.getElementById(id);
 const store = new Store();
 const touch = new Touch(store, (message) => link.send(message));
-const scenes = new Scenes((message) => link.send(message));
 const headline = new Headline(store);
 const charts = PANELS.map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
@@ -46,7 +44,6 @@ function receive(message) {
   }
   if (message.type === "answer") controls.answer(message);
   touch.take(message);
-  scenes.take(message);
   schedule();
 }
 
