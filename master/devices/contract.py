@@ -27,7 +27,7 @@ class DeviceSpec:
         stiffness_n_m: Stiffest wall that it displays stably at `rate_hz` [N/m].
         workspace_m: Lower and upper corner of where the hand may be [m].
         rate_hz: Rate at which it gives positions and takes forces [Hz].
-        force_feedback: Whether `command` does anything.
+        force_feedback: Whether the hand feels what `command` says.
         buttons: How many buttons it has.
         orientation: Whether its readings have an orientation.
         torque_n_m: Largest torque that it displays [N m]; more is cut to it. 0 without torque feedback.
@@ -35,6 +35,8 @@ class DeviceSpec:
             0 for a computed device, whose force ends with the program.
         note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
         noise_m: Noise of the position while the hand is still, RMS on each axis [m]; 0 where it is not known.
+        push_n: Force against which a full deflection holds a rate-controlled device [N]; 0 for a device that the hand
+            moves. Such a device takes `command` as the resistance of its rate, without force feedback too.
     """
 
     name: str
@@ -50,6 +52,7 @@ class DeviceSpec:
     watchdog_s: float | None = None
     note: str = ""
     noise_m: float = 0.0
+    push_n: float = 0.0
 
 
 class DeviceReading(NamedTuple):

@@ -4,9 +4,11 @@ from weberlink.hardware.emulator import EmulatorClass
 from weberlink.registry import Registry
 
 EMULATORS = {
+    "gamepad": "weberlink.master.emulators.gamepad:GamepadEmulator",
     "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
     "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
     "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+    "spacemouse": "weberlink.master.emulators.spacemouse:SpaceMouseEmulator",
 }
 _registry: Registry[EmulatorClass] = Registry("emulated device", EMULATORS)
 load = _registry.load

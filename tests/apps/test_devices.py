@@ -257,7 +257,7 @@ def test_command_succeeds_with_nothing_plugged_in() -> None:
 def test_rules_use_keys_that_udev_knows() -> None:
     """Every line is a list of keys that udev knows, with operators that fit."""
     keys = (
-        r"(?:ACTION|KERNEL|SUBSYSTEM|TEST|ATTRS?\{[\w/]+\})(?:==|!=)|"
+        r"(?:ACTION|KERNEL|SUBSYSTEM|TEST|ENV\{\w+\}|ATTRS?\{[\w/]+\})(?:==|!=)|"
         r"(?:ENV\{\w+\}|ATTR\{[\w/]+\}|GROUP|MODE|GOTO|LABEL)=|TAG\+="
     )
     rule = re.compile(rf'(?:{keys})"[^"]*"(?:, (?:{keys})"[^"]*")*')

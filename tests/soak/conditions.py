@@ -14,7 +14,7 @@ from tests.soak.rig import Rig
 from tests.soak.watch import Watch
 from weberlink.protocol.emulation import Emulation
 from weberlink.system.configuration import SIDES
-from weberlink.system.recorder import Recorder
+from weberlink.system.recorder import Recorder, facts
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
 DELAY = Emulation(delay_s=0.045, jitter_s=0.015)
@@ -69,7 +69,7 @@ def recording(at: Field, folder: Path | None = None) -> Iterator[Recorder]:
     """Record the session meanwhile; the file is removed at the end."""
     rig, watch = at.rig, at.watch
     out = (folder or rig.folder) / "soak.mcap"
-    recorder = Recorder(rig.configuration, {side: rig.ring(side) for side in SIDES}, out)
+    recorder = Recorder(facts(rig.configuration), {side: rig.ring(side) for side in SIDES}, out)
     watch.extra["recorder"] = recorder.pid
     try:
         yield recorder

@@ -24,6 +24,7 @@ from weberlink.system.journal import Journal
 from weberlink.system.log_file import LONGEST_LINE, LogFile
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import RELEASED
 
 RATE_HZ = 1000.0
 STARTED_S, WALL_OFFSET_S = 5000.0, 1_763_000_000.0
@@ -75,7 +76,8 @@ def test_a_session_in_which_nothing_happens_has_a_beginning_figures_and_an_end()
     assert names(lines) == ["started", "summary", "ended"]
     assert lines[0] == {
         "time": "2025-11-13T03:36:40.000Z", "side": "master", "event": "started", "tick": 0, "at_s": 5000.0,
-        "state": "engaged", "scheme": "none", "rate_hz": 1000.0,
+        "state": "engaged", "scheme": "none", "rate_hz": 1000.0, "level": "info",
+        "text": "began at 1000 Hz, control scheme none; engaged: in a session with the slave",
     }  # fmt: skip
     assert (lines[-1]["side"], lines[-1]["outcome"]) == ("session", "completed")
     assert lines[-1]["faults"] == {"master": {"silence": 1}}
@@ -125,6 +127,13 @@ def test_schemes_and_live_changes_are_told() -> None:
     lines = Log().look(records)
     assert [(line["event"], line["tick"]) for line in lines[1:]] == [("scheme", 1500), ("settings", 2600)]
     assert (lines[1]["scheme"], lines[1]["before"], lines[2]["generation"]) == ("tdpa", "none", 1)
+
+
+def test_button_of_the_operator_is_told() -> None:
+    records = ticks(4000)
+    records["ramping"][1500:2600] = RELEASED
+    lines = Log().look(records)
+    assert [(line["event"], line["tick"]) for line in lines[1:]] == [("released", 1500), ("held", 2600)]
 
 
 def test_missed_ticks_and_outputs_at_a_limit_are_counted() -> None:

@@ -17,7 +17,9 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
+from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES
+from weberlink.telemetry.recording.message import BEGUN
 
 FORMATS = ("csv", "parquet")
 BLOCK_ROWS = 50_000
@@ -38,6 +40,8 @@ class RecordingDescription:
         """Print a line for each file, then the report of the session."""
         for file in self.document["files"]:
             console.print(Text(_file_line(file)))
+        for mark in self.document["marks"]:
+            console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
         title = "weberlink info " + " ".join(file["path"] for file in self.document["files"])
         session_report(self.document, title, console)
 
@@ -59,12 +63,16 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
             "lost": recording.lost,
             "clock": recording.facts.get("clock", "real"),
             "began": _date(recording),
+            "begun": recording.facts.get(BEGUN),
             "configuration": recording.facts.get("configuration"),
         }
         for recording in recordings
     ]
-    document = {"files": files} | session.summary()
+    first = min(float(records["at"][0]) for records in session.sides.values())
+    marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
+    document = {"files": files, "marks": marks} | session.summary()
     document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
+    document["verdict"] = verdict(document).document()
     return RecordingDescription(document)
 
 
@@ -139,10 +147,16 @@ def _file_line(file: dict[str, Any]) -> str:
     parts = [
         f"{file['path']}: {sides}",
         f"{file['bytes'] / 1e6:.1f} MB",
-        f"began {file['began']}" if file["began"] else f"{file['clock']} time",
+        _began(file),
         _ended(file),
     ]
     return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
+
+
+def _began(file: dict[str, Any]) -> str:
+    if not file["began"]:
+        return f"{file['clock']} time"
+    return f"began {file['began']}" + (f" {file['begun']}" if file["begun"] else "")
 
 
 def _ended(file: dict[str, Any]) -> str:

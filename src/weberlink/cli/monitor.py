@@ -34,16 +34,26 @@ def monitor(
             metavar="KEY", help="Key of --share and --from, made by weberlink keygen; the same on both hosts."
         ),
     ] = None,
+    recordings: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
+    ] = Path("recordings"),
+    replay: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Play a recording on the page; twice for the files of both sides."),
+    ] = None,
 ) -> None:
-    """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
+    """Show running sessions, or a recording, in a browser and to Prometheus, until Ctrl-C."""
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
 
     with errors():
         for package in ("aiohttp", "prometheus_client"):
             need(package, "monitor", "weberlink monitor")
     from weberlink.apps.monitor import access  # noqa: PLC0415
-    from weberlink.apps.monitor.program import MonitorError, MonitorSettings, run, tell  # noqa: PLC0415
+    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
+    from weberlink.apps.monitor.program import MonitorSettings, run, tell  # noqa: PLC0415
 
+    if replay and (source is not None or share is not None):
+        fail("--replay shows a recording: give it without --share and --from", MISCONFIGURED)
     addresses = _address("--share", share), _address("--from", source)
     terms = _terms(key_file, needed=share is not None or source is not None)
     if not access.is_loopback(listen):
@@ -54,11 +64,25 @@ def monitor(
                 MISCONFIGURED,
             )
         tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
-    settings = MonitorSettings(listen, port, session, browse, *addresses, terms)
+    settings = MonitorSettings(
+        listen, port, session, browse, *addresses, terms, recordings, _replayed(replay) if replay else None
+    )
     try:
         run(settings)
     except MonitorError as error:
         fail(str(error), FAILED)
+
+
+def _replayed(paths: list[Path]) -> Any:
+    """What --replay plays."""
+    from weberlink.apps.monitor.program import tell  # noqa: PLC0415
+    from weberlink.system.configuration.extras import need  # noqa: PLC0415
+
+    with errors():
+        need("mcap", "recording", "--replay")
+        from weberlink.apps.monitor.replay import read_source  # noqa: PLC0415 - reads with an optional library
+
+        return read_source(paths, tell)
 
 
 def _address(option: str, text: str | None) -> tuple[str, int] | None:
@@ -89,6 +113,3 @@ def _terms(path: Path | None, *, needed: bool) -> Any:
         return telemetry_terms(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
-
-
-COMMANDS = (monitor,)

@@ -4,6 +4,8 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
+from struct import calcsize
 from typing import Any, NamedTuple
 
 from weberlink.hardware.fault import HardwareFault
@@ -71,22 +73,44 @@ def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
     )
 
 
-def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[PluggedDevice]:
-    """HID devices with one of these identities and one of these usage pages (0: not reported), by path.
+def hid_devices(
+    ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,), usages: Sequence[int] = ()
+) -> list[PluggedDevice]:
+    """HID devices with one of these identities, usage pages and usages (0: not reported), by path; no usages: any.
 
-    A composite device has several; the usage page selects one.
+    A composite device has several; the usage page, or the usage within it, selects one.
     """
     wanted = tuple(ids)
     found = []
     for entry in hidapi().enumerate():
         if any(id_.matches(entry["vendor_id"], entry["product_id"]) for id_ in wanted) and (
-            entry.get("usage_page", 0) in usage_pages
+            entry.get("usage_page", 0) in usage_pages and (not usages or entry.get("usage", 0) in usages)
         ):
             path = entry["path"].decode(errors="replace")
             found.append(
                 PluggedDevice(path, _text(entry, "product_string"), _text(entry, "serial_number"), _problem(path))
             )
     return sorted(found, key=lambda each: each.path)
+
+
+def input_devices(key: int, root: Path = Path("/sys/class/input")) -> list[PluggedDevice]:
+    """Event devices of the kernel that have a key of this code, by path; none of them is opened."""
+    found = []
+    for entry in root.glob("event*"):
+        device = entry / "device"
+        words = _attribute(device, "capabilities/key").split() or ["0"]  # hexadecimal, the highest first
+        size = 8 * calcsize("l")
+        if sum(int(word, 16) << size * place for place, word in enumerate(reversed(words))) >> key & 1:
+            path = f"/dev/input/{entry.name}"
+            found.append(PluggedDevice(path, _attribute(device, "name"), _attribute(device, "uniq"), _problem(path)))
+    return sorted(found, key=lambda each: each.path)
+
+
+def _attribute(device: Path, name: str) -> str:
+    try:
+        return (device / name).read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:

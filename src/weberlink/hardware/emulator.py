@@ -57,9 +57,9 @@ class Emulator(Protocol):
 
 
 class EmulatorClass(Protocol):
-    """An emulator class: its options, its transport (serial or hid), and its own faults with what each value does.
+    """An emulator class: its options, its transport (serial, hid, evdev), and its own faults with what each value does.
 
-    A class for HID also has `identity`, a `weberlink.hardware.umockdev.HidIdentity`.
+    Emulators that are not serial have `identity`, a `weberlink.hardware.umockdev.Identity`.
     """
 
     Options: ClassVar[type[BaseModel]]

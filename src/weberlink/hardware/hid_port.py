@@ -1,4 +1,4 @@
-"""A HID device with unnumbered reports, through hidapi; every wait has a time limit."""
+"""A HID device, through hidapi; every wait has a time limit."""
 
 import os
 from time import monotonic
@@ -48,13 +48,13 @@ class HidPort:
             os.close(descriptor)
         self._guardian = guardian
 
-    def write(self, report: bytes) -> None:
-        """Send one report.
+    def write(self, report: bytes, number: int = 0) -> None:
+        """Send one report; `number` is that of the report, 0 for a device whose reports have none.
 
         Raises:
             HardwareFault: it was unplugged; or of the guardian, see `Guardian.before`.
         """
-        message, guardian = b"\x00" + report, self._guardian
+        message, guardian = bytes([number]) + report, self._guardian
         if guardian is not None:
             guardian.before(message)
         try:
@@ -67,7 +67,7 @@ class HidPort:
             guardian.after(message)
 
     def read_all(self, until: float) -> list[bytes]:
-        """All reports that have come, oldest first, as soon as there are any.
+        """All reports that have come, oldest first, as soon as there are any; a numbered one has its number in front.
 
         None where none comes by `until` [s, monotonic]; 0 does not wait.
 

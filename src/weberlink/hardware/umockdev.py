@@ -1,4 +1,4 @@
-"""Emulated HID devices for the real hidapi, by umockdev: without a kernel module and without privileges.
+"""Emulated devices of the kernel (HID, input) for real libraries, by umockdev: without a kernel module or privileges.
 
 umockdev redirects what a process sees of /sys and /dev by a preloaded library. `umockdev_service` runs in the system's
 Python, which has the bindings, and keeps /sys; the nodes in /dev are pseudo terminals served like serial devices. Only
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fcntl import ioctl
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from weberlink.hardware.emulator import Emulator, PtyDevice, serve
 from weberlink.hardware.fault import HardwareFault
@@ -28,7 +28,7 @@ WRAPPER = "umockdev-wrapper"
 SYSTEM_PYTHON = "/usr/bin/python3"
 """Not the one of a virtual environment: the bindings come with the distribution."""
 PRELOAD = "libumockdev-preload.so.0"
-ADVICE = "to emulate HID devices, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
+ADVICE = "to emulate devices of the kernel, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
 END_S = 5.0
 
 QUEUE = 64
@@ -38,16 +38,36 @@ TORN_S = 0.05
 LITERAL, END = b"\x16", b"\x04"
 
 
+class Identity(Protocol):
+    """What an emulated device says of itself, and where it appears."""
+
+    def node(self, number: int) -> str:
+        """Path of its node for processes that see the testbed; `number` counts the nodes that are plugged in."""
+        ...
+
+    def paths(self, number: int, instance: int) -> tuple[str, ...]:
+        """Its paths in /sys from the outside in; `instance` counts pluggings."""
+        ...
+
+    def description(self, number: int, instance: int) -> str:
+        """The device in the text format of umockdev, without a node in /dev, which umockdev could not remove again."""
+        ...
+
+    def ioctls(self, number: int) -> str:
+        """Answers of the node to requests, in the text format of umockdev."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class HidIdentity:
-    """What a USB device with one HID interface says of itself.
+    """A USB device with one HID interface.
 
     Args:
         vendor: 16 bits.
         product: 16 bits.
         name: of the product.
         report_descriptor: its bytes.
-        report_size: of a report either way, without a number [bytes].
+        report_size: of a report to the device, without its number [bytes].
         serial_number: empty for none.
         manufacturer: empty for none.
     """
@@ -60,44 +80,37 @@ class HidIdentity:
     serial_number: str = ""
     manufacturer: str = ""
 
+    def node(self, number: int) -> str:
+        return f"/dev/hidraw{number}"
 
-def node_of(number: int) -> str:
-    return f"/dev/hidraw{number}"
+    def paths(self, number: int, instance: int) -> tuple[str, ...]:
+        usb = f"/devices/pci0000:00/0000:00:14.0/usb1/1-{instance}"
+        interface = f"{usb}/1-{instance}:1.0"
+        hid = f"{interface}/0003:{self.vendor:04X}:{self.product:04X}.{instance:04X}"
+        return usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
 
+    def description(self, number: int, instance: int) -> str:
+        usb, interface, hid, node = self.paths(number, instance)
+        product = f"E: PRODUCT={self.vendor:x}/{self.product:x}/100"
+        name = " ".join(filter(None, (self.manufacturer, self.name)))
+        lines = [
+            *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", product),
+            *(f"A: idVendor={self.vendor:04x}", f"A: idProduct={self.product:04x}", "A: bcdDevice=0100"),
+            f"A: product={self.name}",
+            *([f"A: manufacturer={self.manufacturer}"] if self.manufacturer else []),
+            *([f"A: serial={self.serial_number}"] if self.serial_number else []),
+            *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", product, "A: bInterfaceNumber=00"),
+            *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{self.vendor:08X}:{self.product:08X}"),
+            *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={self.serial_number}"),
+            *("", f"P: {node}", f"E: DEVNAME={self.node(number)}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
+            f"E: MINOR={number}",
+        ]
+        return "\n".join(lines) + "\n"
 
-def paths(identity: HidIdentity, number: int, instance: int) -> tuple[str, str, str, str]:
-    """Paths in /sys of the USB device, its interface, the HID device and the node; `instance` counts pluggings."""
-    usb = f"/devices/pci0000:00/0000:00:14.0/usb1/1-{instance}"
-    interface = f"{usb}/1-{instance}:1.0"
-    hid = f"{interface}/0003:{identity.vendor:04X}:{identity.product:04X}.{instance:04X}"
-    return usb, interface, hid, f"{hid}/hidraw/hidraw{number}"
-
-
-def description(identity: HidIdentity, number: int, instance: int) -> str:
-    """The device in the text format of umockdev, without a node in /dev, which umockdev could not remove again."""
-    usb, interface, hid, node = paths(identity, number, instance)
-    product = f"E: PRODUCT={identity.vendor:x}/{identity.product:x}/100"
-    name = " ".join(filter(None, (identity.manufacturer, identity.name)))
-    lines = [
-        *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", product),
-        *(f"A: idVendor={identity.vendor:04x}", f"A: idProduct={identity.product:04x}", "A: bcdDevice=0100"),
-        f"A: product={identity.name}",
-        *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
-        *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
-        *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", product, "A: bInterfaceNumber=00"),
-        *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{identity.vendor:08X}:{identity.product:08X}"),
-        *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
-        *("", f"P: {node}", f"E: DEVNAME={node_of(number)}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
-        f"E: MINOR={number}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def ioctls(identity: HidIdentity, number: int) -> str:
-    """Answers of the node to requests for the report descriptor."""
-    size = len(identity.report_descriptor).to_bytes(4, "little").hex().upper()
-    padded = identity.report_descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
-    return f"@DEV {node_of(number)}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
+    def ioctls(self, number: int) -> str:
+        size = len(self.report_descriptor).to_bytes(4, "little").hex().upper()
+        padded = self.report_descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
+        return f"@DEV {self.node(number)}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
 
 
 def missing() -> str | None:
@@ -110,7 +123,7 @@ def missing() -> str | None:
 
 
 class Testbed:
-    """While in the `with`, processes started with `environment` see these HID devices, and no other USB devices.
+    """While in the `with`, processes started with `environment` see these devices, and no other USB devices.
 
     Args:
         priority: SCHED_FIFO priority of the process that keeps /sys, where permitted; 0 for none.
@@ -125,8 +138,8 @@ class Testbed:
         self._priority = priority
         self._process: subprocess.Popen[str] | None = None
         self._instances = 0
-        self._plugged: dict[int, tuple[HidIdentity, int]] = {}
-        self._described: dict[int, HidIdentity] = {}
+        self._plugged: dict[int, tuple[Identity, int]] = {}
+        self._described: dict[int, Identity] = {}
         self.root = Path()
         """Replaces / for the processes that see the testbed."""
 
@@ -167,16 +180,16 @@ class Testbed:
         """Number of the next node, as the kernel would count."""
         return next(number for number in range(len(self._plugged) + 1) if number not in self._plugged)
 
-    def path(self, number: int) -> Path:
+    def path(self, node: str) -> Path:
         """Path of a node for processes that do not see the testbed."""
-        return self.root / node_of(number).removeprefix("/")
+        return self.root / node.removeprefix("/")
 
-    def plug(self, identity: HidIdentity, number: int) -> None:
+    def plug(self, identity: Identity, number: int) -> None:
         """Let the device appear; the caller makes its node in /dev."""
         self._instances += 1
         is_new = self._described.get(number) != identity
-        added = description(identity, number, self._instances)
-        self._ask({"add": added, "ioctls": ioctls(identity, number) if is_new else ""})
+        added = identity.description(number, self._instances)
+        self._ask({"add": added, "ioctls": identity.ioctls(number) if is_new else ""})
         self._described[number] = identity
         self._plugged[number] = (identity, self._instances)
 
@@ -185,7 +198,7 @@ class Testbed:
         if number in self._plugged:
             identity, instance = self._plugged.pop(number)
             # From the inside out: umockdev forgets some links within the device that it removes.
-            self._ask({"remove": [f"/sys{path}" for path in reversed(paths(identity, number, instance))]})
+            self._ask({"remove": [f"/sys{path}" for path in reversed(identity.paths(number, instance))]})
 
     def _ask(self, request: dict[str, Any]) -> None:
         assert self._process is not None
@@ -227,35 +240,35 @@ class Testbed:
         self._described.clear()
 
 
-class HidNode(PtyDevice):
-    """While in the `with`, the device is plugged in: a pseudo terminal that keeps reports apart as the kernel does.
-
-    A reader gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while
-    nobody had it open.
+class TestbedNode(PtyDevice):
+    """While in the `with`, the device is plugged into a testbed: a pseudo terminal in place of its node.
 
     Args:
         testbed: to plug it into.
-        emulator: the device; reports come to it without their number.
+        emulator: the device.
         identity: what it says of itself.
         begin: see `PtyDevice`.
     """
+
+    __test__ = False
 
     def __init__(
         self,
         testbed: Testbed,
         emulator: Emulator,
-        identity: HidIdentity,
+        identity: Identity,
         *,
         begin: Callable[[], object] = lambda: None,
     ) -> None:
         self._number = testbed.free_number()
-        super().__init__(emulator, testbed.path(self._number), begin=begin)
+        self.node = identity.node(self._number)
+        """Its path for processes that see the testbed."""
+        super().__init__(emulator, testbed.path(self.node), begin=begin)
         self._testbed = testbed
         self._identity = identity
-        self.node = node_of(self._number)
-        """Its path for processes that see the testbed."""
 
     def plug(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
         super().plug()
         try:
             self._testbed.plug(self._identity, self._number)
@@ -266,6 +279,16 @@ class HidNode(PtyDevice):
     def unplug(self) -> None:
         self._testbed.unplug(self._number)
         super().unplug()
+
+
+class HidNode(TestbedNode):
+    """A HID device: keeps reports apart as the kernel does; they come to the emulator without their number.
+
+    A reader gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while
+    nobody had it open.
+    """
+
+    _identity: HidIdentity
 
     def _prepare(self, far: int) -> None:
         """Reports as lines: each ended by an end-of-file character, its bytes made literal by one in front."""
@@ -283,7 +306,7 @@ class HidNode(PtyDevice):
 
     def _encode(self, message: bytes, far: int) -> bytes:
         (waiting,) = struct.unpack("i", ioctl(far, termios.FIONREAD, bytes(4)))
-        if waiting >= QUEUE * self._identity.report_size:
+        if waiting >= QUEUE * len(message):
             return b""
         return b"".join(LITERAL + message[i : i + 1] for i in range(len(message))) + END
 
@@ -307,3 +330,9 @@ class _Reports:
         while len(self._rest) >= self._size:
             report, self._rest = self._rest[1 : self._size], self._rest[self._size :]
             self._device.receive(report, now)
+
+
+def plugged_into(testbed: Testbed, emulator: Any, begin: Callable[[], object] = lambda: None) -> TestbedNode:
+    """The node of an emulator whose class names its transport, `hid` or `evdev`."""
+    kind = HidNode if emulator.transport == "hid" else TestbedNode
+    return kind(testbed, emulator, emulator.identity, begin=begin)

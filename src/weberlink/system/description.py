@@ -1,20 +1,24 @@
 """The description of a running daemon: a small file beside its ring, for observers.
 
-It holds the configuration and the names of numbers in the telemetry. It is written before the ring appears and removed
-after it, so that every ring has a description.
+It holds the configuration, the names of numbers in the telemetry, and what the side knows of its peer. It is written
+before the ring appears and removed after it, so that every ring has a description.
 """
 
 import json
 import os
+from getpass import getuser
 from pathlib import Path
+from socket import gethostname
 from tempfile import mkstemp
 from typing import Any
 
 from weberlink.control.table import SCHEMES
+from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, channels
 from weberlink.system.composition.link import permitted
-from weberlink.system.configuration import Configuration
+from weberlink.system.configuration import SLAVE, Configuration
+from weberlink.system.configuration.model import split_address
 from weberlink.telemetry.runtime_directory import open_file
 
 LONGEST = 1_000_000
@@ -31,6 +35,7 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     force, torque = banks(system)
     return {
         "side": side,
+        "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
         "file": str(configuration.path),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
@@ -43,18 +48,48 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     }
 
 
-def publish(ring: str | Path, description: dict[str, Any]) -> Path:
-    """Write a description beside a ring atomically, readable by this user only."""
-    path = path_beside(ring)
-    fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(fd, "w", encoding="utf-8") as file:
-            json.dump(description, file)
-        Path(draft).replace(path)
-    except BaseException:
-        Path(draft).unlink(missing_ok=True)
-        raise
-    return path
+class Description:
+    """The file of one daemon.
+
+    Args:
+        ring: beside which it lies.
+        described: as of `describe`.
+    """
+
+    def __init__(self, ring: str | Path, described: dict[str, Any]) -> None:
+        self._path = path_beside(ring)
+        self._text = json.dumps(described)
+
+    def publish(self, peer: dict[str, str] | None = None) -> None:
+        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
+
+        Args:
+            peer: what the side knows of its peer (`weberlink.system.side.PeerFacts`).
+        """
+        fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
+        try:
+            with os.fdopen(fd, "wb") as file:
+                file.write(f'{self._text[:-1]}, "peer": {json.dumps(peer)}}}'.encode())
+            Path(draft).replace(self._path)
+        except BaseException:
+            Path(draft).unlink(missing_ok=True)
+            raise
+
+    def remove(self) -> None:
+        self._path.unlink(missing_ok=True)
+
+
+def default_name(side: str, listen: str) -> str:
+    """The name of a side where the file gives none."""
+    host = gethostname()
+    if side == SLAVE:
+        name = f"{host}:{split_address(listen)[1]}"
+    else:
+        try:
+            name = f"{getuser()}@{host}"
+        except (KeyError, OSError):  # a user id without a name, as in containers
+            name = f"{os.getuid()}@{host}"
+    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:

@@ -1,8 +1,9 @@
 """The log of a live session: JSON lines made from the telemetry of its sides, outside every control loop.
 
 Each side writes at most one line per kind and second; intermediate changes are counted in `suppressed`, and the newest
-one is written when the second is over. Every line has `time` (UTC), `side` and `event`; a line about a tick also has
-`tick` and `at_s`, its deadline on the monotonic clock, as in recordings.
+one is written when the second is over. Every line has `time` (UTC), `side` and `event`, with its `level` and `text` in
+words (`weberlink.system.wording`); a line about a tick also has `tick` and `at_s`, its deadline on the monotonic clock,
+as in recordings.
 
 | event | fields |
 |---|---|
@@ -10,12 +11,13 @@ one is written when the second is over. Every line has `time` (UTC), `side` and 
 | `idle`, `connecting`, `listening`, `engaged`, `silent`, `closed` | the new state; `before` |
 | `fault`, `recovered` | name of the `fault`; on recovery `lasted_s` |
 | `scheme` | active control scheme: `scheme`, `before` |
-| `settings` | live changes in force: `generation` |
+| `settings` | live changes in force: `generation`, `weber` |
+| `held`, `released` | the button of `master.engage`, while a session runs |
 | `missed` | `ticks`: missed deadlines since the last such line |
 | `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
 | `slewed` | `ticks`: ticks with force held back by the slew limit since the last such line |
 | `summary` | figures of the last interval |
-| `ended` | `outcome`, and the figures of the session |
+| `ended` | `outcome`, `verdict`, and the figures of the session |
 """
 
 import json
@@ -32,7 +34,9 @@ from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import Records
+from weberlink.system.wording import words
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import RELEASED
 
 Fields = dict[str, Any]
 
@@ -43,6 +47,8 @@ SESSION = "session"
 """`side` of lines about both sides."""
 LONGEST_OUTCOME = 1000
 """Characters of an outcome that are written: a line must fit into a pipe."""
+KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+"""Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTERS = ("updates_sent", "datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "bytes_sent")
 
 
@@ -121,6 +127,8 @@ class _Side:
         changed = np.zeros(len(records), np.bool_)
         for name in ("state", "fault", "control", "settings"):
             changed |= np.diff(records[name].astype(np.int64), prepend=int(self.last[name])) != 0
+        released = records["ramping"] == RELEASED
+        changed |= np.diff(released, prepend=bool(self.last["ramping"] == RELEASED))
         for index in np.flatnonzero(changed).tolist():
             yield from self._between(records[index - 1] if index else self.last, records[index])
         self.last = records[-1]
@@ -139,7 +147,10 @@ class _Side:
         if record["control"] != before["control"]:
             yield _Event(record, "scheme", "scheme", {"scheme": _scheme(record), "before": _scheme(before)})
         if record["settings"] != before["settings"]:
-            yield _Event(record, "settings", "settings", {"generation": int(record["settings"])})
+            fields = {"generation": int(record["settings"]), "weber": round(float(record["weber"]), 6)}
+            yield _Event(record, "settings", "settings", fields)
+        if (record["ramping"] == RELEASED) != (before["ramping"] == RELEASED):
+            yield _Event(record, "button", "released" if record["ramping"] == RELEASED else "held", {})
 
     def count(self, records: Records) -> None:
         """Count missed deadlines and limited outputs, which are too many for a line each."""
@@ -206,6 +217,11 @@ class Journal:
         if at - known.interval.since_s >= self._summary_s:
             self._summarise(side, known)
 
+    def flush(self) -> None:
+        """Write the changes that wait for their second."""
+        for name, side in self._sides.items():
+            self._flush(name, side, np.inf)
+
     def end(self, summary: dict[str, Any]) -> None:
         """Write what is waiting, the figures since the last summary, and the outcome. May be repeated.
 
@@ -215,8 +231,8 @@ class Journal:
         if self._ended:
             return
         self._ended = True
+        self.flush()
         for name, side in self._sides.items():
-            self._flush(name, side, np.inf)
             self._summarise(name, side)
         self._line(self._now(), SESSION, "ended", _outcome(summary))
 
@@ -260,7 +276,9 @@ class Journal:
 
     def _line(self, wall_s: float, side: str, event: str, fields: Fields) -> None:
         lost = {"lost_lines": self.lost_lines} if self.lost_lines else {}
-        document = {"time": _timestamp(wall_s), "side": side, "event": event} | fields | lost
+        level, text = words(side, event, fields)
+        document = {"time": _timestamp(wall_s), "side": side, "event": event, "level": level, "text": text}
+        document |= fields | lost
         try:
             written = self._write(json.dumps(document, separators=(",", ":"), allow_nan=False)) is not False
         except (OSError, ValueError):
@@ -309,7 +327,9 @@ def _timestamp(wall_s: float) -> str:
 def _outcome(summary: dict[str, Any]) -> Fields:
     """The part of a session's report that the log keeps."""
     kept: Fields = {
-        key: summary[key] for key in ("status", "duration_s", "faults", "drops", "realtime", "host") if key in summary
+        key: summary[key]
+        for key in ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+        if key in summary
     }
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {

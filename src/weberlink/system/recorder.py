@@ -4,10 +4,13 @@ Daemons and launcher never wait for it during a session; if it dies or the disk 
 """
 
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import yaml
@@ -18,7 +21,9 @@ from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
+from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.recording.message import BEGUN, DURING
 
 FINISH_LIMIT_S = 3.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish."""
@@ -32,9 +37,20 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
         virtual: whether the session runs in virtual time.
     """
     system = configuration.system
-    force, torque = banks(system)
+    return _facts(system.model_dump(mode="json"), *banks(system), virtual=virtual)
+
+
+def facts_of(description: Mapping[str, Any]) -> dict[str, str]:
+    """The same from the description of a running daemon, which leaves out the path of the key."""
+    torque = description.get("torque_bank")
+    return _facts(description["system"], description["bank"], torque, virtual=False)
+
+
+def _facts(
+    system: Mapping[str, Any], force: Sequence[str], torque: Sequence[str] | None, *, virtual: bool
+) -> dict[str, str]:
     return {
-        "configuration": yaml.safe_dump(system.model_dump(mode="json"), sort_keys=False),
+        "configuration": yaml.safe_dump(dict(system), sort_keys=False),
         "bank": " ".join(force),
         **({} if torque is None else {"torque_bank": " ".join(torque)}),
         "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
@@ -49,40 +65,52 @@ def check_target(path: Path) -> None:
     """Check the target of a recording before anything is started.
 
     Raises:
-        ConfigurationError: it exists, its folder does not, or the library for recordings is missing.
+        ConfigurationError: it exists, cannot be written, or the library for recordings is missing.
     """
     need("mcap", "recording", "--record")
     try:
-        is_taken = path.exists()
+        if path.is_file():
+            raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
+        check_file(path)
     except OSError as error:  # for example a name that is too long
         raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
-    if is_taken:
-        raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
-    if not path.parent.is_dir():
-        raise ConfigurationError(f"--record: {path.parent} is not a folder; create it first")
+    except TargetError as error:
+        raise ConfigurationError(f"--record: {error}") from None
+
+
+def recording_ended(path: Path | str, outcome: str) -> str:
+    """The line that says at once that nothing more is recorded."""
+    return f"recording stopped: {outcome}; the session goes on, and {path} holds what was recorded until now"
 
 
 class Recorder:
     """The child process.
 
     Args:
-        configuration: of the session.
+        facts: see `facts`.
         rings: path of each side's ring; they need not exist yet.
         out: the file to write.
+        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
     """
 
-    def __init__(self, configuration: Configuration, rings: Mapping[str, str], out: Path) -> None:
+    def __init__(
+        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
+    ) -> None:
         from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
-        self._out = out
-        order = RecordingOrder(rings=dict(rings), out=str(out), facts=facts(configuration))
+        self.path = out
+        told = dict(facts) | ({} if since is None else {BEGUN: DURING})
+        order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
-            stdin=subprocess.DEVNULL,
+            bufsize=0,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
         )
+        assert self._process.stdin is not None
+        os.set_blocking(self._process.stdin.fileno(), False)
         self._summary: dict[str, Any] | None = None
 
     @property
@@ -93,6 +121,23 @@ class Recorder:
     def running(self) -> bool:
         """Whether the process runs; it ends early if it was killed or could not write."""
         return self._process.poll() is None
+
+    def mark(self, text: str) -> None:
+        """Set a mark at this moment; without effect if the process has ended."""
+        self._command({"mark": text, "at": monotonic()})
+
+    def stop(self) -> None:
+        """Tell it to finish the file; `running` then becomes false."""
+        self._command({"finish": True})
+
+    def _command(self, command: Mapping[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError, ValueError):  # it has ended
+            self._process.stdin.write(json.dumps(command).encode() + b"\n")
+
+    def kill(self) -> None:
+        """End it at once, if it does not finish; what it has written stays readable."""
+        self._process.kill()
 
     def finish(self) -> dict[str, Any]:
         """Wait for a limited time until the file is complete; returns its summary. May be repeated."""
@@ -115,6 +160,6 @@ class Recorder:
         except ValueError:
             status = self._process.returncode
             ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            size = self._out.stat().st_size if self._out.exists() else 0
-            summary = {"path": str(self._out), "bytes": size, "outcome": f"recorder {ended}"}
+            size = self.path.stat().st_size if self.path.exists() else 0
+            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {ended}"}
         return summary

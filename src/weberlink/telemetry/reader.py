@@ -83,6 +83,11 @@ class RingReader:
         """Whether more can come: the writer has not closed the ring and its process runs. Costs a file of /proc."""
         return self._map[CLOSED_AT] == 0 and is_alive(self._header)
 
+    @property
+    def ended_in_order(self) -> bool:
+        """Whether the writer has closed the ring; one that was killed has not."""
+        return self._map[CLOSED_AT] != 0
+
     def read(self) -> NDArray[np.void]:
         """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
 

@@ -14,6 +14,8 @@ from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
 
 RATE = 1000.0
+WALL_OFFSET_S = 1_763_000_000.0
+"""From the clock of the records to the wall clock."""
 BANK = ("zoh", "linear", "plane", "sphere")
 
 
@@ -67,6 +69,8 @@ class HandFeed:
         self.began = began
         self.description: dict[str, Any] | None = description(side)
         self.ring = ring
+        self.wall_offset_s: float | None = WALL_OFFSET_S
+        self.in_order: bool | None = None
         self.written = 0
         self.lost = 0
         self.drained = False

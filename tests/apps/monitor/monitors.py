@@ -11,8 +11,6 @@ import pytest
 
 from tests.system.processes import PATIENCE, ROOT, until
 
-COMMAND = ("weberlink", "monitor")
-
 
 class Monitor:
     """The process, which is dead at the end of the `with`.
@@ -20,17 +18,18 @@ class Monitor:
     Args:
         folder: for what it says.
         arguments: of the command line; the port is any that is free if none is given.
+        command: `monitor`, or `try`, which also runs a session.
     """
 
     _count = 0
 
-    def __init__(self, folder: Path, *arguments: object) -> None:
+    def __init__(self, folder: Path, *arguments: object, command: str = "monitor") -> None:
         Monitor._count += 1
         self._said = folder / f"monitor-{Monitor._count}"
         port = () if "--port" in arguments else ("--port", "0")
         with self._said.open("w") as out:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", *COMMAND, *port, *map(str, arguments)],
+                [sys.executable, "-m", "weberlink", command, *port, *map(str, arguments)],
                 cwd=ROOT,
                 stdin=subprocess.DEVNULL,
                 stdout=out,
@@ -41,8 +40,7 @@ class Monitor:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._process.kill()
-        self._process.wait()
+        self.kill()
 
     @property
     def pid(self) -> int:
@@ -75,6 +73,10 @@ class Monitor:
     def shares_on(self) -> str:
         """Where it shares the telemetry of this host."""
         return self.until_said(r"telemetry of this host on (\S+)")
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
 
     def send(self, number: int) -> None:
         self._process.send_signal(number)

@@ -9,8 +9,7 @@ from typing import Any, Self
 from aiohttp import web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.viewer import MessageKind, Viewer
-from weberlink.apps.monitor.watch import to_json
+from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
 from weberlink.apps.monitor.web import Site
 
 Message = dict[str, Any]
@@ -85,7 +84,7 @@ class ScriptedServer:
 
     @property
     def requests(self) -> SimpleNamespace:
-        return SimpleNamespace(answer=self._take)
+        return SimpleNamespace(answer=self._take, is_urgent=lambda _: True, proves=lambda _: False)
 
     async def _take(self, viewer: Viewer, document: Any) -> Message:
         self.asked.append(document)

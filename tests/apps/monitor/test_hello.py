@@ -28,6 +28,22 @@ def test_greeting_has_scene_settings_and_choices() -> None:
     assert set(told["sides"]) == {"master", "slave"} and told["present"] == ["master", "slave"]
 
 
+def test_greeting_names_file_drivers_and_sides() -> None:
+    master = description("master") | {"file": "/etc/weberlink/loopback.yaml", "name": "ann@desk"}
+    slave = description("slave")
+    slave["system"]["link"]["names"]["slave"] = "arm-2"
+    assert hello("7", {"master": master, "slave": slave | {"name": "arm-2"}}, remote=False)["names"] == {
+        "file": "loopback.yaml",
+        "device": "operator",
+        "robot": "point",
+        "peer": "127.0.0.1:0",
+        "master": "ann@desk",
+        "slave": "arm-2",
+    }
+    assert hello("7", {"slave": slave}, remote=True)["names"]["slave"] == "arm-2"
+    assert set(hello("7", {"slave": None}, remote=True)["names"].values()) == {None}
+
+
 def test_remote_or_unknown_session_is_read_only() -> None:
     for told in (
         hello("remote", {"slave": description("slave")}, remote=True),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from weberlink.apps.monitor.viewer import ANSWERS_WAITING, GREETINGS_WAITING, ROWS_WAITING, MessageKind, Viewer
 
-BOUND = ROWS_WAITING + ANSWERS_WAITING + 2 * GREETINGS_WAITING + 2
+BOUND = ROWS_WAITING + ANSWERS_WAITING + 2 * GREETINGS_WAITING + 4
 
 
 def drained(viewer: Viewer) -> list[str]:
@@ -24,8 +24,9 @@ def test_queue_is_bounded_and_keeps_the_newest(kinds: list[MessageKind]) -> None
         viewer.put(kind, f"{kind.name} {number}")
         assert len(viewer) <= BOUND
     left = drained(viewer)
-    numbers = [int(text.split()[1]) for text in left]
-    assert numbers == sorted(numbers)
+    for is_answer in (True, False):
+        numbers = [int(text.split()[1]) for text in left if text.startswith("ANSWER") == is_answer]
+        assert numbers == sorted(numbers)
     for kind in (MessageKind.HELLO, MessageKind.AGAIN, MessageKind.ANSWER, MessageKind.FINAL):
         put = [number for number, each in enumerate(kinds) if each is kind]
         if put:
@@ -63,6 +64,19 @@ def test_repeated_greeting_keeps_the_rows() -> None:
     for kind, text in ((MessageKind.HELLO, "one side"), (MessageKind.ROWS, "rows"), (MessageKind.AGAIN, "both sides")):
         viewer.put(kind, text)
     assert drained(viewer) == ["one side", "rows", "both sides"]
+
+
+def test_answers_overtake_rows() -> None:
+    viewer = Viewer(None, may_change=True)
+    for kind, text in (
+        (MessageKind.ROWS, "rows"),
+        (MessageKind.HANDLE, "taken"),
+        (MessageKind.ANSWER, "stopped"),
+        (MessageKind.ROWS, "more rows"),
+        (MessageKind.HANDLE, "free"),
+    ):
+        viewer.put(kind, text)
+    assert drained(viewer) == ["stopped", "rows", "more rows", "free"]
 
 
 def test_new_message_wakes_the_sender() -> None:

@@ -52,11 +52,12 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         viewer = Viewer(None, may_change=True)
         watch.join(viewer)
         watch.look(0.0)
-        assert told(viewer) == [] and watch.newest is None
+        (greeting,) = told(viewer)
+        assert greeting["session"] is None and greeting["token"] == watch.requests.token and watch.newest is None
         first = ring(tmp_path, 7, "slave")
         write(first, records(20, first=0))
         watch.look(1.0)
-        assert [message["type"] for message in told(viewer)] == ["hello", "samples", "figures"]
+        assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "events", "figures"]
         other = ring(tmp_path, 7, "master")
         write(other, records(20, first=0))
         write(first, records(20, first=20))
@@ -69,7 +70,9 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         other.close()
         watch.look(3.0)
         messages = told(viewer)
-        assert [message["session"] for message in messages if "session" in message] == ["7", "8", "8"]
+        assert [(message["type"], message["session"]) for message in messages if "session" in message] == [
+            ("figures", "7"), ("hello", "8"), ("figures", "8")
+        ]  # fmt: skip
         assert messages[0]["ended"] and messages[0]["figures"]["ticks"]["slave"]["count"] == 40
         assert [of["session"] for of in watch.overview()] == ["8", "7"]
         second.close()
@@ -112,13 +115,13 @@ def test_page_pinned_to_a_later_session_waits() -> None:
         watch.join(viewer)
         watch.put(WatchedSession("1", HandFeed("slave")))
         watch.look(0.0)
-        assert told(viewer)[0]["session"] == "1"
+        assert told(viewer)[-1]["session"] == "1"
         watch.put(WatchedSession("9", HandFeed("slave")))
         watch.put(WatchedSession("10", HandFeed("slave")))
         watch.look(1.0)
         assert told(viewer)[0]["session"] == "9"
         watch.look(2.0)
-        assert {message["session"] for message in told(viewer)} == {"9"}
+        assert {message.get("session", "9") for message in told(viewer)} == {"9"}
 
     asyncio.run(run())
 
@@ -168,12 +171,23 @@ def test_ended_sessions_are_forgotten() -> None:
         (None, "expected"),
         ([], "expected"),
         ({"type": "stop"}, "expected"),
-        ({"type": "change"}, "nothing to change"),
-        ({"type": "change", "weber": 0.1}, "no running session"),
+        ({"type": "change", "weber": 0.1, "token": "another"}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1, "token": 7}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1, "token": "\ud800"}, "not the token of this start"),
+        ({"type": "change", "weber": 0.1}, "not the token of this start"),
+        ({"type": "change", "token": "right"}, "nothing to change"),
+        ({"type": "change", "weber": 0.1, "token": "right"}, "no running session"),
+        ({"type": "session", "do": "start", "token": "right"}, "weberlink try does"),
+        ({"type": "session", "do": "stop", "token": "right"}, "no running session"),
+        ({"type": "session", "do": "emergency", "token": "right"}, "no running session"),
+        ({"type": "session", "do": "jump", "token": "right"}, "start, stop or emergency"),
+        ({"type": "drive", "target": [0, 0], "held": True, "token": "right"}, "three finite numbers"),
     ],
 )
 def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
+    if isinstance(request_, dict) and request_.get("token") == "right":
+        request_ = request_ | {"token": watch.requests.token}
     answer = asyncio.run(watch.requests.answer(Viewer(None, may_change=True), request_))
     assert answer is not None and answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
@@ -185,7 +199,8 @@ def test_read_only_page_changes_nothing() -> None:
         watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
         viewer = Viewer(None, may_change=False)
         watch.join(viewer)
-        assert told(viewer)[0]["readonly"] is True
+        greeting = told(viewer)[0]
+        assert greeting["readonly"] is True and greeting["token"] is None
         return await watch.requests.answer(viewer, {"type": "change", "weber": 0.1})
 
     assert "read-only" in asyncio.run(run())["why"]
@@ -208,3 +223,25 @@ def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
     assert found["12"]["slave"].path == tmp_path / "weberlink-12-slave.ring"
     assert found["12"]["slave"].inode == (tmp_path / "weberlink-12-slave.ring").stat().st_ino
     assert find_rings(tmp_path / "missing") == {}
+
+
+def test_subscribed_page_gets_the_history() -> None:
+    async def run() -> None:
+        watch = SessionWatcher(None, "7", print)
+        feed = HandFeed("slave")
+        watch.put(WatchedSession("7", feed))
+        viewers = [Viewer(None, may_change=False), Viewer(None, may_change=False)]
+        for viewer in viewers:
+            watch.join(viewer)
+        assert await watch.requests.answer(viewers[0], {"type": "subscribe", "history": True}) is None
+        feed.put(records(2000))
+        for now in (0.0, 1.0, 2.0):
+            watch.look(now)
+        sent = [[message for message in told(viewer) if message["type"] == "history"] for viewer in viewers]
+        assert not sent[1]
+        (newest,) = sent[0]  # a page that reads late gets the newest only
+        assert newest["session"] == "7" and len(newest["columns"]["t"]) == 20
+        wrong = await watch.requests.answer(viewers[1], {"type": "subscribe", "history": 1})
+        assert wrong is not None and not wrong["accepted"]
+
+    asyncio.run(run())

@@ -16,9 +16,10 @@ from tests.apps.monitor.feeds import HandFeed, records
 from tests.strangers import NOBODY, SOMEBODY, Stranger, hold_connections, needs_root
 from tests.system.processes import PATIENCE
 from weberlink.apps.monitor import access
+from weberlink.apps.monitor import web as web_module
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import ROWS_WAITING
+from weberlink.apps.monitor.viewer import ROWS_WAITING, Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_OF_CLIENT, MOST_PAGES, Site
 
@@ -131,7 +132,7 @@ def test_page_gets_greeting_rows_and_answers() -> None:
         async with client.ws_connect(f"http://{where}/ws?session=7") as page:
             hello = await heard(page)
             assert (hello["type"], hello["session"], hello["rate_hz"]) == ("hello", "7", 1000.0)
-            assert (await heard(page))["type"] == "figures"
+            assert [(await heard(page))["type"] for _ in range(2)] == ["handle", "figures"]
             feed.put(records(10))
             watch.look(0.0)
             samples = await heard(page)
@@ -210,9 +211,98 @@ def test_other_users_take_no_place_of_the_owner() -> None:
     visit(visitor)
 
 
-def upgrade(where: str) -> bytes:
+def test_session_and_its_daemons_need_the_token() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
+        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
+        async with client.ws_connect(f"http://{where}/ws") as page:
+            token = (await heard(page))["token"]
+            for proof, why in (({}, "token"), ({"token": "x"}, "token"), ({"token": token}, "no daemon answers")):
+                for asked in (
+                    {"type": "change", "weber": 0.1},
+                    {"type": "session", "do": "stop"},
+                    {"type": "session", "do": "emergency"},
+                ):
+                    answer = await answered(page, asked | proof)
+                    assert answer["accepted"] is False and answer["to"] == asked["type"] and why in answer["why"]
+
+    visit(visitor)
+
+
+async def answered(page: aiohttp.ClientWebSocketResponse, asked: dict[str, Any]) -> dict[str, Any]:
+    await page.send_json(asked)
+    while (answer := await heard(page))["type"] not in ("answer", "pong"):
+        pass
+    return answer
+
+
+@pytest.mark.parametrize(
+    ("headers", "status_"),
+    [
+        ({}, 403),
+        ({web_module.PROOF_HEADER: "x"}, 403),
+        ({web_module.PROOF_HEADER: "TOKEN", "Origin": "http://evil.example"}, 403),
+        ({web_module.PROOF_HEADER: "TOKEN", "Host": "evil.example"}, 403),
+        ({web_module.PROOF_HEADER: "TOKEN"}, 409),
+    ],
+)
+def test_emergency_by_post_needs_token_and_origin(headers: dict[str, str], status_: int) -> None:
+    """It is refused for want of a session once it is permitted."""
+
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
+        sent = {name: value.replace("TOKEN", watch.requests.token) for name, value in headers.items()}
+        async with client.post(f"http://{where}/api/emergency", headers=sent) as response:
+            assert response.status == status_
+            if status_ == 409:
+                assert "no running session" in (await response.json())["why"]
+
+    visit(visitor)
+
+
+def test_emergency_overtakes_a_request_that_waits() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
+        go_on = asyncio.Event()
+
+        async def slow(_viewer: Viewer, _request: dict[str, Any]) -> dict[str, Any]:
+            await go_on.wait()
+            return {"accepted": True}
+
+        watch.requests.add("slow", slow)
+        async with client.ws_connect(f"http://{where}/ws") as page:
+            proof = {"token": (await heard(page))["token"]}
+            for _ in range(web_module.REQUESTS_WAITING + 1):  # the first is being answered
+                await page.send_json({"type": "slow"} | proof)
+                await asyncio.sleep(0.01)
+            answer = await answered(page, {"type": "session", "do": "emergency"} | proof)
+            assert answer["to"] == "session"
+            assert (await answered(page, {"type": "ping", "at": 5}))["at"] == 5
+            assert "too many" in (await answered(page, {"type": "slow"} | proof))["why"]
+            go_on.set()
+            assert (await heard(page))["to"] == "slow"
+
+    visit(visitor)
+
+
+@needs_root
+def test_only_visitors_with_the_key_may_change() -> None:
+    """A process of another user stands for a visitor from another host."""
+
+    async def visitor(_client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
+        host, port = where.split(":")
+        for key, may_change in ((watch.requests.token, True), ("x", False)):
+            attack = (hold_connections, host, int(port), 1, upgrade(where, f"?key={key}"), len(b"HTTP/1.1 101"))
+            with await asyncio.to_thread(Stranger, *attack, user=NOBODY) as stranger:
+                assert "HTTP/1.1 101" in stranger.got
+                (viewer,) = watch.viewers
+                assert viewer.may_change is may_change
+            while watch.viewers:
+                await asyncio.sleep(0.01)
+
+    visit(visitor)
+
+
+def upgrade(where: str, query: str = "") -> bytes:
     """What opens a WebSocket by hand (RFC 6455, 1.3)."""
     return (
-        f"GET /ws HTTP/1.1\r\nHost: {where}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"GET /ws{query} HTTP/1.1\r\nHost: {where}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
     ).encode()

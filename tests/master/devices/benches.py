@@ -1,7 +1,7 @@
 """Every device driver on a bench: how its time passes, what hangs on its wire, and what can go wrong with it.
 
 A driver of hardware is on a bench with an emulated device behind a real pseudo terminal, in real time; the others are
-in virtual time.
+in virtual time. A device of the kernel is seen only by the process that `test_hid_contract` starts.
 """
 
 import os
@@ -9,19 +9,22 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from math import sin
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import pytest
 
-from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
+from tests.master.devices.hid_bench import NAMED, outer_bench
+from tests.master.devices.targets import Targets
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device
+from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.emulators import load as load_emulator
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
@@ -55,6 +58,12 @@ class Bench:
 def operator(folder: Path) -> Iterator[Bench]:
     driver = load("operator")
     yield Bench(driver(driver.Options(), TICK), virtual_time())
+
+
+@contextmanager
+def pointer(folder: Path) -> Iterator[Bench]:
+    swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
+    yield Bench(PointerDevice(PointerOptions(), TICK, swing), virtual_time())
 
 
 @contextmanager
@@ -102,7 +111,7 @@ def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
 
 @contextmanager
 def polhem_hid(folder: Path) -> Iterator[Bench]:
-    if ADDRESS not in os.environ:
+    if os.environ.get(NAMED) != "polhem_hid":
         pytest.skip("in the process that test_hid_contract starts")
     with outer_bench() as (path, ask):
         device = armed("polhem_hid", port=path)
@@ -113,14 +122,32 @@ def polhem_hid(folder: Path) -> Iterator[Bench]:
             device.close()
 
 
+@contextmanager
+def seen_by_the_kernel(name: str) -> Iterator[Bench]:
+    """A rate-controlled device in the process that test_hid_contract starts; it has no motors."""
+    if os.environ.get(NAMED) != name:
+        pytest.skip("in the process that test_hid_contract starts")
+    with outer_bench() as (path, ask):
+        driver = load(name)
+        device = driver(driver.Options(port=path), TICK)
+        try:
+            yield Bench(device, real_time(), None, {"unplug": partial(ask, "unplug")})
+        finally:
+            device.close()
+
+
 BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
+    "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
     "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
     "operator": operator,
+    "pointer": pointer,
     "polhem_hid": polhem_hid,
     "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
     "replay": replay,
+    "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
 }
 ON_A_WIRE = ("haply_2diy", "polhem_hid", "polhem_serial")
+RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "polhem_serial") for fault in SERIAL_FAULTS),
     *(("polhem_hid", fault) for fault in HID_FAULTS),

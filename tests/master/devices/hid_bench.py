@@ -15,11 +15,13 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.geometry.vector import norm
-from weberlink.hardware.umockdev import HidNode, Testbed
+from weberlink.hardware.umockdev import Testbed, plugged_into
 from weberlink.master.emulators import load as load_emulator
 
 ADDRESS = "WEBERLINK_TEST_HID_BENCH"
 """Variable that says where the outer process listens; where it is missing there is none."""
+NAMED = "WEBERLINK_TEST_HID_NAME"
+"""Variable with the name of the device that it has."""
 
 FAULTS = ("unplug", "silent", "late", "restart")
 """Not garbled: USB has a checksum of its own, and a report that is wrong does not arrive."""
@@ -60,9 +62,8 @@ class HidBenches:
                 self._serve(connection)
 
     def _serve(self, connection: Connection) -> None:
-        emulator = self._emulator_class(self._emulator_class.Options(**self._options))
-        identity: Any = emulator
-        with HidNode(self._testbed, emulator, identity.identity) as node:
+        emulator: Any = self._emulator_class(self._emulator_class.Options(**self._options))
+        with plugged_into(self._testbed, emulator) as node:
 
             def displayed() -> float:
                 if not node.plugged:  # nobody serves it any more, and its time goes on all the same

@@ -8,7 +8,7 @@ from time import monotonic
 
 import pytest
 
-from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, Bench
+from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, Bench
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.contract import DeviceFault, TorqueDevice
@@ -146,6 +146,30 @@ def test_fault_ends_session_with_reason_without_force(name: str, fault: str, ben
         device.command((0.0, 1.0, 0.0), bench.tick())
     with pytest.raises(DeviceFault):
         device.latest(bench.tick())
+
+
+@pytest.mark.parametrize("name", RATE_CONTROLLED)
+def test_unplugged_device_is_a_fault_in_time(name: str, bench: Bench) -> None:
+    device = bench.device
+    device.open(bench.tick())
+    start = device.latest(bench.tick()).position
+    wait(bench, ZERO, lambda: distance(device.latest(bench.tick()).position, start) > 0.005)
+    bench.faults["unplug"]()
+    unplugged_at = monotonic()
+    with pytest.raises(DeviceFault, match=f"{name}: /dev/.*: unplugged"):
+        while monotonic() < unplugged_at + PATIENCE:
+            device.latest(bench.tick())
+    assert monotonic() - unplugged_at < 0.5
+    device.close()
+
+
+@pytest.mark.parametrize("name", RATE_CONTROLLED)
+def test_force_slows_a_rate_controlled_device(name: str, bench: Bench) -> None:
+    device = bench.device
+    assert device.spec.push_n > 0.0
+    device.open(bench.tick())
+    wait(bench, (0.0, 0.0, 100.0), lambda: device.latest(bench.tick()).position[2] == device.spec.workspace_m[1][2])
+    wait(bench, (0.0, 0.0, -100.0), lambda: device.latest(bench.tick()).position[2] == device.spec.workspace_m[0][2])
 
 
 def unheard(name: str, fault: str) -> bool:

@@ -18,6 +18,7 @@ from mcap.reader import make_reader
 from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.recording.marks import LONGEST_MARK
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.recording.recorder import RecordingOrder, RingSource
 from weberlink.telemetry.recording.writer import RecordingWriter
@@ -52,7 +53,7 @@ class Session:
     def _start(self, *arguments):
         process = subprocess.Popen(
             [sys.executable, *map(str, arguments)],
-            stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
         )  # fmt: skip
         self._stack.enter_context(process)
         self._stack.callback(process.kill)
@@ -114,6 +115,36 @@ def test_every_record_of_both_sides_is_there(session):
         times = [message.log_time for *_, message in make_reader(file, validate_crcs=True).iter_messages()]
     now = time.time()
     assert now - 60.0 < min(times) / 1e9 < max(times) / 1e9 < now
+
+
+def command(recorder, **content):
+    recorder.stdin.write(json.dumps(content).encode() + b"\n")
+    recorder.stdin.flush()
+
+
+def test_begins_during_a_session_and_takes_marks(session):
+    daemons = [session.daemon(side, 0) for side in SIDES]
+    time.sleep(0.3)
+    marked = time.monotonic()
+    recorder = session.recorder(since=marked, takes_commands=True)
+    command(recorder, mark="  before \n the file ", at=marked)
+    until(lambda: has_written(session.out), "the recording to grow")
+    recorder.stdin.write(b"no command\n[]\n")
+    command(recorder, mark="x" * 300, at=time.monotonic())
+    command(recorder, finish=True)
+    status, told = finish(recorder)
+    assert all(daemon.poll() is None for daemon in daemons)
+    assert (status, told["outcome"], told["marks"]) == (0, "complete", 2)
+    assert told["lost"] == dict.fromkeys(SIDES, 0)
+    recording = read_recording(session.out)
+    assert recording.complete
+    assert [mark.text for mark in recording.marks] == ["before the file", "x" * LONGEST_MARK]
+    origin = recording.origins["master"]
+    at = recording.marks[0].wall_ns / 1e9 - origin.wall_s + origin.monotonic_s
+    assert abs(at - marked) < 1e-4
+    for side in SIDES:
+        records = recording.records[side]
+        assert marked <= records["at"][0] < marked + 2e-3 and (np.diff(records["tick"]) == 1).all()
 
 
 @realtime

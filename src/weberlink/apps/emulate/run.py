@@ -19,7 +19,7 @@ from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.apps.tasks import first_result
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.umockdev import HidNode, Testbed
+from weberlink.hardware.umockdev import Testbed, plugged_into
 from weberlink.master import emulators as devices
 from weberlink.realtime.process import prepare
 from weberlink.slave import emulators as robots
@@ -61,7 +61,7 @@ def run(
         name: driver of the device.
         link: path of a serial device's port; weberlink-NAME in the working directory if None.
         overrides: "key=value" for the emulator's options.
-        command: to run meanwhile; `{port}` in it is replaced by the port. Only this command sees a HID device.
+        command: to run meanwhile; `{port}` in it is replaced by the port. Only this command sees a HID or input device.
         out: stream for the line with the port, and for answers.
         source: stream of fault commands; not read while a command runs, which then has standard input.
         faults: FIFO of fault commands; created and removed if it does not exist.
@@ -70,7 +70,7 @@ def run(
         The exit status of the command; without a command 0, or 1 if the emulator failed.
 
     Raises:
-        ConfigurationError: an argument is wrong, or umockdev is missing for a HID device.
+        ConfigurationError: an argument is wrong, or umockdev is missing for a device of the kernel.
     """
     # The default selector cannot wait for a regular file, such as a redirected standard input.
     with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
@@ -87,8 +87,8 @@ async def _emulate(
     faults: Path | None,
 ) -> int:
     section, emulator = _build(name, overrides)
-    if emulator.transport == "hid" and not command:
-        raise ConfigurationError(f"{name}: a HID device is visible to one command only; give it: -- COMMAND...")
+    if emulator.transport != "serial" and not command:
+        raise ConfigurationError(f"{name}: this device is visible to one command only; give it: -- COMMAND...")
     stop = _stop_signals()
     with ExitStack() as stack:
         device, port, environment = _put_on(stack, name, emulator, link)
@@ -134,11 +134,11 @@ def _build(name: str, overrides: Sequence[str]) -> tuple[str, Any]:
 def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[PtyDevice, str, dict[str, str]]:
     """The device, its port, and the environment of processes that use it."""
     try:
-        if emulator.transport == "hid":
+        if emulator.transport != "serial":
             if link is not None:
-                raise ConfigurationError(f"--link: the path of a HID device cannot be chosen; omit it for {name}")
+                raise ConfigurationError(f"--link: the path of this device cannot be chosen; omit it for {name}")
             testbed = stack.enter_context(Testbed(PRIORITY))
-            node = stack.enter_context(HidNode(testbed, emulator, emulator.identity, begin=_hurry))
+            node = stack.enter_context(plugged_into(testbed, emulator, _hurry))
             return node, node.node, testbed.environment
         path = Path.cwd() / (link or f"weberlink-{name}")
         if path.is_symlink() and path.readlink().is_relative_to("/dev/pts") and not path.exists():

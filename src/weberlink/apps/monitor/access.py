@@ -10,6 +10,7 @@ import struct
 from collections.abc import Collection, Hashable
 from ipaddress import IPv4Address, IPv6Address, ip_address, ip_network
 from pathlib import Path
+from secrets import token_urlsafe
 from typing import Generic, TypeVar
 
 Guest = TypeVar("Guest", bound=Hashable)
@@ -122,6 +123,11 @@ def _ip(text: str) -> IPv4Address | IPv6Address | None:
         return ip_address(text)
     except ValueError:
         return None
+
+
+def new_token() -> str:
+    """A secret that only pages that may change something are told; 128 bits."""
+    return token_urlsafe(16)
 
 
 class Admission(Generic[Guest]):

@@ -8,6 +8,7 @@ from typing import Any
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.slave.scenes.height_field import bumps, read_heights
+from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"
@@ -32,6 +33,7 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
     system = any_.get("system", {})
+    workspace = None if remote else _workspace(descriptions.get("master") or {})
     changes = [] if remote else list(any_.get("changes", ()))
     return {
         "type": "hello",
@@ -40,15 +42,45 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "remote": remote,
         "sides": {side: descriptions.get(side) for side in ("master", "slave")},
         "present": sorted(descriptions),
+        "names": names(descriptions),
         "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
         "changes": changes,
         "predictors": _predictors(any_),
         "schemes": list(any_.get("schemes", SCHEMES)),
         "settings": _settings(system),
         "generation": 0,
+        "link": _link(system),
+        "drivable": workspace is not None,
+        "workspace_m": workspace,
         "rate_hz": any_.get("rate_hz"),
         "states": {str(state.value): state.name.lower() for state in State},
         "faults": {str(fault.value): fault.name.lower() for fault in Fault},
+    }
+
+
+def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | None]:
+    """What a session is made of, by name; None where nothing is known.
+
+    Returns:
+        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave; `master` and
+        `slave`: what the two sides call themselves.
+    """
+    known = [description for description in descriptions.values() if description is not None]
+    any_: dict[str, Any] = known[0] if known else {}
+    system = any_.get("system", {})
+    link = system.get("link", {})
+
+    def own(side: str) -> str | None:
+        name: str | None = (descriptions.get(side) or {}).get("name") or (link.get("names") or {}).get(side)
+        return name
+
+    return {
+        "file": Path(any_["file"]).name if "file" in any_ else None,
+        "device": system.get("master", {}).get("device", {}).get("driver"),
+        "robot": system.get("slave", {}).get("robot", {}).get("driver"),
+        "peer": link.get("slave"),
+        "master": own(MASTER),
+        "slave": own(SLAVE),
     }
 
 
@@ -66,6 +98,23 @@ def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
         "predictor": force.get("predictor"),
         "scheme": system.get("control", {}).get("scheme"),
     }
+
+
+def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The emulated link as configured; None if there is none."""
+    emulated = system.get("link", {}).get("emulate")
+    return None if emulated is None else {key: emulated.get(key) for key in ("delay_ms", "jitter_ms", "loss")}
+
+
+def _workspace(master: Mapping[str, Any]) -> float | None:
+    """Half the edge of the workspace of a `pointer` device [m]; None for another device, which pages do not drive."""
+    device = dict(master.get("system", {}).get("master", {}).get("device", {}))
+    if device.pop("driver", None) != "pointer":
+        return None
+    from weberlink.master.devices import load  # noqa: PLC0415 - for a session that pages drive
+
+    options = load("pointer").Options.model_validate(device)
+    return float(getattr(options, "workspace_m"))  # noqa: B009 - of this driver
 
 
 def drawn(objects: Sequence[Mapping[str, Any]], *, files: bool) -> list[dict[str, Any]]:

@@ -1,36 +1,43 @@
-"""Runs the monitor: web server, watcher of sessions, and the link to another host."""
+"""Runs the monitor: web server, watcher of sessions, the link to another host, and the session that pages start."""
 
 import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from errno import EADDRINUSE, EADDRNOTAVAIL
-from signal import SIGHUP, SIGINT, SIGTERM
+from functools import partial
+from pathlib import Path
+from signal import SIGHUP, SIGINT, SIGTERM, Signals
+from socket import socket
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uvloop
 from aiohttp import web
 
-from weberlink.apps.monitor import access
+from weberlink.apps.monitor import access, address
+from weberlink.apps.monitor.address import MonitorError
+from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrder
 from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
+from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
 from weberlink.protocol.sealed_stream import StreamTerms
 
+if TYPE_CHECKING:
+    from weberlink.apps.monitor.replay import ReplaySource
+
 NICENESS = 5
 STOP_LIMIT_S = 1.0
 """Time limit for closing the pages."""
-
-
-class MonitorError(RuntimeError):
-    """The monitor cannot serve; the message says what to do."""
+FAREWELL_S = 0.1
+"""How long the pages may take to read the last figures of a visit."""
 
 
 @dataclass(frozen=True)
@@ -49,44 +56,102 @@ class MonitorSettings:
     """Host and port that shares its telemetry."""
     terms: StreamTerms | None = None
     """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
+    recordings: Path = FOLDER
+    """Folder of the recordings that pages start."""
+    replay: "ReplaySource | None" = None
+    """A recording to show in the place of running sessions."""
 
 
-def run(settings: MonitorSettings) -> None:
-    """Serve until interrupted or terminated.
+@dataclass(frozen=True)
+class Visit:
+    """A session that pages start and drive, on top of a monitor."""
+
+    order: VisitOrder
+    listening: socket
+    """Of the page."""
+    token: str
+    """Who has it may drive and change."""
+
+
+def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult | None:
+    """Serve until interrupted or terminated, or until the visit ends by itself.
+
+    Returns:
+        Of the last session of the visit, if there was one.
 
     Raises:
         MonitorError: the address cannot be used.
     """
     os.nice(NICENESS)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(_serve(settings))
+        return runner.run(_serve(settings, visit))
 
 
-async def _serve(settings: MonitorSettings) -> None:
+async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResult | None:
     over = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (SIGINT, SIGTERM, SIGHUP):
-        loop.add_signal_handler(number, over.set)
-    watch = SessionWatcher(None, settings.session, tell)
+    say = tell if visit is None else partial(tell, program="weberlink try")
+    only = settings.session if settings.replay is None else settings.replay.name
+    watch = SessionWatcher(None, only, say)
+    keeper = None if visit is None else _keeper(visit, watch, say)
+    _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
+        stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
+        if settings.replay is not None:
+            stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
-        url = await _bind(runner, settings)
-        tell(f"{url} (Ctrl-C ends it)")
-        if settings.browse and not webbrowser.open(url):
-            tell(f"no browser found; open {url} yourself")
+        listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
+        await web.SockSite(runner, listening).start()
+        if visit is None:
+            say(f"{address.url(listening)} (Ctrl-C ends it)")
+        if settings.browse and not webbrowser.open(address.url(listening)):
+            say(f"no browser found; open {address.url(listening)} yourself")
         if settings.share is not None:
             stack.push_async_callback((await _share(settings)).close)
         watch.look(monotonic())
-        if not watch.sessions and settings.source is None:
-            tell("waiting for a daemon; start weberlink loopback")
-        running: list[Coroutine[Any, Any, Any]] = [watch.run(), over.wait()]
+        if not watch.sessions and settings.source is None and visit is None:
+            say("waiting for a daemon; start weberlink loopback")
+        ended = over.wait() if keeper is None else _visited(keeper, over, watch)
+        running: list[Coroutine[Any, Any, Any]] = [watch.run(), ended]
         if settings.source is not None:
             assert settings.terms is not None
-            running.append(Following(settings.terms, settings.source, watch, None, tell).run())
+            running.append(Following(settings.terms, settings.source, watch, None, say).run())
         await first_result(running)
+    return None if keeper is None else keeper.last
+
+
+def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
+    """The keeper of a visit, which its pages may use."""
+    watch.requests.token = visit.token
+    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.inherit)
+    return watch.keeper
+
+
+async def _visited(keeper: SessionKeeper, over: asyncio.Event, watch: SessionWatcher) -> None:
+    await keeper.run(over)
+    watch.look(monotonic())  # so that the pages get the last figures
+    await asyncio.sleep(FAREWELL_S)
+
+
+def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:
+    """End at a signal, and pass it on to the session of a visit."""
+
+    def end(number: Signals) -> None:
+        if keeper is not None:
+            keeper.signal(number)
+        over.set()
+
+    for number in (SIGINT, SIGTERM, SIGHUP):
+        asyncio.get_running_loop().add_signal_handler(number, end, number)
+
+
+def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Awaitable[None]]:
+    """Show a recording; returns what ends that."""
+    from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
+
+    return Replay(watch, source).close
 
 
 async def _share(settings: MonitorSettings) -> Sharing:
@@ -105,27 +170,7 @@ async def _share(settings: MonitorSettings) -> Sharing:
     return sharing
 
 
-async def _bind(runner: web.AppRunner, settings: MonitorSettings) -> str:
-    site = web.TCPSite(runner, settings.listen, settings.port)
-    try:
-        await site.start()
-    except OSError as error:
-        raise MonitorError(_complaint(error, settings)) from None
-    host, port = runner.addresses[0][:2]
-    shown = "127.0.0.1" if host == "0.0.0.0" else "::1" if host == "::" else host  # noqa: S104 - a browser cannot open it
-    return f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
-
-
-def _complaint(error: OSError, settings: MonitorSettings) -> str:
-    if error.errno == EADDRINUSE:
-        port = settings.port
-        return f"port {port} is in use, perhaps by another monitor; give another, such as --port {port + 1}"
-    if error.errno == EADDRNOTAVAIL:
-        return f"--listen {settings.listen}: not an address of this host; omit it to serve this host only"
-    return f"--listen {settings.listen}, --port {settings.port}: cannot be served ({error.strerror or error})"
-
-
-def tell(text: str) -> None:
+def tell(text: str, program: str = "weberlink monitor") -> None:
     """Print a line for the user."""
-    sys.stderr.write(f"weberlink monitor: {text}\n")
+    sys.stderr.write(f"{program}: {text}\n")
     sys.stderr.flush()

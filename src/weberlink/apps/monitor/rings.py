@@ -61,6 +61,10 @@ class Feed(Protocol):
     """See `weberlink.system.description`; None if unknown."""
     ring: Path | None
     """The ring of a daemon on this host, which accepts live changes."""
+    wall_offset_s: float | None
+    """From the clock of the records to the wall clock [s]; None if unknown."""
+    in_order: bool | None
+    """Whether its writer ended in order; None while it runs, or if unknown."""
 
     @property
     def written(self) -> int:
@@ -95,6 +99,8 @@ class RingFeed:
         self.began = self._reader.started_monotonic_s
         self.description = read_description(path)
         self.ring: Path | None = path
+        self.wall_offset_s: float | None = self._reader.started_wall_s - self.began
+        self.in_order: bool | None = None
         self.drained = False
         self.written = 0
         self.lost = 0
@@ -115,6 +121,8 @@ class RingFeed:
         self.lost = max(self.lost, self._reader.overrun, self.written - self._read)
         self.written = max(self.written, self._read)
         self.drained = not alive
+        if self.drained:
+            self.in_order = self._reader.ended_in_order
         return records
 
     def close(self) -> None:

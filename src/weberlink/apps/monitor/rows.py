@@ -144,19 +144,32 @@ class FeltErrorPairs:
         return matched[counts], now[counts]
 
 
-def felt_message(master: Records, slave: Records, origin: float, measures: Measures | None = None) -> dict[str, Any]:
-    """Felt error of pairs: the operator's force against the robot's, in N and deadbands (None where that is 0)."""
+class FeltErrors(NamedTuple):
+    """Felt errors of pairs of records: in N, their bound in N, and in units of it (NaN where that is 0)."""
+
+    error_n: NDArray[np.float64]
+    bound_n: NDArray[np.float64]
+    deadbands: NDArray[np.float64]
+
+
+def felt_errors(master: Records, slave: Records, measures: Measures | None = None) -> FeltErrors:
+    """The operator's force against the robot's, of pairs."""
     error = np.linalg.norm(master["output"] - slave["raw"], axis=1)
     deviation = error if measures is None else deviations_of(master["output"], slave, measures)
     bound = slave["bound"]
     with np.errstate(divide="ignore", invalid="ignore"):
-        deadbands = np.where(bound > 0.0, deviation / bound, np.nan)
+        return FeltErrors(error, bound, np.where(bound > 0.0, deviation / bound, np.nan))
+
+
+def felt_message(master: Records, slave: Records, origin: float, measures: Measures | None = None) -> dict[str, Any]:
+    """Felt error of pairs for the page."""
+    felt = felt_errors(master, slave, measures)
     return {
         "type": "felt",
         "t": listed(slave["at"] - origin, 6),
-        "deadbands": listed(deadbands, 4),
-        "error_n": listed(error, 5),
-        "bound_n": listed(bound, 5),
+        "deadbands": listed(felt.deadbands, 4),
+        "error_n": listed(felt.error_n, 5),
+        "bound_n": listed(felt.bound_n, 5),
     }
 
 

@@ -1,19 +1,25 @@
 """A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from time import time
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from weberlink.apps.monitor.events import EventLog
 from weberlink.apps.monitor.hello import hello
+from weberlink.apps.monitor.history import History
 from weberlink.apps.monitor.rings import Feed, joined
-from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
+from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 from weberlink.codec.deadband.contract import Measures
+from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
+from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 
@@ -22,6 +28,14 @@ BACKLOG_S = 5.0
 UNSCORED_S = 1.0
 """How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
+
+
+ENDS = {
+    True: "closed in order",
+    False: "its process died without closing its telemetry",
+    None: "no more records",
+}
+"""How a side ended, by `Feed.in_order`."""
 
 
 class _Shown(NamedTuple):
@@ -41,6 +55,15 @@ class _WatchedSide:
         self.pace = Pace()
         self.faults: Counter[int] = Counter()
         self.last: Any = None
+        self.has_ended = False
+        """Whether its end was told."""
+        self._wall_offset_s = feed.wall_offset_s
+
+    def wall_offset_s(self, newest_at: float) -> float:
+        """From the clock of the records to the wall clock [s]; estimated by the newest record if it is not known."""
+        if self._wall_offset_s is None:
+            self._wall_offset_s = time() - newest_at
+        return self._wall_offset_s
 
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
@@ -84,6 +107,11 @@ class WatchedSession:
         """The count of changes in the records when the daemons were last asked."""
         self._sides: dict[str, _WatchedSide] = {}
         self._felt = FeltErrorPairs(first.rate_hz)
+        self._all_felt = FeltErrorPairs(first.rate_hz)
+        self.log = EventLog(first.rate_hz, first.began)
+        self.told_events = 0
+        """How many events the pages of this session were told."""
+        self._history = History(first.rate_hz, first.began)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
@@ -94,10 +122,26 @@ class WatchedSession:
     @property
     def score(self) -> SessionScore:
         """Score of all records read."""
-        if any(self._unscored.values()):
-            self._score.add(*(joined(self._unscored[side]) for side in (MASTER, SLAVE)))
-            self._unscored = {MASTER: [], SLAVE: []}
+        self._count()
         return self._score
+
+    @property
+    def history(self) -> dict[str, Any]:
+        """Message with the history of the whole session."""
+        self._count()
+        return self._history.message(self.name)
+
+    def _count(self) -> None:
+        """Score the records that wait."""
+        if not any(self._unscored.values()):
+            return
+        master, slave = (joined(self._unscored[side]) for side in (MASTER, SLAVE))
+        self._unscored = {MASTER: [], SLAVE: []}
+        self._score.add(master, slave)
+        self._history.add(MASTER, master)
+        self._history.add(SLAVE, slave)
+        felt, measured = self._all_felt.add(master, slave)
+        self._history.add_felt(measured["at"], felt_errors(felt, measured, self._measures).deadbands)
 
     @property
     def feeds(self) -> dict[str, Feed]:
@@ -158,8 +202,10 @@ class WatchedSession:
         for name, (records, _) in taken.items():
             if len(records):
                 self._unscored[name].append(records)
+                self.log.look(name, records, self._sides[name].wall_offset_s(float(records["at"][-1])))
+        self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
-            assert self.score
+            self._count()
         master, slave = (taken.get(name, (empty, empty)) for name in (MASTER, SLAVE))
         shown = [_Shown(name, rows, rows) for name, (_, rows) in taken.items() if len(rows)]
         if len(self._sides) == 2:
@@ -167,6 +213,18 @@ class WatchedSession:
             shown += [_Shown("felt", *pairs)] if len(pairs[0]) else []
         self._remember(shown)
         return [self._message(*of) for of in shown] if show else []
+
+    def _note_ends(self) -> None:
+        """Tell the end of a side once, with its reason."""
+        for name, side in sorted(self._sides.items()):
+            if side.has_ended or not side.feed.drained or side.last is None:
+                continue
+            side.has_ended = True
+            self.log.flush()
+            fault = _fault(side.last)
+            outcome = ENDS[side.feed.in_order] + ("" if fault is None else f", with the fault {fault}")
+            in_order = side.feed.in_order is not False and fault is None
+            self.log.end(float(side.last["at"]), name, outcome, in_order=in_order)
 
     def backlog(self) -> list[dict[str, Any]]:
         """Messages with the rows of the last seconds, for a page that opens."""
@@ -184,19 +242,46 @@ class WatchedSession:
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
-        pace = self.pace
+        pace, figures = self.pace, self.score.summary()
         told: dict[str, Any] = {
             "type": "figures",
             "session": self.name,
-            "figures": self.score.summary(),
+            "figures": figures,
+            "alarms": [cause._asdict() for cause in (*self._present_faults(), *self._causes(figures))],
             "faults": self.faults,
             "faults_now": {name: _fault(side.last) for name, side in sorted(self._sides.items())},
             "ended": self.ended,
             "seen_from_start": self.seen_from_start,
             "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
             "reduction_now": {channel: of.reduction for channel, of in pace.items()},
+            "engaged": {
+                name: side.last is not None and bool(side.last["state"] == State.ENGAGED.value)
+                for name, side in sorted(self._sides.items())
+            },
+            "button": self._button,
         }
         return told | self._settings
+
+    def _present_faults(self) -> Iterator[Cause]:
+        """The faults that are active now, as alarms."""
+        for name, side in sorted(self._sides.items()):
+            fault = _fault(side.last)
+            if fault is not None and not side.feed.drained:
+                told = fault_words(name, fault)
+                yield Cause(FAILURE if told.level == ALARM else DEGRADED, f"{name}_{fault}", f"{name}: {told.text}")
+
+    def _causes(self, figures: dict[str, Any]) -> tuple[Cause, ...]:
+        """What the report would say against the session so far."""
+        return verdict(figures | {"faults": self.faults}).causes
+
+    @property
+    def _button(self) -> str | None:
+        """Whether the button of `master.engage` is held or released; None without one, or without the master."""
+        engage = self.description.get("system", {}).get("master", {}).get("engage")
+        last = self.last.get(MASTER)
+        if engage is None or last is None:
+            return None
+        return "held" if int(last["buttons"]) >> int(engage["button"]) & 1 else "released"
 
     @property
     def _settings(self) -> dict[str, Any]:

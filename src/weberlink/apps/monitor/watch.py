@@ -1,34 +1,49 @@
-"""Finds sessions, reads their records, queues messages for all pages, and passes live changes on to the daemons."""
+"""Finds sessions, reads their records, queues messages for all pages, and takes their requests."""
 
 import asyncio
-import json
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol
 
-from weberlink.apps.monitor.requests import Requests, refusal
+from weberlink.apps.monitor import driving
+from weberlink.apps.monitor.control import SessionControl, ask_daemon, take_settings
+from weberlink.apps.monitor.events import events_message
+from weberlink.apps.monitor.keeper import SessionKeeper
+from weberlink.apps.monitor.requests import Answer, Requests, always, refusal
 from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer
-from weberlink.system.control_socket import LiveChangeError, ask
+from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
+LOOK_DRIVEN_S = 1.0 / 60.0
+"""Period while a page drives, which is to see its handle move."""
 LOOK_ALONE_S = 0.25
 """Period without a page; the rings hold ten seconds."""
 FIND_S = 0.25
 FIGURES_S = 0.5
+HISTORY_S = 2.0
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
-ANSWER_S = 2.0
-"""How long a daemon may take to answer."""
+INHERIT_TIMES = 50
+INHERIT_AGAIN_S = 0.2
+"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 ENDED_KEPT = 4
 """Ended sessions that can still be viewed."""
 
 
-def to_json(document: dict[str, Any]) -> str:
-    return json.dumps(document, allow_nan=False, separators=(",", ":"))
+class Attachment(Protocol):
+    """A part of the monitor with messages of its own, beside requests that it answers."""
+
+    def look(self, now: float) -> None:
+        """Called at each look at the sessions."""
+
+    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
+        """What it adds to the greeting of a session for a page."""
+
+    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
+        """Called when a page is shown another session, after the greeting."""
 
 
 class SessionWatcher:
@@ -50,10 +65,24 @@ class SessionWatcher:
         self._opener = RingOpener(tell)
         self._find_at = 0.0
         self._figures_at = 0.0
+        self._history_at = 0.0
+        self._attached: list[Attachment] = []
         self._asking: set[asyncio.Task[None]] = set()
         self.requests = Requests()
         """What pages may ask for; other parts of the monitor add theirs."""
-        self.requests.add("change", self._change)
+        self.control = SessionControl(self.sessions, self._greet_all)
+        self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
+        self.keeper: SessionKeeper | None = None
+        """Of the session that pages may start; None where they may not."""
+        self.requests.add("change", self.control.change)
+        self.requests.add("drive", self.driving.drive, urgent=always)
+        self.requests.add("session", self._session, urgent=lambda request: request.get("do") == "emergency")
+        self.requests.add("ping", _pong, reads=True, urgent=always)
+        self.requests.add("subscribe", self._subscribe, reads=True)
+
+    def attach(self, part: Attachment) -> None:
+        """Add a part."""
+        self._attached.append(part)
 
     @property
     def newest(self) -> WatchedSession | None:
@@ -63,15 +92,25 @@ class SessionWatcher:
 
     async def run(self) -> None:
         """Run until cancelled."""
+        due = monotonic()
         try:
             while True:
                 self.look(monotonic())
-                await asyncio.sleep(LOOK_S if self.viewers else LOOK_ALONE_S)
+                due = max(monotonic(), due + self._pause)
+                await asyncio.sleep(due - monotonic())
         finally:
+            self.control.close()
             for task in self._asking:
                 task.cancel()
             for session in self.sessions.values():
                 session.close()
+
+    @property
+    def _pause(self) -> float:
+        """Time to the next look [s]."""
+        if self.driving.is_any:
+            return LOOK_DRIVEN_S
+        return LOOK_S if self.viewers else LOOK_ALONE_S
 
     def look(self, now: float) -> None:
         """One look at everything."""
@@ -81,9 +120,16 @@ class SessionWatcher:
         is_figures_time = now >= self._figures_at
         if is_figures_time:
             self._figures_at = now + FIGURES_S
+        is_history_time = now >= self._history_at
+        if is_history_time:
+            self._history_at = now + HISTORY_S
+        for part in self._attached:
+            part.look(now)
         for session in list(self.sessions.values()):
             if not session.ended:
-                self._follow(session, is_figures_time)
+                self._follow(session, is_figures_time=is_figures_time, is_history_time=is_history_time)
+            self._tell_events(session)
+        self.driving.look(now)
         self._assign()
         self._forget()
 
@@ -91,9 +137,20 @@ class SessionWatcher:
         """Add a page, and greet it if there is a session to see."""
         self.viewers.append(viewer)
         self._assign()
+        if viewer.watching is None:
+            viewer.put(MessageKind.HELLO, to_json({"type": "hello", "session": None} | self._own_part(viewer)))
+        if self.keeper is not None:
+            viewer.put(MessageKind.KEEPER, to_json(self.keeper.message))
 
     def leave(self, viewer: Viewer) -> None:
         self.viewers.remove(viewer)
+        self.driving.leave(viewer)
+
+    def tell_all(self, kind: MessageKind, document: dict[str, Any]) -> None:
+        """Tell every page."""
+        text = to_json(document)
+        for viewer in self.viewers:
+            viewer.put(kind, text)
 
     def overview(self) -> list[dict[str, Any]]:
         """All sessions, the newest first."""
@@ -111,17 +168,31 @@ class SessionWatcher:
             for session in reversed(self.sessions.values())
         ]
 
-    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any]:
-        """Pass a live change on to the daemons, which check its values."""
-        session = self.sessions.get(viewer.watching or "")
-        ring = None if session is None else session.ring
-        if not request:
-            return refusal("nothing to change; name weber, predictor or scheme")
-        if session is None or session.ended or session.remote or ring is None:
-            return refusal("there is no running session on this host to change")
-        answer = await ask_daemon(ring, request)
-        self._take_settings(session, answer)
-        return answer
+    async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Start or stop a session, or stop it at once."""
+        do, keeper, name = request.get("do"), self.keeper, viewer.watching
+        if do == "start":
+            if keeper is None:
+                return refusal("this monitor starts no sessions; weberlink try does")
+            return keeper.request_start(request.get("scene"))
+        if do == "stop":
+            return await self._stop(name)
+        if do == "emergency":
+            return await self.emergency(name)
+        return refusal('"do" is start, stop or emergency')
+
+    async def _stop(self, name: str | None) -> Answer:
+        if self.keeper is not None:
+            if self.keeper.is_starting:
+                return self.keeper.request_stop()
+            self.keeper.expect_end(name)
+        return await self.control.stop(name, "stopped from the page")
+
+    async def emergency(self, name: str | None) -> Answer:
+        """Force to zero at once, at both ends of a session; of all sessions of this host if there is no name."""
+        if self.keeper is not None:
+            self.keeper.expect_end(name)
+        return await self.control.emergency(name)
 
     def put(self, session: WatchedSession) -> None:
         """Add a session, or replace an earlier one of that name."""
@@ -129,7 +200,9 @@ class SessionWatcher:
         if earlier is not None:
             earlier.close()
         self.sessions[session.name] = session
-        for viewer in self._viewers_of(session.name):
+        if self.keeper is not None:
+            self.keeper.note_running(session.name)
+        for viewer in self.viewers_of(session.name):
             self._introduce(viewer, session)
 
     def admit(self, name: str, feed: Feed) -> None:
@@ -139,20 +212,24 @@ class SessionWatcher:
             self.put(WatchedSession(name, feed))
         else:
             session.admit(feed)
-            for viewer in self._viewers_of(name):
-                self._greet(viewer, session, MessageKind.AGAIN)
+            self._greet_all(session)
+            self.driving.announce(name)
 
     def _find(self) -> None:
         for name, rings in find_rings(self._where).items():
-            if self._only in (None, name):
+            if self._follows(name):
                 for ring in rings.values():
                     feed = self._opener.open(ring)
                     if feed is not None:
                         self.admit(name, feed)
                         self._tell(f"session {name}: {feed.side} at {feed.rate_hz:g} Hz")
 
-    def _follow(self, session: WatchedSession, is_figures_time: bool) -> None:
-        viewers = self._viewers_of(session.name)
+    def _follows(self, name: str) -> bool:
+        """Whether a session is to be shown: with a keeper, one that it has started."""
+        return self._only in (None, name) if self.keeper is None else name in self.keeper.started
+
+    def _follow(self, session: WatchedSession, *, is_figures_time: bool, is_history_time: bool) -> None:
+        viewers = self.viewers_of(session.name)
         for message in session.look(show=bool(viewers)):
             text = to_json(message)
             for viewer in viewers:
@@ -160,10 +237,40 @@ class SessionWatcher:
         self._keep_settings(session)
         if session.ended:
             self._tell(f"session {session.name}: over")
+            self.driving.announce(session.name)
+        self._tell_events(session)
+        if is_history_time or session.ended:
+            self._tell_history(session, viewers)
         if viewers and (is_figures_time or session.ended):
             text = to_json(session.figures())
             for viewer in viewers:
                 viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, text)
+
+    def _tell_events(self, session: WatchedSession) -> None:
+        events = session.log.since(session.told_events)
+        session.told_events = session.log.count
+        if events:
+            text = to_json(events_message(session.name, events))
+            for viewer in self.viewers_of(session.name):
+                viewer.put(MessageKind.EVENTS, text)
+
+    @staticmethod
+    def _tell_history(session: WatchedSession, viewers: list[Viewer]) -> None:
+        wanting = [viewer for viewer in viewers if viewer.wants_history]
+        if wanting:
+            text = to_json(session.history)
+            for viewer in wanting:
+                viewer.put(MessageKind.HISTORY, text)
+
+    async def _subscribe(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any] | None:
+        """Begin or end the messages with the history."""
+        if not isinstance(request.get("history"), bool):
+            return refusal('expected {"type": "subscribe", "history": true} or false')
+        viewer.wants_history = request["history"]
+        session = self.sessions.get(viewer.watching or "")
+        if session is not None:
+            self._tell_history(session, [viewer])
+        return None
 
     def _assign(self) -> None:
         """Assign each page its session: the one it asked for, or the newest."""
@@ -176,17 +283,38 @@ class SessionWatcher:
     def _greet(self, viewer: Viewer, session: WatchedSession, kind: MessageKind) -> None:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
+        hello["link"] = self.control.links.get(session.name, hello["link"])
+        hello |= self._own_part(viewer)
+        for part in self._attached:
+            hello |= part.hello(session, viewer)
         viewer.put(kind, to_json(hello))
+
+    def _greet_all(self, session: WatchedSession) -> None:
+        for viewer in self.viewers_of(session.name):
+            self._greet(viewer, session, MessageKind.AGAIN)
+
+    def _own_part(self, viewer: Viewer) -> dict[str, Any]:
+        """The part of a greeting that depends on the page."""
+        rooms = {"start": False, "scenes": [], "scene": None} if self.keeper is None else self.keeper.rooms
+        return {"token": self.requests.token if viewer.may_change else None, "rooms": rooms}
 
     def _introduce(self, viewer: Viewer, session: WatchedSession) -> None:
         """Switch a page to a session and send its last seconds."""
         viewer.watching = session.name
+        self.driving.leave(viewer)
         self._greet(viewer, session, MessageKind.HELLO)
+        self.driving.tell(viewer)
         for message in session.backlog():
             viewer.put(MessageKind.ROWS, to_json(message))
+        if session.log.events:
+            viewer.put(MessageKind.EVENTS, to_json(events_message(session.name, list(session.log.events))))
+        self._tell_history(session, [viewer])
         viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, to_json(session.figures()))
+        for part in self._attached:
+            part.introduced(session, viewer)
 
-    def _viewers_of(self, name: str) -> list[Viewer]:
+    def viewers_of(self, name: str) -> list[Viewer]:
+        """The pages that are shown this session."""
         return [viewer for viewer in self.viewers if viewer.watching == name]
 
     def _forget(self) -> None:
@@ -194,6 +322,7 @@ class SessionWatcher:
         over = [session for session in self.sessions.values() if session.ended and session.name not in watched]
         for session in over[:-ENDED_KEPT]:
             session.close()
+            self.control.links.pop(session.name, None)
             del self.sessions[session.name]
 
     def _keep_settings(self, session: WatchedSession) -> None:
@@ -202,7 +331,7 @@ class SessionWatcher:
         if session.remote or count is None or count == session.settings_asked_at:
             return
         session.settings_asked_at = count
-        if session.ring is not None and session.description.get("changes"):
+        if session.ring is not None:
             task = asyncio.get_running_loop().create_task(self._ask_settings(session, session.ring))
             self._asking.add(task)
             task.add_done_callback(self._asking.discard)
@@ -210,21 +339,37 @@ class SessionWatcher:
     async def _ask_settings(self, session: WatchedSession, ring: Path) -> None:
         for _ in range(ASK_TIMES):
             answer = await ask_daemon(ring, {})
-            self._take_settings(session, answer)
+            take_settings(session, answer)
+            self.control.take_link(session, answer)
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
 
-    @staticmethod
-    def _take_settings(session: WatchedSession, answer: dict[str, Any]) -> None:
-        if isinstance(answer.get("settings"), dict):
-            session.settings = answer["settings"]
-            session.generation = answer.get("generation", session.generation)
+    async def inherit(self, former: str, name: str) -> None:
+        """Apply the settings of a former session to a new one, once it accepts them."""
+        kept = self._in_force(former)
+        for _ in range(INHERIT_TIMES):
+            await asyncio.sleep(INHERIT_AGAIN_S)
+            session = self.sessions.get(name)
+            if session is None or len(session.feeds) < 2:
+                continue
+            if session.ended:
+                return
+            present = self._in_force(name)
+            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
+            if not changed or (await self.control.apply(session, changed)).get("accepted"):
+                return
+        self._tell(f"session {name}: the settings of the session before could not be applied")
+
+    def _in_force(self, name: str) -> dict[str, Any]:
+        """Settings and emulated link of a session, in force or as configured."""
+        session = self.sessions.get(name)
+        if session is None:
+            return {}
+        told = session.hello()
+        return dict(told["settings"]) | (self.control.links.get(name, told["link"]) or {})
 
 
-async def ask_daemon(ring: Path, request: dict[str, Any]) -> dict[str, Any]:
-    """The daemon's answer; a refusal with the reason if it cannot be reached."""
-    try:
-        return await asyncio.to_thread(ask, ring, request, ANSWER_S)
-    except LiveChangeError as error:
-        return {"accepted": False, "why": str(error)}
+async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:
+    """Echo the time of a page, so that it can measure the round trip."""
+    return {"type": "pong", "at": request.get("at"), "now": monotonic()}

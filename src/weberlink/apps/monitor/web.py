@@ -11,12 +11,16 @@ from pathlib import Path
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.viewer import MessageKind, Viewer
-from weberlink.apps.monitor.watch import SessionWatcher, to_json
+from weberlink.apps.monitor.requests import UNPROVEN, refusal
+from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.bounded_json import parse
 
 LONGEST_MESSAGE = 4096
 """Longest message of a page [bytes]: it only asks for changes."""
+REQUESTS_WAITING = 16
+"""Most requests of a page that wait for an earlier one."""
+PROOF_HEADER = "X-WeberLink-Token"
 MOST_PAGES = 16
 """Pages of the user of this process; nobody else can take their places."""
 MOST_OTHERS = 12
@@ -55,6 +59,7 @@ class Site:
         application.router.add_get("/api/sessions", self._sessions)
         application.router.add_get("/metrics", self._metrics)
         application.router.add_get("/ws", self._socket)
+        application.router.add_post("/api/emergency", self._emergency)
         application.on_shutdown.append(self._close_sockets)
         return application
 
@@ -85,12 +90,21 @@ class Site:
         body, kind = self._exposition()
         return web.Response(body=body, headers={"Content-Type": kind})
 
+    async def _emergency(self, request: web.Request) -> web.StreamResponse:
+        """Stop a session at once, all of this host if none is named: also for a page whose WebSocket is slow."""
+        if not self._watch.requests.proves(request.headers.get(PROOF_HEADER)):
+            return _refusal(HTTPStatus.FORBIDDEN, UNPROVEN)
+        answer = await self._watch.emergency(request.query.get("session"))
+        status = HTTPStatus.OK if answer["accepted"] else HTTPStatus.CONFLICT
+        return web.Response(status=status, text=to_json(answer), content_type="application/json")
+
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         transport = request.transport
         if transport is None:  # the client has disconnected
             raise web.HTTPServiceUnavailable
         user = access.user_of(transport.get_extra_info("peername"), transport.get_extra_info("sockname"))
-        if access.is_own(user):
+        may_change = access.is_own(user) or self._watch.requests.proves(request.query.get("key"))
+        if may_change:
             if len(self._own) >= MOST_PAGES:
                 raise web.HTTPServiceUnavailable
             self._own.add(transport)
@@ -102,7 +116,7 @@ class Site:
             if expelled is not None:
                 expelled.abort()
         try:
-            return await self._show(request, may_change=access.is_own(user))
+            return await self._show(request, may_change=may_change)
         finally:
             self._own.discard(transport)
             self._others.leave(transport)
@@ -114,19 +128,22 @@ class Site:
         viewer = Viewer(request.query.get("session"), may_change=may_change)
         self._sockets[socket] = request.transport
         self._watch.join(viewer)
-        sender = asyncio.get_running_loop().create_task(_send(viewer, socket))
+        waiting: asyncio.Queue[object] = asyncio.Queue(REQUESTS_WAITING)
+        loop = asyncio.get_running_loop()
+        tasks = [loop.create_task(_send(viewer, socket)), loop.create_task(self._answer_in_turn(viewer, waiting))]
         try:
-            await self._listen(viewer, socket)
+            await self._listen(viewer, socket, waiting)
         finally:
             self._watch.leave(viewer)
             self._sockets.pop(socket, None)
-            sender.cancel()
-            with suppress(asyncio.CancelledError, ConnectionError):
-                await sender
+            for task in tasks:
+                task.cancel()
+                with suppress(asyncio.CancelledError, ConnectionError):
+                    await task
         return socket
 
-    async def _listen(self, viewer: Viewer, socket: web.WebSocketResponse) -> None:
-        """Answer the messages of a page until it leaves."""
+    async def _listen(self, viewer: Viewer, socket: web.WebSocketResponse, waiting: "asyncio.Queue[object]") -> None:
+        """Take the messages of a page until it leaves: answer those that are urgent, and queue the others."""
         async for message in socket:
             if message.type is not WSMsgType.TEXT:
                 break
@@ -134,9 +151,22 @@ class Site:
                 document = parse(message.data.encode(), LONGEST_MESSAGE)
             except ValueError:
                 document = None
-            answer = await self._watch.requests.answer(viewer, document)
-            if answer is not None:
-                viewer.put(MessageKind.ANSWER, to_json(answer))
+            if self._watch.requests.is_urgent(document):
+                await self._answer(viewer, document)
+                continue
+            try:
+                waiting.put_nowait(document)
+            except asyncio.QueueFull:
+                viewer.put(MessageKind.ANSWER, to_json(refusal("too many requests at once; this one is dropped")))
+
+    async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[object]") -> None:
+        while True:
+            await self._answer(viewer, await waiting.get())
+
+    async def _answer(self, viewer: Viewer, document: object) -> None:
+        answer = await self._watch.requests.answer(viewer, document)
+        if answer is not None:
+            viewer.put(MessageKind.HANDLE if answer["type"] == "handle" else MessageKind.ANSWER, to_json(answer))
 
     async def _close_sockets(self, _application: web.Application) -> None:
         """Close all WebSockets; a page that does not read is not waited for."""

@@ -121,6 +121,7 @@ def build_device(configuration: Configuration) -> Device:
     if system.master.mapping is not None:
         device = _mapped(system, device)
     _check_button(system, device)
+    _check_push(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
         raise ConfigurationError(
@@ -170,6 +171,16 @@ def _check_button(system: System, device: Device) -> None:
         raise ConfigurationError(f"master.engage.button: {spec.name} has {has}, not {engage.button}")
     if mapping is not None and mapping.clutch is not None and mapping.clutch.button == engage.button:
         raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
+
+
+def _check_push(system: System, device: Device) -> None:
+    """The displayed force is cut to the limit; one that cannot reach the push of the device would never stop it."""
+    push, limit = device.spec.push_n, system.master.limits.force_n
+    if push >= limit:
+        raise ConfigurationError(
+            f"master.limits.force_n {limit:g}: {device.spec.name} pushes with {push:g} N and stops only at a force of "
+            f"this size; use more, or less master.device.push_n"
+        )
 
 
 def _force_scale(system: System) -> float:

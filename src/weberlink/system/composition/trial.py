@@ -59,7 +59,12 @@ def _check_scheme(configuration: Configuration) -> None:
 def lacks(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     """Capabilities without which nothing is felt, and what the drivers want a person to know before a run."""
     if device is not None:
-        if not device.spec.force_feedback:
+        if device.spec.push_n > 0.0:
+            yield (
+                f"master.device: {device.spec.name} has no force feedback; the force resists its rate, and a full "
+                f"deflection holds {device.spec.push_n:g} N"
+            )
+        elif not device.spec.force_feedback:
             yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
         if system.codec.rotation is not None and device.spec.torque_n_m == 0.0:
             yield f"master.device: {device.spec.name} has no torque feedback; it turns the tool and feels no torque"

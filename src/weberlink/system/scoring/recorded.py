@@ -5,7 +5,7 @@ Two hosts record on two clocks. The records of the slave contain the time of the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -20,6 +20,7 @@ from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FINITE
+from weberlink.telemetry.recording.message import BEGUN
 from weberlink.telemetry.recording.reader import Recording, RecordingError
 
 LEAST_OVERLAP_S = 0.1
@@ -30,6 +31,13 @@ CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
+
+
+class SessionMark(NamedTuple):
+    """A mark, on the clock of the session [s], and its text."""
+
+    at: float
+    text: str
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,7 @@ class RecordedSession:
         bank: names of the predictors of the force channel.
         torque_bank: of the torque channel; None for a session of three degrees of freedom.
         measures: how the deadband of the force measures an error; None for the distance.
+        marks: that a person set, in order of time.
     """
 
     master: Records
@@ -51,6 +60,7 @@ class RecordedSession:
     bank: tuple[str, ...]
     torque_bank: tuple[str, ...] | None = None
     measures: Measures | None = None
+    marks: tuple[SessionMark, ...] = ()
 
     @property
     def sides(self) -> dict[str, Records]:
@@ -68,7 +78,6 @@ class RecordedSession:
             score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
             begin = self._next(until)
         return score.summary() | {
-            "faults": {side: _faults(records) for side, records in self.sides.items()},
             "drops": {side: _drops(records) for side, records in self.sides.items()},
         }
 
@@ -92,7 +101,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
                 continue
             if side in found:
                 raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
-            found[side] = (recording, records)
+            found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
     if not found:
         raise RecordingError(f"{recordings[0].path}: holds no records; expected at least one tick")
     names = {_predictors(recording) for recording, _ in found.values()}
@@ -104,6 +113,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         )
     rate = rates.pop()
     reference, _ = found.get(MASTER) or found[SLAVE]
+    original = {side: records for side, (_, records) in found.items()}
     if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
         slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
         _check_overlap(found[MASTER][1], slave, found)
@@ -116,7 +126,26 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         bank=tuple(reference.facts.get("bank", "").split()),
         torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
         measures=_measures(reference),
+        marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
     )
+
+
+def _marks(
+    recording: Recording, found: dict[str, tuple[Recording, Records]], original: dict[str, Records]
+) -> list[SessionMark]:
+    """The marks of a file on the clock of the session: those of a slave's own file move with its records."""
+    side = next(iter(recording.origins))
+    origin = recording.origins[side]
+    offset = 0.0
+    if found.get(side, (None,))[0] is recording and len(found[side][1]):
+        moved = found[side][1]
+        same = int(np.searchsorted(original[side]["tick"], moved["tick"][0]))
+        offset = float(moved["at"][0] - original[side]["at"][same])
+    wall_ns = round(origin.wall_s * 1e9)
+    return [
+        SessionMark((mark.wall_ns - wall_ns) * 1e-9 + origin.monotonic_s + offset, mark.text)
+        for mark in recording.marks
+    ]
 
 
 def _measures(recording: Recording) -> Measures | None:
@@ -224,6 +253,18 @@ def _counted_from(records: Records, before: Any) -> Records:
     return counted
 
 
+def _from_its_beginning(records: Records) -> Records:
+    """A copy whose counters start with the first record, which counts what it sent and received itself."""
+    before = records[:1].copy()
+    for counter, own in (
+        ("updates_sent", "sent"),
+        ("updates_received", "received"),
+        ("rotation_updates_sent", "rotation_sent"),
+    ):
+        before[counter] -= before[own]
+    return _counted_from(records, before[0])
+
+
 def _beside(master: Records, slave: Records) -> Records:
     """The records near those of the master: the slave may have been alone for days."""
     return _between(slave, master["at"][0] - MARGIN_S, master["at"][-1] + MARGIN_S)
@@ -239,13 +280,6 @@ def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recor
 def _between(records: Records, first: float, last: float) -> Records:
     begin, end = np.searchsorted(records["at"], (first, last))
     return records[begin:end]
-
-
-def _faults(records: Records) -> dict[str, int]:
-    """Number of times each fault began."""
-    fault = records["fault"]
-    began = fault[np.flatnonzero(np.diff(fault, prepend=0))]
-    return {Fault(number).name.lower(): int((began == number).sum()) for number in np.unique(began[began > 0])}
 
 
 def _drops(records: Records) -> dict[str, int]:

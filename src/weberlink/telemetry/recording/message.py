@@ -19,6 +19,8 @@ MESSAGE_ENCODING = "cdr"
 
 FACTS, END = "weberlink", "end"
 """Names of the records of metadata at the start and at the end of a recording."""
+BEGUN, DURING = "begun", "during the session"
+"""A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
 COMPLETE = "complete"
 """The outcome of a recording that nothing has cut short."""
 
@@ -143,7 +145,7 @@ class Origin:
 
     def to_metadata(self) -> dict[str, str]:
         numbers = {name: repr(float(getattr(self, name))) for name in _NUMBERS}
-        return {"side": self.side} | numbers | _ROS
+        return {"side": self.side} | numbers | QOS
 
     @classmethod
     def from_metadata(cls, side: str, metadata: Mapping[str, str]) -> "Origin":
@@ -161,4 +163,4 @@ class Origin:
 
 _NUMBERS = ("rate_hz", "wall_s", "monotonic_s")
 # Players of ROS 2 ask for this key; without a profile they use their default.
-_ROS = {"offered_qos_profiles": ""}
+QOS = {"offered_qos_profiles": ""}

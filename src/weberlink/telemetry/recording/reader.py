@@ -21,6 +21,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from weberlink.telemetry.recording.container import FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink.telemetry.recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
 from weberlink.telemetry.recording.message import (
     COMPLETE,
     ENCAPSULATION,
@@ -67,11 +68,13 @@ class Content:
     def __init__(self) -> None:
         self.metadata: dict[str, dict[str, str]] = {}
         self.origins: dict[str, Origin] = {}
+        self.marks: list[Mark] = []
         self.foreign: list[str] = []
         """Topics that are none of a recording, with the name of their schema."""
         self._schemas: dict[int, Schema] = {}
         self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
         self._layouts: dict[str, np.dtype[np.void]] = {}
+        self._mark_channels: set[int] = set()
         self._parts: dict[str, list[Rows]] = defaultdict(list)
 
     def take(self, opcode: int, body: bytes) -> None:
@@ -138,6 +141,9 @@ class Content:
         if channel.id in self._sides:
             return  # repeated, as each chunk and the index may
         schema = self._schemas.get(channel.schema_id)
+        if channel.topic == MARK_TOPIC and schema is not None and schema.name == MARK_SCHEMA:
+            self._mark_channels.add(channel.id)
+            return
         side = SIDES.get(channel.topic)
         if side is None:
             name = "no schema" if schema is None else schema.name
@@ -163,6 +169,8 @@ class Content:
             channel = MESSAGE.unpack_from(message)[0]
             if channel in self._sides:
                 of_side[channel].append(message)
+            elif channel in self._mark_channels:
+                self._take_mark(message)
         for channel, own in of_side.items():
             size = self._sides[channel][1].itemsize + HEAD - FRAME.size
             if min(map(len, own)) < size:
@@ -173,6 +181,9 @@ class Content:
 
     def _take_rows(self, rows: Rows) -> None:
         for channel in np.unique(rows["channel"]).tolist():
+            if channel in self._mark_channels:
+                for row in rows[rows["channel"] == channel]:
+                    self._take_mark(row.tobytes()[FRAME.size :])
             if channel not in self._sides:
                 continue
             side, layout = self._sides[channel]
@@ -186,6 +197,12 @@ class Content:
             if (kinds != np.frombuffer(ENCAPSULATION[:2], "u1")).any():
                 raise ForeignError("holds messages that are not plain little-endian CDR")
             self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
+
+    def _take_mark(self, message: bytes) -> None:
+        try:
+            self.marks.append(read_mark(message[MESSAGE.size :]))
+        except ValueError as error:
+            raise DamagedError(str(error)) from None
 
 
 def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
@@ -231,6 +248,7 @@ class Recording:
         complete: whether the recording was closed in order and nothing was lost.
         lost: records by side that the recorder missed, as far as it could say so.
         outcome: "complete", "cut off", or in words what ended the recording.
+        marks: that a person set, in order of time.
     """
 
     path: Path
@@ -240,6 +258,7 @@ class Recording:
     complete: bool
     lost: dict[str, int]
     outcome: str
+    marks: tuple[Mark, ...] = ()
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -270,6 +289,7 @@ def read_recording(path: str | Path) -> Recording:
         facts=content.metadata.get(FACTS, {}),
         origins=content.origins,
         records={side: content.records(side) for side in TOPICS if side in content.origins},
+        marks=tuple(sorted(content.marks)),
         complete=outcome == COMPLETE and not any(lost.values()),
         lost=lost,
         outcome=outcome,

@@ -1,7 +1,8 @@
 """The recorder process: reads the rings of a session while its daemons run, and writes one MCAP file.
 
 It starts with a `RecordingOrder` as JSON and answers with a summary as JSON on standard output. It outlives its parent,
-so that what the daemons leave in their rings is still written.
+so that what the daemons leave in their rings is still written. While it runs it takes commands on standard input, JSON
+objects of one line: `{"mark": text, "at": moment on the clock of the records [s]}`, and `{"finish": true}`.
 """
 
 import json
@@ -15,8 +16,11 @@ from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
 from time import monotonic, process_time, sleep
 from typing import Any
 
+import numpy as np
+
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.recording.message import COMPLETE, Origin
+from weberlink.telemetry.recording.marks import Mark, shortened
+from weberlink.telemetry.recording.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 
@@ -30,6 +34,8 @@ LOOK_FOR_S = 0.02
 APPEAR_S = 10.0
 """How long the first ring may take to appear [s]."""
 NICENESS = 10
+COMMANDS_AT_ONCE = 65_536
+"""Bytes of commands taken at a look."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +46,15 @@ class RecordingOrder:
         rings: path by side; the files may appear later.
         out: path of the recording.
         facts: as of `RecordingWriter.create`.
+        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
+        takes_commands: whether the parent sends commands on standard input.
     """
 
     rings: dict[str, str]
     out: str
     facts: dict[str, str]
+    since: float | None = None
+    takes_commands: bool = False
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
@@ -60,15 +70,19 @@ class RingSource:
     Args:
         side: whose records they are.
         path: of the ring.
+        since: as of `RecordingOrder`.
     """
 
-    def __init__(self, side: str, path: str) -> None:
+    def __init__(self, side: str, path: str, since: float | None = None) -> None:
         self.side = side
         self.path = path
         self.ring: RingReader | None = None
         self.drained = False
         self._read = 0
         self._lost = 0
+        self._since = since
+        self._left_out: int | None = None
+        """How many records were before `since`; None before the first look."""
 
     def open(self) -> bool:
         """Open the ring if it exists; returns whether it is open.
@@ -91,17 +105,55 @@ class RingSource:
             return
         alive, written = self.ring.alive, self.ring.written  # before the read, which then takes all there ever is
         records = self.ring.read()
+        if self._left_out is None and len(records):
+            self._left_out, records = self._cut(records, written)
         self._read += len(records)
         # The ring does not count what it lost before it was opened.
-        lost = max(self._lost, self.ring.overrun, written - self._read)
+        lost = max(self._lost, self.ring.overrun, written - self._read - (self._left_out or 0))
         writer.note_lost(self.side, lost - self._lost)
         self._lost = lost
         self.drained = not alive
         writer.write(self.side, records)
 
+    def _cut(self, records: Rows, written: int) -> tuple[int, Rows]:
+        """Leave out what was before `since`; returns how many records that are, and the others."""
+        assert self.ring is not None
+        if self._since is None:
+            return 0, records
+        first = int(np.searchsorted(records["at"], self._since))
+        overwritten = written - len(records)
+        missing = int((float(records["at"][0]) - self._since) * self.ring.rate_hz) if overwritten else 0
+        return first + overwritten - max(0, missing), records[first:]
+
     def close(self) -> None:
         if self.ring is not None:
             self.ring.close()
+
+
+class CommandReader:
+    """Commands on standard input, read without waiting; what is no JSON object is passed over."""
+
+    def __init__(self) -> None:
+        self._fd: int | None = sys.stdin.fileno()
+        self._rest = b""
+        os.set_blocking(self._fd, False)
+
+    def read(self) -> list[dict[str, Any]]:
+        """The commands since the last call; none once the parent has closed its end."""
+        if self._fd is None:
+            return []
+        try:
+            data = os.read(self._fd, COMMANDS_AT_ONCE)
+        except BlockingIOError:
+            return []
+        if not data:
+            self._fd = None
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        commands = []
+        for line in lines:
+            with suppress(ValueError):
+                commands.append(json.loads(line))
+        return [command for command in commands if isinstance(command, dict)]
 
 
 class RingRecorder:
@@ -113,9 +165,13 @@ class RingRecorder:
 
     def __init__(self, order: RecordingOrder) -> None:
         self._order = order
-        self._sources = [RingSource(side, path) for side, path in order.rings.items()]
+        self._sources = [RingSource(side, path, order.since) for side, path in order.rings.items()]
         self._clock: tuple[float, float] | None = None
-        self._told: list[Signals] = []
+        self._told: list[str] = []
+        """Why to finish: outcomes."""
+        self._commands = CommandReader() if order.takes_commands else None
+        self._marks: list[dict[str, Any]] = []
+        """Marks that wait for the file."""
         self.writer: RecordingWriter | None = None
 
     def run(self) -> str:
@@ -135,11 +191,11 @@ class RingRecorder:
             sleep(LOOK_S if begun else LOOK_FOR_S)
             if self._told:
                 self._look()
-                return self._close(f"stopped by {self._told[0].name}")
+                return self._close(self._told[0])
 
     def stop(self, number: int, _: object) -> None:
         """Finish at the next look; a signal handler."""
-        self._told.append(Signals(number))
+        self._told.append(f"stopped by {Signals(number).name}")
 
     def close(self, outcome: str) -> None:
         """Close the rings, and the file if it is not finished."""
@@ -153,10 +209,27 @@ class RingRecorder:
         for source in self._sources:
             if source.ring is None and source.open():
                 self._announce(source)
+        for command in () if self._commands is None else self._commands.read():
+            self._obey(command)
         if self.writer is not None:
             for source in self._sources:
                 source.move(self.writer)
             self.writer.flush()
+            for mark in self._marks:
+                self.writer.mark(self._dated(mark))
+            self._marks.clear()
+
+    def _obey(self, command: dict[str, Any]) -> None:
+        if "mark" in command:
+            self._marks.append(command)
+        elif command.get("finish"):
+            self._told.append(COMPLETE)
+
+    def _dated(self, mark: dict[str, Any]) -> Mark:
+        """A mark on the wall clock, as the records are."""
+        assert self._clock is not None
+        (wall_ns,) = Origin("master", 0.0, *self._clock).log_times_ns(np.array([mark["at"]]))
+        return Mark(int(wall_ns), shortened(mark["mark"]))
 
     def _announce(self, source: RingSource) -> None:
         ring = source.ring
@@ -209,6 +282,7 @@ def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str
         "bytes": 0 if writer is None else writer.size,
         "records": {} if writer is None else writer.records,
         "lost": {} if writer is None else writer.lost,
+        "marks": 0 if writer is None else writer.marks,
         "cpu_s": process_time(),
         "elapsed_s": monotonic() - began,
         "outcome": outcome,

@@ -18,12 +18,14 @@ from mcap.records import Metadata
 
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
+from weberlink.telemetry.recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 from weberlink.telemetry.recording.message import (
     COMPLETE,
     ENCAPSULATION,
     END,
     FACTS,
     MESSAGE_ENCODING,
+    QOS,
     SCHEMA_ENCODING,
     SCHEMA_NAME,
     SCHEMA_TEXT,
@@ -64,6 +66,8 @@ class RecordingWriter:
         self._sides: dict[str, _Side] = {}
         self._lost: Counter[str] = Counter()
         self._schema: int | None = None
+        self._marks: int | None = None
+        """Channel of the marks; None before the first."""
         self._pending: list[Rows] = []
         self._waiting = 0
         self._error: OSError | None = None
@@ -97,6 +101,11 @@ class RecordingWriter:
     def lost(self) -> dict[str, int]:
         """How many records of each side are known to be missing."""
         return {name: self._lost[name] for name in self._sides}
+
+    @property
+    def marks(self) -> int:
+        """How many marks are in the file."""
+        return 0 if self._marks is None else self._file.messages[self._marks]
 
     @property
     def size(self) -> int:
@@ -145,6 +154,27 @@ class RecordingWriter:
         self._waiting += len(records)
         if self._waiting >= CHUNK_RECORDS:
             self.flush()
+
+    def mark(self, mark: Mark) -> None:
+        """Write a mark.
+
+        Raises:
+            OSError: as of the class.
+        """
+        self._check()
+        body = pack_mark(mark)
+        row = np.zeros(1, rows_of(len(body)))
+        try:
+            if self._marks is None:
+                schema = self._file.add_schema(MARK_SCHEMA, SCHEMA_ENCODING, MARK_DEFINITION)
+                self._marks = self._file.add_channel(MARK_TOPIC, MESSAGE_ENCODING, schema, QOS)
+            _frame(row, self._marks, self.marks)
+            row["log_time"] = row["publish_time"] = mark.wall_ns
+            row["body"] = np.void(body)
+            self._file.add_chunk(row)
+        except OSError as error:
+            self._give_up(error)
+            raise
 
     def flush(self) -> None:
         """Hand all records so far to the kernel, so that the death of this process costs none of them.
@@ -230,12 +260,17 @@ def _framed(records: Rows, side: _Side) -> Rows:
     """The records as messages of a chunk."""
     count = len(records)
     rows = np.empty(count, _ROW)
-    rows["opcode"] = Opcode.MESSAGE
-    rows["length"] = _ROW.itemsize - FRAME.size
-    rows["channel"] = side.channel
-    rows["sequence"] = np.arange(side.taken, side.taken + count) % _SEQUENCES
+    _frame(rows, side.channel, side.taken)
     rows["log_time"] = rows["publish_time"] = side.origin.log_times_ns(records["at"])
-    rows["encapsulation"] = np.void(ENCAPSULATION)
     rows["body"] = np.ascontiguousarray(records).view(_ROW["body"])
     side.taken += count
     return rows
+
+
+def _frame(rows: Rows, channel: int, taken: int) -> None:
+    """Fill in what is before the times and the body of messages."""
+    rows["opcode"] = Opcode.MESSAGE
+    rows["length"] = rows.dtype.itemsize - FRAME.size
+    rows["channel"] = channel
+    rows["sequence"] = np.arange(taken, taken + len(rows)) % _SEQUENCES
+    rows["encapsulation"] = np.void(ENCAPSULATION)

@@ -108,6 +108,8 @@ class RemoteFeed:
     """Feed of a `RemoteSide`."""
 
     ring: Path | None = None
+    wall_offset_s: float | None = None
+    in_order: bool | None = None
 
     def __init__(self, side: RemoteSide) -> None:
         introduction = side.introduction

@@ -82,6 +82,8 @@ class JoinedFeed:
     """
 
     ring: Path | None = None
+    wall_offset_s: float | None = None
+    in_order: bool | None = None
 
     def __init__(self, feed: Feed, clock: "MasterClock", master: "JoinedFeed | None") -> None:
         self.side, self.rate_hz, self.description = feed.side, feed.rate_hz, feed.description

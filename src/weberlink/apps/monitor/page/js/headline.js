@@ -29,6 +29,19 @@ export class Headline {
     show(by("state-detail"), detail, detail);
     const seconds = store.ended ? store.figures.figures.duration_s : store.newest;
     show(by("duration"), seconds > 0 ? `${seconds.toFixed(1)} s` : "", seconds || null);
+    this.#engagement();
+  }
+
+  // Which sides are engaged, and whether the operator holds the button that lets the robot follow.
+  #engagement() {
+    const { figures, present, rings, running } = this.store;
+    const told = figures?.engaged ?? Object.fromEntries(present.map((side) => [side, rings[side].last("state") === ENGAGED]));
+    const sides = Object.keys(told).filter((side) => told[side]);
+    const known = running && Object.keys(told).length > 0;
+    const text = sides.length === 2 ? "both engaged" : sides.length === 1 ? `${sides[0]} engaged` : "not engaged";
+    show(by("engagement"), known ? text : "\u00a0", known ? sides.join(" ") || "none" : null);
+    const button = running ? (figures?.button ?? null) : null;
+    show(by("hold"), button ? `button ${button}` : "", button);
   }
 
   #stateOf(ring) {
@@ -40,6 +53,7 @@ export class Headline {
   #summary(states) {
     const { store, connection } = this;
     if (connection === "gone") return ["lost", "connection to the monitor lost; reconnecting"];
+    if (store.stopped) return ["stopped", "by the emergency stop of this page"];
     if (store.ended) return ["ended", "these are the final figures"];
     if (!store.hello?.session) return ["connecting", "waiting for a session to begin"];
     if (!states.length) return ["connecting", "waiting for the first tick"];

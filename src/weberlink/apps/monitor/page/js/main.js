@@ -1,64 +1,123 @@
 // The page: puts messages into the store and draws the store, at most 30 times a second.
 
+import { Alarms } from "./alarms.js";
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
+import { Emergency } from "./emergency.js";
+import { EventLog } from "./events.js";
 import { Headline, fillFigures } from "./headline.js";
+import { HISTORY } from "./history.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
+import { Recording } from "./record.js";
+import { Replay } from "./replay.js";
+import { Room } from "./room.js";
+import { Sessions } from "./sessions.js";
 import { Store } from "./store.js";
-import { onThemeChange } from "./theme.js";
+import { chooseTheme, chosenTheme, onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
 import { Touch } from "./touch.js";
+import { PictureView } from "./view.js";
 
 const LEAST_INTERVAL_MS = 1000 / 30;
 const IDLE_SHARE = 3; // the page is idle at least this many times as long as a drawing took
-const SESSIONS_EVERY_MS = 4000;
+const LONGEST_SLICE_MS = 12; // a drawing lets the emergency stop in between
+const ALL = "all";
 
 const by = (id) => document.getElementById(id);
 const store = new Store();
-const touch = new Touch(store, (message) => link.send(message));
+const link = new Link("ws", receive, connect);
+const ask = (message) => link.send(message);
+const touch = new Touch(store, ask); // before the emergency stop: Escape lets go of a held handle, and only then stops
+const emergency = new Emergency(store, link, () => schedule());
 const headline = new Headline(store);
 const charts = PANELS.map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
-const controls = new Controls(store, (message) => link.send(message));
+const history = HISTORY.map((panel) => new Chart(panel, store, by("charts")));
+const controls = new Controls(store, ask);
+const sessions = new Sessions(store, (name) => link.follow(name));
+const room = new Room(store, ask);
+const recording = new Recording(store, ask);
+const replay = new Replay(store, ask);
+const events = new EventLog();
+const alarms = new Alarms();
+const picture = new PictureView();
 const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
 let view = null;
 let connected = false;
 
-const link = new Link(receive, (state) => {
+// What each type of message does besides what the store takes from it; others are ignored.
+const TAKE = {
+  hello: greet,
+  figures(message) {
+    fillFigures(message);
+    alarms.show(message.alarms);
+    if (message.settings || message.ended) refresh();
+  },
+  answer(message) {
+    const { to = "change" } = message;
+    if (to === "change") controls.answer(message);
+    else if (to === "session" && !emergency.answer(message)) room.answer(message);
+    else if (to === "record") recording.answer(message);
+    else if (to === "replay") replay.answer(message);
+  },
+  events: (message) => events.take(message.events),
+  recording: (message) => recording.take(message),
+  replay: (message) => replay.take(message),
+  keeper: (message) => room.take(message),
+};
+
+function connect(state) {
   connected = state === "open";
   document.body.dataset.connection = state;
   headline.connection = state;
-  controls.refresh(connected);
+  if (connected && drawing.window === ALL) subscribe();
+  refresh();
   touch.connection(connected);
-  if (connected) listSessions();
+  sessions.refresh(connected);
   schedule();
-});
+}
 
 function receive(message) {
+  const before = store.begun;
   store.take(message);
-  if (message.type === "hello") greet(message);
-  if (message.type === "figures") {
-    fillFigures(message);
-    if (message.settings || message.ended) controls.refresh(connected);
-  }
-  if (message.type === "answer") controls.answer(message);
+  if (store.begun !== before) renew();
+  TAKE[message.type]?.(message);
   touch.take(message);
   schedule();
 }
 
 function greet(hello) {
+  link.token = hello.token ?? null;
   document.body.dataset.rotation = String(store.rotates);
   view?.setScene();
-  controls.refresh(connected);
   fillFigures(store.figures);
-  const title = [hello.sides?.master, hello.sides?.slave].find(Boolean)?.file;
-  document.title = `WeberLink monitor${title ? ` · ${title.split("/").pop()}` : ""}`;
-  listSessions();
+  picture.follow(hello.view && hello.session ? hello.session : null);
+  refresh();
+  sessions.refresh(connected);
+}
+
+// Another session is shown.
+function renew() {
+  emergency.clear();
+  recording.clear();
+  events.clear();
+  alarms.show();
+}
+
+function refresh() {
+  store.may = connected && link.token !== null;
+  controls.refresh(connected);
+  for (const part of [room, recording, replay]) part.refresh();
+}
+
+function subscribe() {
+  link.send({ type: "subscribe", history: drawing.window === ALL });
 }
 
 // Requests one drawing, with the next frame after the idle time.
 function schedule() {
+  drawing.more = true;
   if (drawing.due) return;
   drawing.due = true;
   const wait = drawing.again - performance.now();
@@ -66,53 +125,66 @@ function schedule() {
   else requestAnimationFrame(draw);
 }
 
-function draw(now) {
-  drawing.due = false;
-  const begin = performance.now();
-  headline.draw();
-  const newest = drawing.paused ?? store.newest;
-  const from = Math.max(0, newest - drawing.window);
-  const only = store.present.length === 1 ? store.present[0] : "master";
-  for (const chart of charts) {
-    if (chart.panel?.when?.(store) === false) continue;
-    chart.prefer?.(only);
-    chart.draw(from, from + drawing.window);
-    touch.drive.beat();
-  }
-  const whole = view?.draw(newest, begin) ?? true;
-  drawing.drawn += 1;
-  const cost = performance.now() - begin;
-  drawing.again = now + Math.max(LEAST_INTERVAL_MS, (1 + IDLE_SHARE) * cost);
-  document.body.dataset.drawn = drawing.drawn;
-  document.body.dataset.cost = cost.toFixed(1);
-  clearTimeout(drawing.rest);
-  if (!whole) drawing.rest = setTimeout(schedule, view.interval);
-}
-
-async function listSessions() {
-  let names = [];
+async function draw(now) {
+  drawing.more = false;
+  let cost = 0;
   try {
-    const { sessions } = await (await fetch("api/sessions")).json();
-    names = sessions.map(({ session }) => session);
-  } catch {
-    return; // the tile of the state shows the lost connection
+    cost = await inSlices(steps(drawing.paused ?? store.newest));
+  } finally {
+    drawing.drawn += 1;
+    drawing.due = false;
+    drawing.again = now + Math.max(LEAST_INTERVAL_MS, (1 + IDLE_SHARE) * cost);
+    document.body.dataset.drawn = drawing.drawn;
+    document.body.dataset.cost = cost.toFixed(1);
+    if (drawing.more) schedule();
   }
-  const select = by("session");
-  const current = store.hello?.session ?? "";
-  if (current && !names.includes(current)) names.push(current);
-  const wanted = names.join("\n");
-  if (select.dataset.names !== wanted) {
-    select.replaceChildren(...(names.length ? names : ["none"]).map((name) => new Option(name, name)));
-    select.dataset.names = wanted;
-  }
-  select.disabled = names.length < 2;
-  if (current && document.activeElement !== select) select.value = current;
 }
 
-by("session").addEventListener("change", (event) => {
-  event.target.blur();
-  link.follow(event.target.value);
-});
+// Runs the parts of a drawing, and lets input in between. Returns how long they took [ms].
+async function inSlices(parts) {
+  let cost = 0;
+  let begin = performance.now();
+  for (const part of parts) {
+    part();
+    touch.drive.beat();
+    const slice = performance.now() - begin;
+    if (slice < LONGEST_SLICE_MS) continue;
+    cost += slice;
+    await inputs();
+    begin = performance.now();
+  }
+  return cost + performance.now() - begin;
+}
+
+// Settles when waiting input events and messages have been handled.
+function inputs() {
+  return new Promise((resume) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = resume;
+    port2.postMessage(null);
+  });
+}
+
+// The parts of one drawing.
+function steps(newest) {
+  const all = drawing.window === ALL;
+  const from = all ? 0 : Math.max(0, newest - drawing.window);
+  const to = all ? Math.max(1, newest, store.rings.history.newest) : from + drawing.window;
+  const only = store.present.length === 1 ? store.present[0] : "master";
+  const shown = all ? history : charts.filter((chart) => chart.panel?.when?.(store) !== false);
+  return [
+    () => headline.draw(),
+    ...shown.map((chart) => () => {
+      chart.prefer?.(only);
+      chart.draw(from, to);
+    }),
+    () => {
+      clearTimeout(drawing.rest);
+      if (view?.draw(newest, performance.now()) === false) drawing.rest = setTimeout(schedule, view.interval);
+    },
+  ];
+}
+
 by("pause").addEventListener("click", () => {
   drawing.paused = drawing.paused === null ? store.newest : null;
   const on = drawing.paused !== null;
@@ -122,22 +194,25 @@ by("pause").addEventListener("click", () => {
 });
 for (const button of document.querySelectorAll("[data-window]")) {
   button.addEventListener("click", () => {
-    drawing.window = Number(button.dataset.window);
+    const { window: length } = button.dataset;
+    const before = drawing.window;
+    drawing.window = length === ALL ? ALL : Number(length);
+    document.body.dataset.length = length;
     for (const other of document.querySelectorAll("[data-window]"))
       other.setAttribute("aria-pressed", String(other === button));
+    if ((before === ALL) !== (drawing.window === ALL)) subscribe();
     schedule();
   });
 }
+by("theme").value = chosenTheme();
+by("theme").addEventListener("change", ({ target }) => chooseTheme(target.value));
 onThemeChange(() => {
-  for (const chart of charts) chart.restyle();
+  for (const chart of [...charts, ...history]) chart.restyle();
   view?.restyle();
   schedule();
 });
-setInterval(() => {
-  if (connected) listSessions();
-}, SESSIONS_EVERY_MS);
 
-controls.refresh(false);
+refresh();
 link.follow(null);
 schedule();
 try {

@@ -14,7 +14,7 @@ const axis =
   (v, name, factor = 1) =>
   (c, i) =>
     c[`${v}_${name}`] ? factor * c[`${v}_${name}`][i] : NaN;
-const column =
+export const column =
   (name, factor = 1) =>
   (c, i) =>
     c[name] ? factor * c[name][i] : NaN;
@@ -33,7 +33,7 @@ function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((f) => f * power).find((step) => step >= value * 0.999);
 }
-const upward = (least) => (low, high) => [0, roundUp(Math.max(least, 1.04 * high))];
+export const upward = (least) => (low, high) => [0, roundUp(Math.max(least, 1.04 * high))];
 const around = (least) => (low, high) => {
   const top = roundUp(Math.max(least, 1.04 * Math.max(Math.abs(low), Math.abs(high))));
   return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];

@@ -4,6 +4,8 @@ import { Ring } from "./ring.js";
 
 const LONGEST_WINDOW_S = 60;
 const ROWS_PER_S = 330; // 250, and the rows that sent an update
+const MOST_OF_HISTORY = 1024; // intervals
+const BACK_S = 0.3; // by which the time of a replay must be behind the newest row to be a step back
 const RATE_SPAN_S = 1;
 const RATE_STEP_S = 0.1;
 const NEAR_S = 1.5; // largest time between a change and the first record with it
@@ -14,10 +16,14 @@ export class Store {
     const rows = LONGEST_WINDOW_S * ROWS_PER_S;
     this.rings = { master: new Ring(rows), slave: new Ring(rows), felt: new Ring(rows) };
     for (const side of ["master", "slave"]) this.rings[`${side}Rates`] = new Ring((2 * LONGEST_WINDOW_S) / RATE_STEP_S);
+    this.rings.history = new Ring(MOST_OF_HISTORY);
+    this.may = false; // whether this page may change anything now
+    this.begun = 0; // how many sessions were shown
     this.forget();
   }
 
   forget() {
+    this.begun += 1;
     for (const ring of Object.values(this.rings)) ring.clear();
     this.hello = null;
     this.figures = null;
@@ -26,8 +32,12 @@ export class Store {
     this.settings = {}; // in force
     this.agreed = null; // {generation, settings}: agreed by both ends, and in force from a later tick on
     this.ended = false;
+    this.stopped = false; // by the emergency stop of this page
   }
 
+  get running() {
+    return Boolean(this.hello?.session) && !this.ended;
+  }
   get newest() {
     return Math.max(0, this.rings.master.newest, this.rings.slave.newest);
   }
@@ -81,6 +91,12 @@ export class Store {
         this.ended = Boolean(message.ended);
         if (message.settings) this.#adopt(message.settings, message.generation);
         break;
+      case "history":
+        this.#recall(message);
+        break;
+      case "replay":
+        if (message.at < this.newest - BACK_S) this.#rewind();
+        break;
       case "answer":
         if (message.accepted && message.pending) {
           this.agreed = { generation: message.generation, settings: message.pending };
@@ -101,13 +117,22 @@ export class Store {
   #samples({ side, t, columns }) {
     const ring = this.rings[side];
     if (!ring || !t.length) return;
-    if (t[t.length - 1] < ring.newest - 1) {
-      // the clock of the session has started again
-      for (const each of Object.values(this.rings)) each.clear();
-    }
+    if (t[t.length - 1] < ring.newest - 1) this.#rewind(); // the clock of the session has started again
     ring.push(t, columns);
     this.#switch(ring, t.length);
     this.#rates(ring, this.rings[`${side}Rates`]);
+  }
+
+  // The history comes as a whole each time.
+  #recall({ session, columns: { t, ...columns } }) {
+    if (session !== this.hello?.session) return;
+    this.rings.history.clear();
+    this.rings.history.push(t, columns);
+  }
+
+  // The rows that come next are older than those that are here.
+  #rewind() {
+    for (const ring of Object.values(this.rings)) if (ring !== this.rings.history) ring.clear();
   }
 
   // Every 0.1 s: packets and datagrams per second over the last second, from the counters, which omitted rows do not

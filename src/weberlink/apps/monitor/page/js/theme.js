@@ -1,4 +1,4 @@
-// The colours of the style sheet, for what is drawn on a canvas; they follow the system's light or dark scheme.
+// The colours of the style sheet, for what is drawn on a canvas; light or dark, as the system or the person prefers.
 
 const NAMES = [
   "grid",
@@ -19,19 +19,53 @@ const NAMES = [
   "wire",
 ];
 
-export const theme = {};
+const KEPT_AS = "weberlink-theme";
 
+export const theme = {};
+const listeners = [];
+const probe = document.createElement("i");
+
+// A colour that depends on the scheme is computed only where it is the colour of an element.
 function readTheme() {
-  const style = getComputedStyle(document.documentElement);
-  for (const name of NAMES) theme[name] = style.getPropertyValue(`--${name}`).trim();
+  document.documentElement.append(probe);
+  for (const name of NAMES) {
+    probe.style.color = `var(--${name})`;
+    theme[name] = getComputedStyle(probe).color;
+  }
+  probe.remove();
   theme.font = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 }
 
 export function onThemeChange(act) {
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-    readTheme();
-    act();
-  });
+  listeners.push(act);
 }
 
-readTheme();
+function changed() {
+  readTheme();
+  for (const act of listeners) act();
+}
+
+export const chosenTheme = () => document.documentElement.dataset.theme ?? "auto";
+
+// "auto" follows the system. Kept by the browser, where it permits that.
+export function chooseTheme(name) {
+  if (name === "light" || name === "dark") document.documentElement.dataset.theme = name;
+  else delete document.documentElement.dataset.theme;
+  try {
+    localStorage.setItem(KEPT_AS, chosenTheme());
+  } catch {
+    // a browser without storage
+  }
+  changed();
+}
+
+function kept() {
+  try {
+    return localStorage.getItem(KEPT_AS);
+  } catch {
+    return null;
+  }
+}
+
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+chooseTheme(kept());

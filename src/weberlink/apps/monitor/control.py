@@ -1,0 +1,141 @@
+"""Requests of pages to the daemons: live changes, the emulated link, stop and emergency stop."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from weberlink.apps.monitor.requests import Answer, refusal
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.system.control_socket import LiveChangeError, ask
+
+ANSWER_S = 2.0
+"""How long a daemon may take to answer."""
+EMERGENCY_S = 0.5
+"""How long it may take to confirm an emergency stop, before the page is told that it did not."""
+LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
+"""Settings of the emulated link: each side applies them to what it sends."""
+NO_SESSION = "there is no running session on this host"
+
+
+class SessionControl:
+    """Passes requests on to the daemons of this host, which check them.
+
+    Args:
+        sessions: by name.
+        link_changed: called with a session when another link is in force.
+    """
+
+    def __init__(self, sessions: Mapping[str, WatchedSession], link_changed: Callable[[WatchedSession], None]) -> None:
+        self._sessions = sessions
+        self._link_changed = link_changed
+        # Threads of its own: an emergency stop never waits for requests that wait for a daemon.
+        self._emergency = ThreadPoolExecutor(max_workers=8, thread_name_prefix="emergency")
+        self.links: dict[str, dict[str, Any]] = {}
+        """Emulated links in force, by session, as far as they are known."""
+
+    def close(self) -> None:
+        self._emergency.shutdown(wait=False, cancel_futures=True)
+
+    async def change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Change settings of both sides, or of the emulated link in both directions."""
+        if not request:
+            return refusal("nothing to change; name weber, predictor, scheme, delay_ms, jitter_ms or loss")
+        session = self._running(viewer.watching)
+        if session is None:
+            return refusal(f"{NO_SESSION} to change")
+        return await self.apply(session, request)
+
+    async def apply(self, session: WatchedSession, request: dict[str, Any]) -> Answer:
+        """Apply settings to a session: one side agrees with the other on those of the codec; the link needs both."""
+        link = {key: value for key, value in request.items() if key in LINK_KEYS}
+        settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
+        answer: Answer = {}
+        if settings:
+            assert session.ring is not None
+            answer = await ask_daemon(session.ring, settings)
+            take_settings(session, answer)
+        if link and answer.get("accepted", True):
+            answer |= await self._change_link(session, link)
+        return answer
+
+    async def _change_link(self, session: WatchedSession, link: dict[str, Any]) -> Answer:
+        answers = await self._ask_sides(session, link)
+        for answer in answers.values():
+            self.take_link(session, answer)
+        return _joined(answers)
+
+    def take_link(self, session: WatchedSession, answer: Answer) -> None:
+        """Note the link in force that a daemon told."""
+        link = answer.get("link")
+        if isinstance(link, dict) and self.links.get(session.name) != link:
+            self.links[session.name] = link
+            self._link_changed(session)
+
+    async def stop(self, name: str | None, why: str) -> Answer:
+        """End a session in order."""
+        session = self._running(name)
+        if session is None:
+            return refusal(f"{NO_SESSION} to stop")
+        return _joined(await self._ask_sides(session, {"stop": why}))
+
+    async def emergency(self, name: str | None = None) -> Answer:
+        """Force to zero at both ends of a session; of all sessions of this host if no name is given."""
+        named = self._running(name)
+        sessions = [session for session in self._sessions.values() if self._running(session.name) is not None]
+        sessions = sessions if name is None else [] if named is None else [named]
+        if not sessions:
+            return refusal(f"{NO_SESSION} to stop")
+        asked = [self._ask_sides(session, {"emergency": True}, EMERGENCY_S, self._emergency) for session in sessions]
+        answers = await asyncio.gather(*asked)
+        return _joined({f"{number} {side}": of for number, each in enumerate(answers) for side, of in each.items()})
+
+    def _running(self, name: str | None) -> WatchedSession | None:
+        session = self._sessions.get(name or "")
+        return None if session is None or session.ended or session.remote or session.ring is None else session
+
+    async def _ask_sides(
+        self,
+        session: WatchedSession,
+        request: dict[str, Any],
+        patience_s: float = ANSWER_S,
+        threads: ThreadPoolExecutor | None = None,
+    ) -> dict[str, Answer]:
+        """The answers of the sides of a session that run on this host; they are asked at the same time."""
+        rings = {side: feed.ring for side, feed in session.feeds.items() if feed.ring is not None and not feed.drained}
+        asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
+        return dict(zip(rings, await asyncio.gather(*asked), strict=True))
+
+
+def _joined(answers: Mapping[str, Answer]) -> Answer:
+    """One answer for several daemons; it is a refusal, which names the side, unless all of them accepted."""
+    joined: Answer = {}
+    for answer in answers.values():
+        joined |= answer
+    refused = {side: answer.get("why") for side, answer in answers.items() if not answer.get("accepted")}
+    if refused:
+        reasons = dict.fromkeys(f"{side.split()[-1]}: {why}" for side, why in refused.items())
+        return joined | {"accepted": False, "why": "; ".join(reasons)}
+    joined.pop("why", None)
+    return joined
+
+
+async def ask_daemon(
+    ring: Path, request: dict[str, Any], patience_s: float = ANSWER_S, threads: ThreadPoolExecutor | None = None
+) -> Answer:
+    """The daemon's answer; a refusal with the reason if it cannot be reached."""
+    loop = asyncio.get_running_loop()
+    try:
+        return await loop.run_in_executor(threads, partial(ask, ring, request, patience_s))
+    except LiveChangeError as error:
+        return {"accepted": False, "why": str(error)}
+
+
+def take_settings(session: WatchedSession, answer: Answer) -> None:
+    """Note the settings in force that a daemon told."""
+    if isinstance(answer.get("settings"), dict):
+        session.settings = answer["settings"]
+        session.generation = answer.get("generation", session.generation)

@@ -1,0 +1,190 @@
+"""Who drives a session: one page at a time has the handle, and its targets go to the master's `pointer` device.
+
+The first page that holds gets the handle. It keeps it while it holds, and `LEASE_S` after its last release, so that
+a visitor can grasp again; then it is free. A page that leaves, also abruptly, releases it at once. Whatever happens to
+this process, the device takes 100 ms of silence as a release.
+"""
+
+from collections.abc import Callable, Mapping
+from time import monotonic
+from typing import Any, Protocol
+
+from weberlink.apps.monitor.requests import READ_ONLY, Answer, refusal
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.geometry.vector import Vector, is_finite
+from weberlink.system.configuration import MASTER
+
+LEASE_S = 5.0
+"""How long a page keeps the handle after it has released it, or fallen silent."""
+MOST_PER_S = 250.0
+BURST = 25.0
+"""Targets of one page that are passed on: per second, and at once. More are dropped; a release never is."""
+REMIND_S = 0.5
+"""Least time between two refusals to the same page."""
+NOT_DRIVEN = "the operator of this session is not the page"
+TAKEN = "another visitor drives; wait until the handle is free"
+
+
+class Sender(Protocol):
+    """Sends targets to a device, see `weberlink.master.devices.pointer_link.PointerSender`."""
+
+    def send(self, target: Vector, held: bool) -> bool: ...
+
+    def close(self) -> None: ...
+
+
+class _Handle:
+    """The handle of a session while a page has it."""
+
+    def __init__(self, holder: Viewer, sender: Sender, now: float) -> None:
+        self.holder = holder
+        self.held = False
+        self.used_at = now
+        self._sender = sender
+        self._target: Vector = (0.0, 0.0, 0.0)
+        self._allowance = BURST
+        self._counted_at = now
+
+    def pass_on(self, target: Vector, held: bool, now: float) -> None:
+        """Send a target, unless there were too many; one that the device has no room for is lost."""
+        self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self._counted_at))
+        self._counted_at = now
+        if self._allowance < 1.0 if held else not self.held:
+            return
+        self._allowance -= 1.0
+        self.used_at = now
+        self._target, self.held = target, held
+        self._sender.send(target, held)
+
+    def release(self) -> None:
+        """Let go, and close the connection."""
+        if self.held:
+            self.held = False
+            self._sender.send(self._target, False)
+        self._sender.close()
+
+
+def pointer_pid(session: WatchedSession | None) -> int | None:
+    """Process id of the daemon that takes targets; None if there is none on this host, or it has another device."""
+    feed = None if session is None or session.remote else session.feeds.get(MASTER)
+    if feed is None or feed.drained or feed.ring is None or feed.description is None:
+        return None
+    device = feed.description.get("system", {}).get("master", {}).get("device", {})
+    pid = feed.description.get("pid")
+    return pid if device.get("driver") == "pointer" and isinstance(pid, int) else None
+
+
+class Driving:
+    """The handles of all sessions.
+
+    Args:
+        sessions: by name.
+        viewers: returns the pages of a session.
+        connect: opens a sender to the daemon with a process id.
+    """
+
+    def __init__(
+        self,
+        sessions: Mapping[str, WatchedSession],
+        viewers: Callable[[str], list[Viewer]],
+        connect: Callable[[int], Sender],
+    ) -> None:
+        self._sessions = sessions
+        self._viewers = viewers
+        self._connect = connect
+        self._handles: dict[str, _Handle] = {}
+        self._reminded: dict[Viewer, float] = {}
+
+    async def drive(self, viewer: Viewer, request: dict[str, Any]) -> Answer | None:
+        """Pass a target on to the device; the answer of a refused one is the state of the handle."""
+        target, held = _vector(request.get("target")), request.get("held")
+        if target is None or not isinstance(held, bool):
+            return refusal('"target" is three finite numbers in m, "held" is true or false')
+        now, name = monotonic(), viewer.watching or ""
+        handle = self._handles.get(name)
+        if handle is None:
+            if not held:
+                return None
+            handle = self._grasp(viewer, name, now)
+        if handle is None or handle.holder is not viewer:
+            return self._remind(viewer, now) if held else None
+        handle.pass_on(target, held, now)
+        return None
+
+    def look(self, now: float) -> None:
+        """Free the handles that were not used for long, and those of ended sessions."""
+        for name, handle in list(self._handles.items()):
+            if now - handle.used_at > LEASE_S or pointer_pid(self._sessions.get(name)) is None:
+                self._free(name)
+
+    def leave(self, viewer: Viewer) -> None:
+        """Release what a page holds: it has gone, or shows another session."""
+        self._reminded.pop(viewer, None)
+        for name, handle in list(self._handles.items()):
+            if handle.holder is viewer:
+                self._free(name)
+
+    def tell(self, viewer: Viewer) -> None:
+        """Tell a page the state of the handle of its session."""
+        viewer.put(MessageKind.HANDLE, to_json(self._state(viewer)))
+
+    def announce(self, name: str) -> None:
+        """Tell all pages of a session the state of its handle."""
+        for viewer in self._viewers(name):
+            self.tell(viewer)
+
+    @property
+    def is_any(self) -> bool:
+        """Whether a page has a handle."""
+        return bool(self._handles)
+
+    def _grasp(self, viewer: Viewer, name: str, now: float) -> _Handle | None:
+        pid = pointer_pid(self._sessions.get(name))
+        if pid is None:
+            return None
+        handle = self._handles[name] = _Handle(viewer, self._connect(pid), now)
+        self.announce(name)
+        return handle
+
+    def _free(self, name: str) -> None:
+        self._handles.pop(name).release()
+        self.announce(name)
+
+    def _remind(self, viewer: Viewer, now: float) -> Answer | None:
+        if now - self._reminded.get(viewer, -REMIND_S) < REMIND_S:
+            return None
+        self._reminded[viewer] = now
+        return self._state(viewer)
+
+    def _state(self, viewer: Viewer) -> Answer:
+        name = viewer.watching or ""
+        handle = self._handles.get(name)
+        state, why = "free", None
+        if pointer_pid(self._sessions.get(name)) is None:
+            state, why = "none", NOT_DRIVEN
+        elif not viewer.may_change:
+            state, why = "none", READ_ONLY
+        elif handle is not None and handle.holder is viewer:
+            state = "yours"
+        elif handle is not None:
+            state, why = "taken", TAKEN
+        return {"type": "handle", "state": state, "why": why}
+
+
+def connect(pid: int) -> Sender:
+    """The sender to the daemon with a process id."""
+    from weberlink.master.devices.pointer_link import PointerSender  # noqa: PLC0415 - for who drives only
+
+    return PointerSender(pid)
+
+
+def _vector(value: object) -> Vector | None:
+    """Three finite numbers; None if they are not."""
+    if not (isinstance(value, list) and len(value) == 3):
+        return None
+    if not all(isinstance(part, int | float) and not isinstance(part, bool) for part in value):
+        return None
+    x, y, z = map(float, value)
+    vector = (x, y, z)
+    return vector if is_finite(vector) else None

@@ -1,0 +1,125 @@
+// The emergency stop: asks for it by the WebSocket and by HTTP, as soon as the button goes down, and says what happened.
+//
+// It asks whatever the page believes of the session: the page may be behind.
+
+import { announce, notice } from "./notice.js";
+
+const PATIENCE_MS = 3000;
+const SAME_PRESS_MS = 1000;
+const INSTEAD = "use the emergency stop of the robot or the device, or press Ctrl-C in the terminal of the session";
+
+const button = document.getElementById("emergency");
+
+export class Emergency {
+  // `said()` is called when the state has changed.
+  constructor(store, link, said) {
+    Object.assign(this, { store, link, said, pressed: -Infinity });
+    this.clear();
+    button.addEventListener("pointerdown", (event) => event.button === 0 && this.press());
+    button.addEventListener("keydown", (event) => {
+      if (event.key !== "Enter" && event.key !== " ") return;
+      event.preventDefault();
+      if (!event.repeat) this.press();
+    });
+    // A click without pointer or key: assistive technology.
+    button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
+    addEventListener(
+      "keydown",
+      (event) => {
+        if (event.key === "Escape" && !event.repeat && store.running) this.press();
+      },
+      true,
+    );
+  }
+
+  press() {
+    const bySocket = this.link.send({ type: "session", do: "emergency" });
+    this.#post();
+    this.pressed = performance.now();
+    this.waiting = bySocket ? 2 : 1;
+    this.reasons = new Set();
+    this.state = "asked";
+    this.#show(`emergency stop asked for at ${clock()}`, "warn");
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.#fail("no answer"), PATIENCE_MS);
+  }
+
+  // The answer to a request of type `session`; false if none was asked for here.
+  answer(message) {
+    if (this.state !== "asked") return false;
+    if (message.accepted) this.#stopped();
+    else this.#refused(message.why ?? "refused");
+    return true;
+  }
+
+  // Another session is shown.
+  clear() {
+    clearTimeout(this.timer);
+    if (this.state) notice("");
+    this.state = "";
+    this.store.stopped = false;
+    button.dataset.value = "";
+  }
+
+  async #post() {
+    try {
+      const response = await fetch("api/emergency", {
+        method: "POST",
+        keepalive: true,
+        headers: { "Content-Type": "application/json", "X-WeberLink-Token": this.link.token ?? "" },
+        body: JSON.stringify({ session: this.store.hello?.session ?? null }),
+      });
+      const text = await response.text();
+      const told = parsed(text);
+      if (response.ok && told?.accepted !== false) this.#stopped();
+      else this.#refused(told?.why ?? (text.trim() || `the monitor answered ${response.status}`));
+    } catch {
+      this.#refused("the monitor does not answer");
+    }
+  }
+
+  #stopped() {
+    if (this.state === "stopped") return;
+    clearTimeout(this.timer);
+    this.state = "stopped";
+    this.store.stopped = true;
+    this.#show(`Stopped at ${clock()}: the force is zero and the robot holds. To start again: ${this.#again()}.`, "bad");
+  }
+
+  #again() {
+    const { hello } = this.store;
+    if (hello?.rooms?.start) return "press Start";
+    const file = hello?.names?.file ?? hello?.sides?.master?.file ?? hello?.sides?.slave?.file;
+    return `start the session again in its terminal${file ? ` (${file.split("/").pop()})` : ""}`;
+  }
+
+  #refused(why) {
+    if (this.state !== "asked") return;
+    this.reasons.add(why);
+    this.waiting -= 1;
+    if (this.waiting <= 0) this.#fail([...this.reasons].join("; "));
+  }
+
+  #fail(why) {
+    clearTimeout(this.timer);
+    this.state = "failed";
+    this.#show(`NOT stopped: ${why}. Now: ${INSTEAD}.`, "bad");
+  }
+
+  #show(text, kind) {
+    button.dataset.value = this.state;
+    notice(text, kind);
+    announce(text);
+    this.said();
+  }
+}
+
+const clock = () => new Date().toLocaleTimeString("en-GB");
+
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
+}

@@ -1,0 +1,93 @@
+"""The `try` command."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from weberlink.cli.arguments import Duration, Json, OptionalFile, Set
+from weberlink.cli.output import errors, fail, finish
+from weberlink.system.order import FAILED, MISCONFIGURED
+
+PORT = 8765
+NAME = "weberlink try"
+
+
+def visit(
+    file: OptionalFile = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Scene to begin with: dome, plane, box, bumps, cavity, moving.")
+    ] = None,
+    scripted: Annotated[
+        bool, typer.Option("--scripted", help="Let a script move the handle until a visitor takes it.")
+    ] = False,
+    duration: Duration = None,
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help=f"Port of the page; default: {PORT}, or a free one if that is in use."),
+    ] = None,
+    browse: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
+    listen: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
+    ] = "127.0.0.1",
+    public: Annotated[
+        bool,
+        typer.Option("--public", help="Allow other hosts, without encryption; who has the printed address may drive."),
+    ] = False,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Feel a remote scene with the mouse, in a browser."""
+    from weberlink.apps.monitor import access, address  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.system.configuration.extras import need  # noqa: PLC0415
+
+    with errors():
+        for package in ("aiohttp", "prometheus_client"):
+            need(package, "monitor", NAME)
+    if not (public or access.is_loopback(listen)):
+        fail(f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED)
+    order = _order(file, scene, set_ or [], duration, scripted=scripted)
+    try:
+        listening = address.bind(listen, PORT if port is None else port, or_any=port is None)
+    except address.MonitorError as error:
+        fail(str(error), FAILED)
+    token = access.new_token()
+    _tell(f"{address.url(listening)} (Ctrl-C ends it)")
+    if port is None and listening.getsockname()[1] != PORT:
+        _tell(f"port {PORT} is in use, so this page has another one")
+    if not access.is_loopback(listen):
+        _tell(f"other hosts: {address.public_url(listening, token)}")
+        _tell("warning: who has this address may drive and change the session, and nothing is encrypted")
+    from weberlink.apps.monitor.program import MonitorSettings, Visit, run  # noqa: PLC0415 - takes most of a second
+
+    result = run(MonitorSettings(listen, browse=browse), Visit(order, listening, token))
+    if result is None:
+        raise typer.Exit
+    if result.report is None:
+        fail(result.complaint, result.status)
+    finish(result.report | {"status": result.status}, NAME, json_out)
+
+
+def _order(
+    file: Path | None, scene: str | None, overrides: list[str], duration: float | None, *, scripted: bool
+) -> Any:
+    """The sessions to run: those of the scenes of the shipped file, or of another file, which has one scene."""
+    from weberlink.apps.monitor.keeper import VisitOrder  # noqa: PLC0415
+    from weberlink.system.scenes import SCENES  # noqa: PLC0415
+
+    if file is not None:
+        if scene is not None:
+            fail("--scene is for the shipped configuration; give no FILE", MISCONFIGURED)
+        script = ["master.device.scripted=true"] if scripted else []
+        return VisitOrder(str(file), (*overrides, *script), duration_s=duration)
+    first = next(iter(SCENES)) if scene is None else scene
+    if first not in SCENES:
+        fail(f"--scene {scene}: no such scene; there are {', '.join(SCENES)}", MISCONFIGURED)
+    path = str(files("weberlink.configs") / "try.yaml")
+    script = [f"master.device.scripted={str(scripted).lower()}"]
+    return VisitOrder(path, (*script, *overrides), SCENES, first, duration)
+
+
+def _tell(text: str) -> None:
+    typer.echo(f"{NAME}: {text}", err=True)

@@ -1,0 +1,196 @@
+"""Who has the handle of a session, and what reaches the device."""
+
+import asyncio
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.apps.monitor.feeds import HandFeed
+from weberlink.apps.monitor import driving
+from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, REMIND_S, Driving
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.geometry.vector import Vector
+
+PID = 4711
+ABOVE, BELOW = [0.0, 0.0, 0.03], [0.0, 0.01, -0.02]
+
+
+class Device:
+    """What arrives at the device of a session."""
+
+    def __init__(self, pid: int) -> None:
+        assert pid == PID
+        self.sent: list[tuple[Vector, bool]] = []
+        self.is_closed = False
+
+    def send(self, target: Vector, held: bool) -> bool:
+        assert not self.is_closed
+        self.sent.append((target, held))
+        return True
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Visit:
+    """A session that pages drive, at a time that the test sets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, pages: int = 2, driver: str = "pointer") -> None:
+        self.feed = HandFeed("master", ring=Path("/nonexistent"))
+        assert self.feed.description is not None
+        self.feed.description |= {"pid": PID, "system": {"master": {"device": {"driver": driver}}}}
+        self.session = WatchedSession("7", self.feed)
+        self.pages = [Viewer(None, may_change=True) for _ in range(pages)]
+        self.devices: list[Device] = []
+        self.driving = Driving({"7": self.session}, lambda _: self.pages, self._connect)
+        self.now = 100.0
+        monkeypatch.setattr(driving, "monotonic", lambda: self.now)
+        for page in self.pages:
+            page.watching = "7"
+            self.driving.tell(page)
+
+    def _connect(self, pid: int) -> Device:
+        self.devices.append(Device(pid))
+        return self.devices[-1]
+
+    def drive(self, page: int, target: Any, held: Any) -> dict[str, Any] | None:
+        return asyncio.run(self.driving.drive(self.pages[page], {"target": target, "held": held}))
+
+    def states(self) -> list[str]:
+        """What each page was told last of the handle."""
+        return [[json.loads(text) for text in iter(page.take, None)][-1]["state"] for page in self.pages]
+
+
+@pytest.fixture
+def visit(monkeypatch: pytest.MonkeyPatch) -> Visit:
+    return Visit(monkeypatch)
+
+
+def test_first_page_that_holds_drives(visit: Visit) -> None:
+    assert visit.states() == ["free", "free"]
+    assert visit.drive(1, ABOVE, False) is None and visit.devices == []
+    assert visit.drive(0, ABOVE, True) is None
+    assert visit.states() == ["yours", "taken"]
+    refused = visit.drive(1, BELOW, True)
+    assert refused is not None and (refused["type"], refused["state"]) == ("handle", "taken")
+    assert visit.drive(1, BELOW, False) is None
+    assert [device.sent for device in visit.devices] == [[(tuple(ABOVE), True)]]
+
+
+def test_refused_page_is_reminded_now_and_then(visit: Visit) -> None:
+    visit.drive(0, ABOVE, True)
+    answers = []
+    for _ in range(100):
+        visit.now += REMIND_S / 20
+        answers.append(visit.drive(1, ABOVE, True))
+    assert sum(answer is not None for answer in answers) == 5
+
+
+def test_released_handle_is_kept_for_a_while(visit: Visit) -> None:
+    visit.drive(0, ABOVE, True)
+    visit.drive(0, BELOW, False)
+    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
+    visit.now += LEASE_S - 0.1
+    visit.driving.look(visit.now)
+    assert visit.states() == ["yours", "taken"]
+    visit.drive(0, BELOW, True)
+    visit.now += LEASE_S - 0.1
+    visit.driving.look(visit.now)
+    assert visit.driving.is_any
+    visit.now += 0.2
+    visit.driving.look(visit.now)
+    assert visit.states() == ["free", "free"] and not visit.driving.is_any
+    assert visit.devices[0].is_closed
+    visit.drive(1, ABOVE, True)
+    assert visit.states() == ["taken", "yours"]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_leaving_page_releases_once(visit: Visit, held: bool) -> None:
+    visit.drive(0, ABOVE, True)
+    visit.drive(0, BELOW, held)
+    visit.driving.leave(visit.pages[0])
+    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
+    assert [state for _, state in visit.devices[0].sent].count(False) == 1
+    assert visit.devices[0].is_closed and visit.states() == ["free", "free"]
+
+
+def test_end_of_the_session_frees_the_handle(visit: Visit) -> None:
+    visit.drive(0, ABOVE, True)
+    visit.feed.drained = True
+    visit.driving.look(visit.now)
+    assert visit.states() == ["none", "none"] and visit.devices[0].is_closed
+    refused = visit.drive(0, ABOVE, True)
+    assert refused is not None and refused["state"] == "none"
+
+
+@pytest.mark.parametrize("rate_hz", [60, 125, 240])
+def test_usual_rates_of_pointers_pass(visit: Visit, rate_hz: int) -> None:
+    for _ in range(5 * rate_hz):
+        visit.now += 1.0 / rate_hz
+        visit.drive(0, ABOVE, True)
+    assert len(visit.devices[0].sent) == 5 * rate_hz
+
+
+def test_absurd_rate_is_limited_but_releases_pass(visit: Visit) -> None:
+    for _ in range(10_000):
+        visit.now += 1e-4
+        visit.drive(0, ABOVE, True)
+    assert MOST_PER_S - 1 <= len(visit.devices[0].sent) <= MOST_PER_S + BURST + 1
+    visit.drive(0, BELOW, False)
+    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
+
+
+def test_absurd_grasps_and_releases_are_limited(visit: Visit) -> None:
+    for number in range(10_000):
+        visit.now += 1e-4
+        visit.drive(0, ABOVE, number % 2 == 0)
+    assert len(visit.devices[0].sent) <= 2 * (MOST_PER_S + BURST + 1)
+
+
+def test_read_only_page_never_drives(visit: Visit) -> None:
+    visit.pages[1].may_change = False
+    visit.driving.announce("7")
+    assert visit.states() == ["free", "none"]
+
+
+def _remote(visit: Visit) -> None:
+    visit.session.remote = True
+
+
+def _without_ring(visit: Visit) -> None:
+    visit.feed.ring = None
+
+
+@pytest.mark.parametrize("change", [_remote, _without_ring])
+def test_session_of_another_host_is_not_driven(visit: Visit, change: Callable[[Visit], None]) -> None:
+    change(visit)
+    refused = visit.drive(0, ABOVE, True)
+    assert refused is not None and refused["state"] == "none" and visit.devices == []
+
+
+def test_session_with_another_device_is_not_driven(monkeypatch: pytest.MonkeyPatch) -> None:
+    visit = Visit(monkeypatch, driver="operator")
+    refused = visit.drive(0, ABOVE, True)
+    assert refused is not None and "not the page" in refused["why"]
+
+
+@pytest.mark.parametrize(
+    ("target", "held"),
+    [
+        (None, True),
+        ([0.0, 0.0], True),
+        ([0.0, 0.0, "0"], True),
+        ([0.0, 0.0, True], True),
+        ([0.0, 0.0, float("nan")], True),
+        (ABOVE, None),
+        (ABOVE, 1),
+    ],
+)
+def test_wrong_target_is_refused(visit: Visit, target: Any, held: Any) -> None:
+    refused = visit.drive(0, target, held)
+    assert refused is not None and refused["accepted"] is False and visit.devices == []

@@ -1,0 +1,92 @@
+"""The event log of a session: words, times, ends, and its bounds."""
+
+import pytest
+
+from tests.apps.monitor.feeds import WALL_OFFSET_S, HandFeed, records
+from weberlink.apps.monitor.events import MOST_EVENTS, EventLog, events_message
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.protocol.states import State
+from weberlink.system.wording import FAULTS, INFO, STATES, Words, fault_words
+from weberlink.telemetry.fault import Fault
+
+
+def test_fault_begins_and_ends_with_times() -> None:
+    log = EventLog(1000.0, 10.0)
+    made = records(5000)
+    made["fault"][1200:3450] = Fault.SILENCE
+    log.look("master", made, WALL_OFFSET_S)
+    _, began, over = log.events
+    assert (began.at, began.level, began.side) == (1.2, "alarm", "master")
+    assert began.wall == pytest.approx(WALL_OFFSET_S + 11.2, abs=1e-3)
+    assert began.text == "hears nothing from the slave: the force is zero and the robot holds"
+    assert (over.at, over.level, over.text) == (3.45, "info", "the fault silence is over after 2.25 s")
+
+
+def test_every_state_and_fault_has_words() -> None:
+    assert set(STATES) == {state.name.lower() for state in State}
+    assert set(FAULTS) == {fault.name.lower() for fault in Fault if fault}
+    for fault in FAULTS:
+        assert "{" not in fault_words("slave", fault).text
+
+
+def test_log_keeps_only_the_last_events() -> None:
+    log = EventLog(1000.0, 10.0)
+    for number in range(MOST_EVENTS + 20):
+        log.note(10.0 + number, None, Words(INFO, str(number)))
+    assert [event.text for event in log.events][:1] == ["20"] and len(log.events) == MOST_EVENTS
+    assert [event.text for event in log.since(log.count - 2)] == ["518", "519"]
+    assert len(log.since(0)) == MOST_EVENTS and log.since(log.count) == []
+    assert events_message("7", log.since(log.count - 1))["events"][0]["at"] == MOST_EVENTS + 19
+
+
+@pytest.mark.parametrize(
+    ("in_order", "level", "words"),
+    [(True, "info", "closed in order"), (False, "alarm", "died"), (None, "info", "no more records")],
+)
+def test_end_of_a_side_names_its_reason(in_order: bool | None, level: str, words: str) -> None:
+    feed = HandFeed("slave")
+    session = WatchedSession("7", feed)
+    made = records(1500)
+    made["state"][1400:] = State.SILENT.value
+    feed.put(made)
+    feed.over, feed.in_order = True, in_order
+    session.look()
+    session.look()
+    *_, change, end = session.log.events
+    assert change.at == 1.4 and change.level == "warn"
+    assert (end.level, end.side) == (level, "slave") and words in end.text
+
+
+def test_figures_name_engagement_and_button() -> None:
+    slave, master = HandFeed("slave"), HandFeed("master")
+    session = WatchedSession("7", slave)
+    session.admit(master)
+    made = records(10)
+    made["buttons"] = 2
+    master.put(made)
+    session.look()
+    told = session.figures()
+    assert told["engaged"] == {"master": True, "slave": False} and told["button"] is None
+    for feed in (slave, master):
+        assert feed.description is not None
+        feed.description["system"]["master"]["engage"] = {"button": 1}
+    assert session.figures()["button"] == "held"
+    made["buttons"] = 1
+    master.put(made)
+    session.look()
+    assert session.figures()["button"] == "released"
+
+
+def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
+    feed = HandFeed("slave")
+    session = WatchedSession("7", feed)
+    assert session.figures()["alarms"] == []
+    made = records(1000)
+    made["ticks_missed"][500:] = 100
+    made["fault"][900:] = Fault.TRIPPED
+    feed.put(made)
+    session.look()
+    alarms = {alarm["name"]: (alarm["level"], alarm["text"]) for alarm in session.figures()["alarms"]}
+    level, text = alarms["slave_tripped"]
+    assert level == "failed" and text.startswith("slave: the contact force passed its limit")
+    assert alarms["missed_ticks"][0] == "degraded" and "9.1 %" in alarms["missed_ticks"][1]

@@ -1,0 +1,208 @@
+"""Recordings that a page starts: names, marks, ends, and folders that cannot be written."""
+
+import asyncio
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.apps.monitor.feeds import HandFeed, description, records, write
+from tests.apps.monitor.test_watch import told
+from tests.system.processes import until
+from weberlink.apps.monitor.recording import RecordingDesk, file_name
+from weberlink.apps.monitor.rings import RingFeed
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.telemetry.recording.reader import read_recording
+from weberlink.telemetry.ring import RingWriter
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [
+        ("wall", "wall"),
+        ("../../etc/pass wd", "etc-pass-wd"),
+        (".hidden.mcap", "hidden"),
+        ("x" * 500, "x" * 80),
+        ("Ünit 1", "Ünit-1"),
+        ("a\0b\nc", "a-b-c"),
+    ],
+)
+def test_name_of_a_file_has_no_path(name: str, stem: str) -> None:
+    assert file_name(name, "7") == stem
+
+
+@pytest.mark.parametrize("name", [None, "", "..", "///", ".mcap"])
+def test_empty_name_is_session_and_time(name: str | None) -> None:
+    assert file_name(name, "7").startswith("session-7-20")
+
+
+class Rig:
+    """A session of one ring on this host, a page, and a desk."""
+
+    def __init__(self, folder: Path, ring: RingWriter, feed: RingFeed) -> None:
+        self.said: list[str] = []
+        self.ring = ring
+        self.watch = SessionWatcher(folder / "none", None, self.said.append)
+        self.desk = RecordingDesk(self.watch, folder / "recordings", self.said.append)
+        feed.description = description("slave") | {"changes": []}
+        self.session = WatchedSession("7", feed)
+        self.watch.put(self.session)
+        self.page = Viewer(None, may_change=True)
+        self.watch.join(self.page)
+        self.ticks = 0
+
+    def tick(self, count: int = 50) -> None:
+        """Write records of now."""
+        made = records(count, first=self.ticks)
+        made["at"] = monotonic() + np.arange(count) * 1e-6
+        write(self.ring, made)
+        self.ticks += count
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        answer = asyncio.run(self.watch.requests.answer(self.page, {"type": "record"} | request))
+        assert answer is not None and answer["to"] == "record"
+        return answer
+
+    def state(self) -> dict[str, Any] | None:
+        """The newest state that the page was told since the last call."""
+        self.watch.look(monotonic())
+        states = [message for message in told(self.page) if message["type"] == "recording"]
+        return states[-1] if states else None
+
+    def until_state(self, *wanted: str) -> dict[str, Any]:
+        def look() -> dict[str, Any] | None:
+            self.tick(5)
+            state = self.state()
+            return state if state is not None and state["state"] in wanted else None
+
+        found = until(look, f"the recording to be {wanted}")
+        assert found is not None
+        return found
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    path = tmp_path / "weberlink-7-slave.ring"
+    ring = RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=10_000)
+    feed = RingFeed(path)
+    rig = Rig(tmp_path, ring, feed)
+    yield rig
+    rig.desk.close()
+    ring.close()
+    feed.close()
+
+
+def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
+    rig.tick()
+    first = rig.state()
+    assert first is not None and (first["state"], first["path"]) == ("off", None)
+    assert not rig.ask(do="stop")["accepted"] and not rig.ask(do="mark", text="x")["accepted"]
+    answer = rig.ask(do="start", name="a wall")
+    path = tmp_path / "recordings" / "a-wall.mcap"
+    assert answer["accepted"] and answer["path"] == str(path)
+    assert "being recorded already" in rig.ask(do="start")["why"]
+    until(lambda: (rig.tick(5), path.exists())[1], "the file")
+    assert rig.ask(do="mark", text="the first\ntouch")["accepted"]
+    assert rig.until_state("on")["marks"] == 1
+    assert rig.ask(do="stop")["accepted"]
+    done = rig.until_state("done")
+    recording = read_recording(path)
+    assert recording.complete and recording.facts["begun"] == "during the session"
+    assert [mark.text for mark in recording.marks] == ["the first touch"]
+    assert len(recording.records["slave"]) and recording.records["slave"]["tick"][0] >= 50
+    assert (done["path"], done["bytes"], done["why"]) == (str(path), path.stat().st_size, None)
+    texts = [event.text for event in rig.session.log.events]
+    assert "recording begins: a-wall.mcap" in texts and "mark: the first touch" in texts
+    assert any(text.startswith("recorded ") for text in texts)
+
+
+def test_second_recording_takes_another_name(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "recordings").mkdir()
+    mine = tmp_path / "recordings" / "wall.mcap"
+    mine.write_text("mine")
+    rig.tick()
+    rig.watch.look(monotonic())
+    assert rig.ask(do="start", name="wall")["path"].endswith("/wall-2.mcap")
+    rig.ask(do="stop")
+    rig.until_state("done")
+    assert mine.read_text() == "mine"
+
+
+def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
+    rig.tick()
+    rig.watch.look(monotonic())
+    path = Path(rig.ask(do="start")["path"])
+    until(lambda: (rig.tick(5), path.exists())[1], "the file")
+    rig.ring.close()
+    found = until(lambda: (state := rig.state()) and state["state"] != "on" and state, "its end")
+    assert found["state"] == "done" and read_recording(path).complete
+    assert not rig.ask(do="start")["accepted"]
+
+
+def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "recordings").write_text("a file in its place")
+    rig.tick()
+    rig.watch.look(monotonic())
+    answer = rig.ask(do="start")
+    assert not answer["accepted"] and "recordings: cannot be written" in answer["why"]
+    state = rig.state()
+    assert state is not None and (state["state"], state["why"]) == ("failed", answer["why"])
+
+
+def test_killed_recorder_is_told_and_leaves_a_file(rig: Rig) -> None:
+    rig.tick()
+    rig.watch.look(monotonic())
+    path = Path(rig.ask(do="start")["path"])
+    until(lambda: (rig.tick(20), path.exists() and path.stat().st_size > 20_000)[1], "the file to grow")
+    rig.desk._recordings["7"].recorder.kill()
+    failed = rig.until_state("failed")
+    assert "killed by signal 9" in failed["why"] and "are kept" in failed["why"]
+    assert len(read_recording(path).records["slave"])
+
+
+def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path) -> None:
+    (small_disk / "other").write_bytes(os.urandom(150_000))
+    rig.desk._folder = small_disk
+    rig.tick()
+    rig.watch.look(monotonic())
+    path = Path(rig.ask(do="start")["path"])
+
+    def look() -> dict[str, Any] | None:
+        made = records(6, first=rig.ticks, seed=rig.ticks)  # noise does not compress
+        made["at"] = monotonic() + np.arange(6) * 1e-6
+        write(rig.ring, made)
+        rig.ticks += 6
+        state = rig.state()
+        return state if state is not None and state["state"] == "failed" else None
+
+    failed = until(look, "the disk to be full")
+    assert failed is not None and "No space left on device" in failed["why"]
+    assert len(read_recording(path).records["slave"])
+
+
+def test_page_without_rights_cannot_record(rig: Rig) -> None:
+    rig.tick()
+    rig.watch.look(monotonic())
+    guest = Viewer(None, may_change=False)
+    rig.watch.join(guest)
+    (hello,) = (message for message in told(guest) if message["type"] == "hello")
+    assert hello["records"] is False
+    answer = asyncio.run(rig.watch.requests.answer(guest, {"type": "record", "do": "start"}))
+    assert answer is not None and not answer["accepted"]
+    assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True
+
+
+def test_remote_session_cannot_be_recorded(tmp_path: Path) -> None:
+    watch = SessionWatcher(tmp_path, None, print)
+    RecordingDesk(watch, tmp_path, print)
+    watch.put(WatchedSession("remote", HandFeed("slave"), remote=True))
+    page = Viewer(None, may_change=True)
+    watch.join(page)
+    answer = asyncio.run(watch.requests.answer(page, {"type": "record", "do": "start"}))
+    assert answer is not None and "of this host" in answer["why"]

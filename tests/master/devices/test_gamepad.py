@@ -1,0 +1,209 @@
+"""Gamepad: axes, triggers, buttons, lost events and rumble; the kernel's bytes come through a pipe."""
+
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+pytest.importorskip("evdev")
+import evdev
+
+from weberlink.geometry.vector import ZERO
+from weberlink.hardware.discovery import PluggedDevice, input_devices
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN, EVENT, event
+from weberlink.master.devices.gamepad import (
+    BTN_GAMEPAD,
+    EV_FF,
+    FF_RUMBLE,
+    KEYS,
+    RENEW_S,
+    RUMBLE_S,
+    SYN_DROPPED,
+    GamepadExchange,
+    GamepadOptions,
+    Rumble,
+)
+
+ABS_X, ABS_Y, ABS_Z, ABS_RX, ABS_RY, ABS_RZ = range(6)
+
+
+class Range(NamedTuple):
+    value: int
+    min: int
+    max: int
+
+
+class Pad:
+    """What the driver uses of `evdev.InputDevice`; events are the kernel's bytes in a pipe."""
+
+    def __init__(self, *, rumbles: bool = True, axes: dict[int, Range] | None = None) -> None:
+        self.fd, self.kernel = os.pipe()
+        os.set_blocking(self.fd, False)
+        stick, trigger = Range(0, -32768, 32767), Range(0, 0, 255)
+        self.axes = axes or {
+            **dict.fromkeys((ABS_X, ABS_Y, ABS_RX, ABS_RY), stick), ABS_Z: trigger, ABS_RZ: trigger,
+        }  # fmt: skip
+        self.keys: list[int] = []
+        self.rumbles = rumbles
+        self.uploaded: list[tuple[int, int, int]] = []
+        self.written: list[tuple[int, int, int]] = []
+        self.refusal: int | None = None
+
+    def read(self) -> Iterator[evdev.InputEvent]:
+        data = os.read(self.fd, 24 * 64)
+        if not data:
+            raise OSError(errno.ENODEV, "No such device")
+        for at in range(0, len(data), 24):
+            yield evdev.InputEvent(*EVENT.unpack(data[at : at + 24]))
+
+    def capabilities(self) -> dict[int, Any]:
+        found: dict[int, Any] = {EV_KEY: list(KEYS), EV_ABS: list(self.axes.items())}
+        return {**found, EV_FF: [FF_RUMBLE]} if self.rumbles else found
+
+    def absinfo(self, code: int) -> Range:
+        return self.axes[code]
+
+    def active_keys(self) -> list[int]:
+        return self.keys
+
+    def upload_effect(self, effect: Any) -> int:
+        if self.refusal is not None:
+            raise OSError(self.refusal, os.strerror(self.refusal))
+        rumble = effect.u.ff_rumble_effect
+        assert effect.type == FF_RUMBLE
+        assert rumble.strong_magnitude == rumble.weak_magnitude
+        self.uploaded.append((effect.id, rumble.strong_magnitude, effect.ff_replay.length))
+        return 7
+
+    def write(self, kind: int, code: int, value: int) -> None:
+        self.written.append((kind, code, value))
+
+    def close(self) -> None:
+        for descriptor in (self.fd, self.kernel):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self.fd = self.kernel = -1
+
+    def happen(self, *changes: tuple[int, int, int]) -> None:
+        os.write(self.kernel, b"".join(event(*change, 1.5) for change in (*changes, (EV_SYN, 0, 0))))
+
+
+@pytest.fixture
+def pad() -> Iterator[Pad]:
+    pad = Pad()
+    yield pad
+    pad.close()
+
+
+def opened(pad: Pad, **options: Any) -> GamepadExchange:
+    exchange = GamepadExchange(GamepadOptions(**options), lambda: [PluggedDevice("pad")], lambda path: pad)
+    exchange.open()
+    return exchange
+
+
+def test_sticks_move_in_the_plane_and_in_depth(pad: Pad) -> None:
+    exchange = opened(pad)
+    pad.happen((EV_ABS, ABS_X, 32767), (EV_ABS, ABS_Y, -32768), (EV_ABS, ABS_RY, -32768))
+    assert exchange.exchange(ZERO).move == pytest.approx((-1.0, 1.0, 1.0), abs=1e-4)
+
+
+def test_pad_at_rest_is_in_the_middle(pad: Pad) -> None:
+    assert opened(pad).exchange(ZERO).move == pytest.approx(ZERO, abs=1e-4)
+
+
+def test_triggers_are_buttons_or_depth(pad: Pad) -> None:
+    exchange = opened(pad)
+    pad.happen((EV_ABS, ABS_RZ, 200), (EV_KEY, KEYS[0], 1))
+    assert exchange.exchange(ZERO).buttons == 0b1000_0001
+    deep = opened(pad, axes=("ABS_Y", "ABS_X", "triggers"))
+    pad.happen((EV_ABS, ABS_RZ, 255))
+    assert deep.exchange(ZERO).move[2] == pytest.approx(-1.0)
+    assert deep.exchange(ZERO).buttons == 0
+
+
+def test_keys_are_buttons_while_they_are_held(pad: Pad) -> None:
+    pad.keys = [KEYS[1]]
+    exchange = opened(pad)
+    assert exchange.exchange(ZERO).buttons == 0b10
+    pad.happen((EV_KEY, KEYS[1], 0), (EV_KEY, 0x138, 1), (EV_KEY, KEYS[5], 1))
+    assert exchange.exchange(ZERO).buttons == 0b110_0000
+
+
+def test_lost_events_are_asked_for(pad: Pad) -> None:
+    exchange = opened(pad)
+    pad.axes[ABS_X] = Range(32767, -32768, 32767)
+    pad.keys = [KEYS[0]]
+    pad.happen((EV_SYN, SYN_DROPPED, 0))
+    seen = exchange.exchange(ZERO)
+    assert seen.move[1] == pytest.approx(1.0)
+    assert seen.buttons == 1
+
+
+def test_missing_axis_names_those_there_are() -> None:
+    pad = Pad(axes={ABS_X: Range(0, -1, 1), ABS_Y: Range(0, -1, 1), ABS_Z: Range(0, 0, 1)})
+    with pytest.raises(HardwareFault, match=r"has no axis ABS_RY, it has ABS_X, ABS_Y, ABS_Z; set master.device.axes"):
+        opened(pad)
+    assert pad.fd == -1
+
+
+def test_unplugged_pad_is_a_fault(pad: Pad) -> None:
+    exchange = opened(pad)
+    os.close(pad.kernel)
+    pad.kernel = -1
+    with pytest.raises(HardwareFault, match="pad: unplugged"):
+        exchange.exchange(ZERO)
+
+
+def test_rumble_follows_the_force_and_stops(pad: Pad) -> None:
+    rumble = Rumble(pad, 4.0)
+    length = round(RUMBLE_S * 1e3)
+    rumble.feel(ZERO, 0.0)
+    assert (pad.uploaded, pad.written) == ([], [])
+    rumble.feel((0.0, 0.0, 2.0), 0.01)
+    rumble.feel((0.0, 0.0, 2.01), 0.02)
+    assert pad.uploaded == [(-1, 0x8000, length)]
+    rumble.feel((0.0, 0.0, 2.01), 0.02 + RENEW_S)
+    rumble.feel((0.0, 0.0, -40.0), 0.13)
+    assert [each[:2] for each in pad.uploaded[1:]] == [(7, round(0xFFFF * 2.01 / 4.0)), (7, 0xFFFF)]
+    assert pad.written == [(EV_FF, 7, 1)] * 3
+    rumble.feel(ZERO, 0.14)
+    assert pad.written[-1] == (EV_FF, 7, 0)
+    assert RENEW_S < RUMBLE_S
+
+
+def test_refused_rumble_ends_rumbling_only(pad: Pad) -> None:
+    exchange = opened(pad)
+    pad.refusal = errno.ENOSPC
+    exchange.exchange((0.0, 0.0, 3.0))
+    pad.refusal = None
+    exchange.exchange((0.0, 0.0, 5.0))
+    assert pad.uploaded == []
+
+
+def test_pad_without_rumble_is_driven_all_the_same() -> None:
+    pad = Pad(rumbles=False)
+    opened(pad).exchange((0.0, 0.0, 3.0))
+    assert pad.written == []
+    pad.close()
+
+
+def test_close_stops_the_rumble(pad: Pad) -> None:
+    exchange = opened(pad)
+    exchange.exchange((0.0, 0.0, 3.0))
+    exchange.close()
+    exchange.close()
+    assert pad.written[-1] == (EV_FF, 7, 0)
+    assert pad.fd == -1
+
+
+def test_input_devices_are_found_by_their_keys(tmp_path: Path) -> None:
+    for number, bits in ((3, f"{1 << BTN_GAMEPAD % 64:x} 0 0 0 0"), (1, "1 0"), (2, "")):
+        device = tmp_path / f"event{number}" / "device"
+        (device / "capabilities").mkdir(parents=True)
+        (device / "name").write_text("A Pad\n")
+        (device / "capabilities" / "key").write_text(bits + "\n")
+    assert [(each.path, each.name) for each in input_devices(BTN_GAMEPAD, tmp_path)] == [("/dev/input/event3", "A Pad")]
