@@ -30,11 +30,11 @@ DRIVEN: Message = {
     "link": {"delay_ms": 0, "jitter_ms": 0, "loss": 0.0},
 }
 STAMPS = """
-const send = WebSocket.prototype.send;
+const post = Worker.prototype.postMessage;
 window.stamps = [];
-WebSocket.prototype.send = function (text) {
-  if (JSON.parse(text).type === "drive") stamps.push(performance.now());
-  send.call(this, text);
+Worker.prototype.postMessage = function (message) {
+  if (message.text?.includes('"drive"')) stamps.push(performance.now());
+  post.call(this, message);
 };
 """
 COUNTED = """

@@ -21,7 +21,7 @@ const ARIA = {
 const by = (id) => document.getElementById(id);
 
 export class Touch {
-  // `send(message)` returns whether the message was sent.
+  // `send(message, repeat)` returns whether the message was sent, see `Link`.
   constructor(store, send) {
     Object.assign(this, { store, send, view: null, connected: false, touches: false, state: "none", why: null });
     this.drive = new Drive(send, () => this.#held(), (...what) => this.latency.sent(...what, this.#handle()));
