@@ -70,6 +70,7 @@ export class Touch {
     if (hello.session !== this.session) this.drive.release();
     this.session = hello.session;
     by("drive").hidden = !hello.drivable;
+    document.body.dataset.drivable = String(Boolean(hello.drivable));
     this.#ping();
     this.#say();
   }
