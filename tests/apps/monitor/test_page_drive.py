@@ -1,6 +1,8 @@
 """The page in a browser: the visitor drives, with scripted messages."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import count
 from math import hypot, radians, tan
 from time import sleep
 from typing import Any
@@ -13,27 +15,33 @@ from tests.apps.monitor import synthetic_session as session
 from tests.apps.monitor.browser import Browser, browser
 from tests.apps.monitor.scripted_server import Message, ScriptedServer
 
+Target = NDArray[np.float64]
+
 CAMERA = np.array([-0.85, -2.1, 1.3])
 """Where the view looks from at first, towards the middle of the scene."""
 AWAY = np.array([0.85, 2.1, 0.0]) / hypot(0.85, 2.1)
 RIGHT = np.array([2.1, -0.85, 0.0]) / hypot(0.85, 2.1)
 UP = np.array([0.0, 0.0, 1.0])
 FREE: Message = {"type": "handle", "state": "free", "why": None}
-SCENES = [{"name": "dome", "title": "A dome on a table"}, {"name": "box", "title": "A box"}]
 DRIVEN: Message = {
     "drivable": True,
     "token": "secret",
     "workspace_m": 0.08,
     "link": {"delay_ms": 0, "jitter_ms": 0, "loss": 0.0},
-    "rooms": {"start": True, "scenes": SCENES, "scene": "dome"},
 }
 STAMPS = """
-const send = WebSocket.prototype.send;
+const post = Worker.prototype.postMessage;
 window.stamps = [];
-WebSocket.prototype.send = function (text) {
-  if (JSON.parse(text).type === "drive") stamps.push(performance.now());
-  send.call(this, text);
+Worker.prototype.postMessage = function (message) {
+  if (message.text?.includes('"drive"')) stamps.push(performance.now());
+  post.call(this, message);
 };
+"""
+COUNTED = """
+window.made = window.tones = 0;
+const [Context, Tone] = [AudioContext, OscillatorNode];
+window.AudioContext = class extends Context { constructor(options) { super(options); made += 1; } };
+window.OscillatorNode = class extends Tone { constructor(context, options) { super(context, options); tones += 1; } };
 """
 GAMEPAD = """
 window.rumbles = [];
@@ -50,28 +58,38 @@ dispatchEvent(new Event("gamepadconnected"));
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as one:
-        one.size(1400, 900)
-        yield one
-
-
-@pytest.fixture(scope="module")
 def served() -> Iterator[ScriptedServer]:
     with ScriptedServer() as one:
         yield one
 
 
+@pytest.fixture(scope="module")
+def page(served: ScriptedServer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as one:
+        one.size(1000, 800)
+        one.open(served.address)
+        one.wait(lambda: one.data("scene") == "webgl", "the 3-D view")
+        yield one
+
+
+NUMBERS = count(1)
+
+
 @pytest.fixture
 def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
-    """A server that remembers nothing, and a page that shows its session with the handle in the middle of the scene."""
-    served.asked.clear()
+    """A new session with its handle in the middle of the scene, seen as at first; nothing is asked yet."""
+    name = str(next(NUMBERS))
     served.answer = lambda _: None
-    served.greeting = [session.hello(**DRIVEN), rest(0.0, 0.2), FREE]
-    page.open(served.address)
+    scene = [*session.SCENE, {"shape": "note", "text": name}]  # a scene of its own: the view begins anew
+    served.say({"type": "handle", "state": "none", "why": name})
+    served.say(session.hello(session=name, scene=scene, **DRIVEN), rest(0.0, 0.2))
+    page.wait(lambda: page.text("handle-state") == name, "the session")
+    served.say(FREE)
     page.wait(lambda: page.data("handle-state") == "free", "the handle")
+    served.asked.clear()
     yield served
-    page.driver.get("about:blank")
+    page.run("document.activeElement.blur()")
+    assert page.console() == []
 
 
 def rest(begin: float, end: float, **other: Any) -> Message:
@@ -87,7 +105,7 @@ def drives(server: ScriptedServer) -> list[Message]:
     return [asked for asked in server.asked if asked["type"] == "drive"]
 
 
-def target(server: ScriptedServer) -> NDArray[np.float64]:
+def target(server: ScriptedServer) -> Target:
     return np.array(drives(server)[-1]["target"])
 
 
@@ -109,11 +127,9 @@ def let_go(page: Browser, server: ScriptedServer) -> None:
     page.wait(lambda: not drives(server)[-1]["held"], "the release")
 
 
-def after(
-    server: ScriptedServer, page: Browser, condition: Callable[[NDArray[np.float64]], bool]
-) -> NDArray[np.float64]:
+def after(server: ScriptedServer, page: Browser, condition: Callable[[Target], Any]) -> Target:
     """The newest target once it fulfils a condition."""
-    page.wait(lambda: bool(drives(server)) and condition(target(server)), "the target")
+    page.wait(lambda: bool(drives(server) and condition(target(server))), "the target")
     return target(server)
 
 
@@ -138,13 +154,19 @@ def test_drag_moves_target_on_vertical_plane(page: Browser, server: ScriptedServ
     assert abs(moved @ AWAY) < 1e-5
     assert moved @ RIGHT == pytest.approx(40 * size, rel=0.1)
     assert moved @ UP == pytest.approx(30 * size * slope, rel=0.1)
-    gaps = np.diff(page.run("return stamps"))
-    assert gaps.min() > 7.5
-    assert np.median(gaps) < 50.0  # 25 ms, where the browser draws without a graphics card
+    assert np.diff(page.run("return stamps")).min() > 7.5
     let_go(page, server)
     assert drives(server)[-1]["target"] == moved.tolist()
     assert page.data("handle-state") == "free"
-    assert page.console() == []
+
+
+def test_busy_page_repeats_target_for_half_a_second(page: Browser, server: ScriptedServer) -> None:
+    hold(page)
+    page.run("const end = performance.now() + 1000; while (performance.now() < end);")
+    sent = len(drives(server))
+    assert 4 < sent < 28  # every 30 ms, and not for the whole second
+    assert page.data("handle-state") == "held"
+    let_go(page, server)
 
 
 def test_drag_beside_handle_orbits(page: Browser, server: ScriptedServer) -> None:
@@ -159,6 +181,7 @@ def test_drag_beside_handle_orbits(page: Browser, server: ScriptedServer) -> Non
     page.wait(lambda: len(drives(server)) > 0, "the handle to be held")
     assert drives(server)[0]["target"] == [0.0, 0.0, 0.0]
     let_go(page, server)
+    page.click("#anywhere")
 
 
 def test_wheel_changes_depth_while_held(page: Browser, server: ScriptedServer) -> None:
@@ -168,30 +191,28 @@ def test_wheel_changes_depth_while_held(page: Browser, server: ScriptedServer) -
         "document.querySelector('#scene canvas').dispatchEvent(e); return e.defaultPrevented"
     )
     deep = after(server, page, lambda t: hypot(*t) > 0.005)
-    assert deep @ AWAY == pytest.approx(0.012, rel=0.01)
+    assert np.linalg.norm(deep - 0.012 * AWAY) < 1e-5
     let_go(page, server)
 
 
 def test_second_finger_changes_depth(page: Browser, server: ScriptedServer) -> None:
     from selenium.webdriver.common.actions.action_builder import ActionBuilder  # noqa: PLC0415 - an optional library
     from selenium.webdriver.common.actions.interaction import POINTER_TOUCH  # noqa: PLC0415
+    from selenium.webdriver.common.actions.pointer_actions import PointerActions  # noqa: PLC0415
     from selenium.webdriver.common.actions.pointer_input import PointerInput  # noqa: PLC0415
 
     scene = page.driver.find_element("id", "scene")
-    fingers = [ActionBuilder(page.driver, mouse=PointerInput(POINTER_TOUCH, name), duration=20) for name in "ab"]
-    fingers[0].pointer_action.move_to(scene).pointer_down()
-    fingers[0].perform()
-    page.wait(lambda: page.data("handle-state") == "held", "the hold")
-    fingers[1].devices.insert(0, fingers[0].devices[0])
-    fingers[0].devices[0].clear_actions()
-    fingers[1].pointer_action.move_to(scene, 60, 40).pointer_down().move_to(scene, 60, -10).pointer_up()
-    fingers[1].perform()
-    deep = after(server, page, lambda t: hypot(*t) > 0.005)
-    assert deep @ AWAY == pytest.approx(50 * pixel_m(page), rel=0.15)
-    assert abs(deep @ RIGHT) < 1e-3
-    fingers[0].pointer_action.pointer_up()
-    fingers[0].perform()
-    page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    make: Any = PointerInput
+    actions = ActionBuilder(page.driver, mouse=make(POINTER_TOUCH, "first"), duration=20)
+    second: Any = PointerActions(actions.add_pointer_input(POINTER_TOUCH, "second"), duration=20)
+    first: Any = actions.pointer_action
+    first.move_to(scene).pointer_down().pause(0.02).pause(0.02).pause(0.02).pause(0.02).pointer_up()
+    second.pause(0.02).pause(0.02).move_to(scene, 60, 40).pointer_down().move_to(scene, 60, 10).pointer_up()
+    actions.perform()
+    page.wait(lambda: drives(server) and not drives(server)[-1]["held"], "the release")
+    deep = target(server)
+    assert deep @ AWAY == pytest.approx(30 * pixel_m(page), rel=0.1)
+    assert np.linalg.norm(deep - (deep @ AWAY) * AWAY) < 1e-5
 
 
 def test_keys_move_target_and_release_it(page: Browser, server: ScriptedServer) -> None:
@@ -200,7 +221,7 @@ def test_keys_move_target_and_release_it(page: Browser, server: ScriptedServer) 
     page.run("document.getElementById('scene').focus()")
     for key, direction in ((Keys.ARROW_RIGHT, RIGHT), (Keys.ARROW_DOWN, -UP), (Keys.PAGE_UP, AWAY)):
         chain(page).key_down(key).perform()
-        moved = after(server, page, lambda t, along=direction: t @ along > 0.002)
+        moved = after(server, page, partial(lambda along, t: t @ along > 0.002, direction))
         assert np.linalg.norm(moved - (moved @ direction) * direction) < 1e-5
         chain(page).key_up(key).perform()
         page.wait(lambda: not drives(server)[-1]["held"], "the release")
@@ -229,8 +250,9 @@ def test_target_under_keys_stays_near_handle(page: Browser, server: ScriptedServ
     [
         "dispatchEvent(new Event('blur'))",
         "dispatchEvent(new Event('pagehide'))",
-        "document.getElementById('scene').dispatchEvent(new PointerEvent('pointercancel', {pointerId: 1, bubbles: true}))",
-        "Object.defineProperty(document, 'hidden', {value: true});document.dispatchEvent(new Event('visibilitychange'))",
+        "dispatchEvent(new PointerEvent('pointercancel', {pointerId: 1}))",
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))",
     ],
     ids=["blur", "leaving", "cancelled", "hidden"],
 )
@@ -240,6 +262,7 @@ def test_leaving_the_page_releases(page: Browser, server: ScriptedServer, leavin
     page.wait(lambda: not drives(server)[-1]["held"], "the release")
     assert page.data("handle-state") != "held"
     chain(page).release().perform()
+    page.run("delete document.hidden")
 
 
 def test_refused_handle_is_told(page: Browser, server: ScriptedServer) -> None:
@@ -260,9 +283,9 @@ def test_refused_handle_is_told(page: Browser, server: ScriptedServer) -> None:
 
 
 def test_session_without_pointer_shows_no_driving(page: Browser, server: ScriptedServer) -> None:
-    server.say(session.hello(session="5678"), rest(0.0, 0.2))
+    server.say({"type": "handle", "state": "none", "why": None}, session.hello(session="5678"), rest(0.0, 0.2))
     page.wait(lambda: page.picked("session") == "5678", "the session")
-    shown = "return [...document.querySelectorAll('#drive, #scenes, #link, #handle-state')].filter(e => e.offsetParent)"
+    shown = "return [...document.querySelectorAll('#drive, #link, #handle-state')].filter(e => e.offsetParent)"
     page.wait(lambda: page.run(shown) == [], "driving to be hidden")
     chain(page).move_to_element(page.driver.find_element("id", "scene")).click_and_hold().release().perform()
     assert drives(server) == []
@@ -291,21 +314,6 @@ def test_link_sliders_ask_once_and_show_answer(page: Browser, server: ScriptedSe
     assert server.asked[-1]["loss"] == 0.12
 
 
-def test_scene_is_chosen_and_started(page: Browser, server: ScriptedServer) -> None:
-    server.say({"type": "keeper", "state": "running", "scene": "dome", "why": None})
-    page.wait(lambda: page.text("keeper") == "running: A dome on a table", "the keeper")
-    assert page.text("scene-start") == "Restart"
-    page.choose("scene-choice", "box")
-    assert page.text("scene-start") == "Start"
-    page.click("#scene-start")
-    page.wait(lambda: page.text("keeper") == "starting: A box", "the start")
-    asked = [each for each in server.asked if each["type"] == "session"]
-    assert asked == [{"type": "session", "do": "start", "scene": "box", "token": "secret"}]
-    server.say({"type": "keeper", "state": "failed", "scene": "box", "why": "the port is in use"})
-    page.wait(lambda: page.text("keeper") == "not started: the port is in use", "the reason")
-    assert not page.run("return document.getElementById('scene-start').disabled")
-
-
 def test_gamepad_drives_and_rumbles(page: Browser, server: ScriptedServer) -> None:
     page.run(GAMEPAD)
     page.wait(lambda: "gamepad" in page.text("handle-state"), "the gamepad")
@@ -327,14 +335,11 @@ def test_gamepad_drives_and_rumbles(page: Browser, server: ScriptedServer) -> No
     assert force["strongMagnitude"] == pytest.approx(0.5)
     page.run("pad.buttons[0].pressed = false")
     page.wait(lambda: not drives(server)[-1]["held"], "the release")
+    page.run("navigator.getGamepads = () => []; dispatchEvent(new Event('gamepaddisconnected'))")
 
 
 def test_sound_is_off_until_switched_on(page: Browser, server: ScriptedServer) -> None:
-    page.run(
-        "window.made = 0; window.AudioContext = class extends AudioContext { constructor(o) { super(o); made += 1; } }"
-    )
-    page.run("window.tones = 0; window.OscillatorNode = class extends OscillatorNode {"
-             "constructor(c, o) { super(c, o); tones += 1; } }")  # fmt: skip
+    page.run(COUNTED)
     server.say(rest(0.2, 0.3, output=[0.0, 0.0, 2.0]))
     page.wait(lambda: float(page.data("scene", "force") or 0) > 1.9, "the force")
     assert page.run("return made") == 0
@@ -344,7 +349,6 @@ def test_sound_is_off_until_switched_on(page: Browser, server: ScriptedServer) -
     server.say(rest(0.3, 0.4), rest(0.4, 0.5, output=[0.0, 0.0, 2.0]))
     page.wait(lambda: page.run("return tones") == 2, "the click of the contact")
     page.choose("sound", "off")
-    assert page.console() == []
 
 
 def falling(page: Browser, server: ScriptedServer, begin: float) -> set[str]:

@@ -5,7 +5,7 @@ const REPEAT_MS = 25; // the server releases a handle of which it hears nothing 
 const LEASH_M = 0.03; // largest distance of a target under rate control from the handle, so that it does not run away at a wall
 
 export class Drive {
-  // `send(message)` returns whether the message was sent; `changed()` is called when a hold begins or ends;
+  // `send(message, repeat)` returns whether the message was sent, see `Link`; `changed()` is called when a hold begins or ends;
   // `sent(target, held, at)` after each message.
   constructor(send, changed, sent) {
     Object.assign(this, { send, changed, sent });
@@ -102,7 +102,7 @@ export class Drive {
 
   #put(held) {
     const target = this.#inside(this.target).map((value) => Math.round(1e6 * value) / 1e6);
-    const went = this.send({ type: "drive", target, held });
+    const went = this.send({ type: "drive", target, held }, held);
     this.sentAt = performance.now();
     if (went) this.sent(target, held, this.sentAt);
     return went;

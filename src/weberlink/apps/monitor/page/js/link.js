@@ -1,4 +1,4 @@
-// A WebSocket to the server: opens it, parses its text messages, and reconnects until it is closed.
+// A WebSocket to the server, in a thread of its own: opens it, parses its text messages, and reconnects until it is closed.
 
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 4000;
@@ -11,7 +11,8 @@ export class Link {
     this.onState = onState;
     this.wait = FIRST_WAIT_MS;
     this.session = null;
-    this.socket = null;
+    this.socket = null; // the thread
+    this.isOpen = false;
     this.token = null; // of the greeting: a request that changes something is refused without it
   }
 
@@ -23,10 +24,11 @@ export class Link {
     this.#open();
   }
 
-  // Whether the message was sent.
-  send(message) {
-    if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify(this.token === null ? message : { ...message, token: this.token }));
+  // Whether the message was sent. With `repeat`, it is repeated until one with `repeat` false, or this page stops.
+  send(message, repeat) {
+    if (!this.isOpen) return false;
+    const text = JSON.stringify(this.token === null ? message : { ...message, token: this.token });
+    this.socket.postMessage({ text, repeat });
     return true;
   }
 
@@ -34,29 +36,37 @@ export class Link {
     clearTimeout(this.timer);
     const old = this.socket;
     this.socket = null;
-    old?.close();
+    this.isOpen = false;
+    old?.postMessage({ close: true });
   }
 
   #open() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may drive
     if (this.session !== null) query.set("session", this.session);
-    const socket = new WebSocket(`${scheme}//${location.host}/${this.path}?${query}`);
-    socket.binaryType = "arraybuffer";
+    const socket = new Worker(new URL("socket_thread.js", import.meta.url));
     this.socket = socket;
-    socket.onopen = () => {
+    socket.onmessage = ({ data: { state, data } }) => {
       if (socket !== this.socket) return;
-      this.wait = FIRST_WAIT_MS;
-      this.onState("open");
+      if (data !== undefined) this.onMessage(typeof data === "string" ? JSON.parse(data) : data);
+      if (state === "open") this.#opened();
+      if (state === "closed") this.#closed();
     };
-    socket.onmessage = (event) => {
-      if (socket === this.socket) this.onMessage(typeof event.data === "string" ? JSON.parse(event.data) : event.data);
-    };
-    socket.onclose = () => {
-      if (socket !== this.socket) return;
-      this.onState("gone");
-      this.timer = setTimeout(() => this.#open(), this.wait);
-      this.wait = Math.min(2 * this.wait, LONGEST_WAIT_MS);
-    };
+    socket.onerror = () => socket === this.socket && this.#closed(); // the server did not give the thread its code
+    socket.postMessage({ url: `${scheme}//${location.host}/${this.path}?${query}` });
+  }
+
+  #opened() {
+    this.isOpen = true;
+    this.wait = FIRST_WAIT_MS;
+    this.onState("open");
+  }
+
+  #closed() {
+    this.isOpen = false;
+    this.socket = null;
+    this.onState("gone");
+    this.timer = setTimeout(() => this.#open(), this.wait);
+    this.wait = Math.min(2 * this.wait, LONGEST_WAIT_MS);
   }
 }

@@ -27,9 +27,9 @@ const ALL = "all";
 const by = (id) => document.getElementById(id);
 const store = new Store();
 const link = new Link("ws", receive, connect);
+const ask = (message, repeat) => link.send(message, repeat);
+const touch = new Touch(store, ask); // before the emergency stop: Escape lets go of a held handle, and only then stops
 const emergency = new Emergency(store, link, () => schedule());
-const ask = (message) => link.send(message);
-const touch = new Touch(store, ask);
 const headline = new Headline(store);
 const charts = [...PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));

@@ -65,7 +65,7 @@ export class Pointing {
     } else if (pointer && event.pointerId === pointer.id) {
       if (event.buttons === 0) return this.#up(event); // released where this page could not hear it
       pointer.at = [event.clientX, event.clientY];
-      this.#follow(pointer.hit);
+      this.#follow(pointer);
     } else if (!pointer && event.type === "pointermove" && this.place.contains(event.target)) {
       this.place.classList.toggle("near", !this.drive.refusal && (this.anywhere || this.#isNear(event)));
     }
@@ -85,19 +85,18 @@ export class Pointing {
     this.#deepen(-event.deltaY * (event.deltaMode ? LINE_PX : 1) * DEPTH_MM_PER_PX);
   }
 
-  // Moves the plane of the pointer away from the viewer; the target stays below the pointer.
+  // Moves the target, and the plane of the pointer with it, straight away from the viewer; its height stays.
   #deepen(mm) {
     const { pointer, view, drive } = this;
     const { away } = pointer?.plane ?? view.plane();
-    if (pointer) this.#follow(pointer.hit.clone().addScaledVector(away, mm));
-    else drive.move(away.clone().multiplyScalar(M * mm).toArray());
+    drive.move(away.clone().multiplyScalar(M * mm).toArray());
+    if (pointer) pointer.hit = view.hit(pointer.at, pointer.hit.clone().addScaledVector(away, mm), away) ?? pointer.hit;
   }
 
-  #follow(origin) {
-    const { pointer, view, drive } = this;
-    const hit = view.hit(pointer.at, origin, pointer.plane.away);
+  #follow(pointer) {
+    const hit = this.view.hit(pointer.at, pointer.hit, pointer.plane.away);
     if (!hit) return; // the line of sight does not meet the plane
-    drive.move(hit.clone().sub(pointer.hit).multiplyScalar(M).toArray());
+    this.drive.move(hit.clone().sub(pointer.hit).multiplyScalar(M).toArray());
     pointer.hit = hit;
   }
 

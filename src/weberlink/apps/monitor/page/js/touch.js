@@ -21,7 +21,7 @@ const ARIA = {
 const by = (id) => document.getElementById(id);
 
 export class Touch {
-  // `send(message)` returns whether the message was sent.
+  // `send(message, repeat)` returns whether the message was sent, see `Link`.
   constructor(store, send) {
     Object.assign(this, { store, send, view: null, connected: false, touches: false, state: "none", why: null });
     this.drive = new Drive(send, () => this.#held(), (...what) => this.latency.sent(...what, this.#handle()));
@@ -59,7 +59,10 @@ export class Touch {
     }
     if (message.type === "figures" && message.ended) this.#say();
     if (message.type === "samples" && message.t.length) this.#feel(message, now);
-    if (message.type === "pong") this.latency.pong(message, now);
+    if (message.type === "pong") {
+      this.latency.pong(message, now);
+      this.#tellLatency();
+    }
   }
 
   #greet(hello) {
@@ -67,6 +70,7 @@ export class Touch {
     if (hello.session !== this.session) this.drive.release();
     this.session = hello.session;
     by("drive").hidden = !hello.drivable;
+    document.body.dataset.drivable = String(Boolean(hello.drivable));
     this.#ping();
     this.#say();
   }
