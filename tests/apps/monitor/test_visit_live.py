@@ -146,16 +146,16 @@ async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
         for number in range(STEPS):
             visited.latencies_ms.append(await latency(driver, master, 0.01 if number % 2 else -0.01))
         visited.rows_per_s = (watcher.rows - rows) / 2 / (monotonic() - began)
-        await driver.drive(PRESSED, 0.5)
-        for keys in ({"weber": 0.05}, {"delay_ms": 10.0, "loss": 0.01}):
-            visited.answers[next(iter(keys))] = await driver.answer(type="change", **keys)
-        await driver.drive(PRESSED, 1.0)
+        await driver.drive(PRESSED, 1.5)
         visited.pressed = {
             "force": float(force(master.records[-1:])[0]),
             "depth": float(master.last["position"][2]),
             "packets": int(slave.last["updates_sent"]),
             "apart": float(np.linalg.norm(slave.last["output"] - master.last["position"])),
         }
+        for keys in ({"weber": 0.05}, {"delay_ms": 10.0, "loss": 0.01}):
+            visited.answers[next(iter(keys))] = await driver.answer(type="change", **keys)
+        await driver.drive(PRESSED, 0.5)
         before, aborted = visited.pressed["force"], driver.abort()
         await asyncio.sleep(0.5)
         after = since(master, aborted)
@@ -181,7 +181,7 @@ async def scene(client: aiohttp.ClientSession, monitor: Monitor, page: Page, vis
     master, slave = (Telemetry(default_path(f"{name}-{side}")) for side in ("master", "slave"))
     await page.until(lambda: master.last["state"] == ENGAGED)
     await page.drive(PRESSED, 2.0)
-    assert force(master.records[-1:])[0] > 0.5
+    assert force(master.records[-500:]).max() > 0.5
     asked = monotonic()
     headers = {PROOF_HEADER: page.hello["token"]}
     async with client.post(f"{monitor.url}/api/emergency", headers=headers) as response:
@@ -204,8 +204,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Visited:
             return await visit(client, monitor)
 
     with Monitor(folder, command="try") as monitor:
-        seen = asyncio.run(run(monitor))
-    return seen
+        return asyncio.run(run(monitor))
 
 
 @pytest.mark.realtime(alone=True)
