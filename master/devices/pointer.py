@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from weberlink.geometry.vector import ZERO, Vector, add, distance, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, interpolate, scale, subtract
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.hand_device import HandDevice
 from weberlink.master.devices.hand_options import HandOptions
@@ -29,7 +29,7 @@ class PointerOptions(OperatorOptions):
         default=0.0, ge=0.0, le=0.01, description="RMS per axis of the free hand, 8 to 12 Hz; a person has one already"
     )
     smooth_ms: float = Field(
-        default=12.0,
+        default=10.0,
         ge=0.1,
         le=1000.0,
         description="time constant of the filter that makes a motion of the targets, which come at 30 to 125 Hz",
@@ -64,8 +64,8 @@ class PointerIntention:
         """Be at a position [m], at rest."""
         self.position, self._velocity = position, ZERO
 
-    def follow(self, target: Vector, handle: Vector, step: float) -> Vector:
-        """The position [m] after a step [s] towards a target [m], while the handle is at `handle` [m]."""
+    def follow(self, target: Vector, handle: Vector, step: float) -> None:
+        """Move on by a step [s] towards a target [m], while the handle is at `handle` [m]."""
         (x, y, z), (u, v, w), edge, rate = self.position, self._velocity, self._edge, self._rate
         # Implicit Euler, so that it is stable at any step: v' = (v + r^2 h (target - x)) / (1 + r h)^2.
         pull, faded = rate * rate * step, (1.0 + rate * step) ** -2
@@ -76,10 +76,8 @@ class PointerIntention:
         before, there = self.position, (x + way * u, y + way * v, z + way * w)
         far = distance(there, handle)
         if far > self._reach:
-            share = self._reach / far
-            there = add(handle, scale(subtract(there, handle), share))
+            there = interpolate(handle, there, self._reach / far)
         self.position, self._velocity = there, scale(subtract(there, before), 1.0 / step)
-        return there
 
 
 class PointerDevice(HandDevice):
