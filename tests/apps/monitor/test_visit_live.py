@@ -126,10 +126,10 @@ def force(records: Any) -> Any:
 
 async def latency(page: Page, master: Telemetry, side: float) -> float:
     """Time from a message with another target until the handle moves [ms]."""
-    at_rest = master.last["position"][0]
-    sent = await page.drive((0.03 + side, 0.03, 0.02), 0.2)
+    at_rest = master.last["position"][0]  # or still on its way to the other side
+    sent = await page.drive((0.03 + side, 0.03, 0.02), 0.25)
     after = since(master, sent)
-    return 1e3 * (first(after, np.abs(after["position"][:, 0] - at_rest) > MOVED_M) - sent)
+    return 1e3 * (first(after, np.sign(side) * (after["position"][:, 0] - at_rest) > MOVED_M) - sent)
 
 
 async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
@@ -190,9 +190,8 @@ async def scene(client: aiohttp.ClientSession, monitor: Monitor, page: Page, vis
     visited.emergency_ms["answered"] = 1e3 * (monotonic() - asked)
     await page.until(lambda: page.newest["keeper"]["state"] != "running")
     after = since(master, asked)
-    ended = force(after) == 0.0
-    visited.emergency_ms["force"] = 1e3 * (first(after, ended) - asked)
-    assert bool(ended[int(np.argmax(ended)) :].all())
+    assert force(after[-1:])[0] == 0.0
+    visited.emergency_ms["force"] = 1e3 * (float(after["at"][force(after) > 0.0].max(initial=asked)) - asked)
     master.close(), slave.close()
 
 
@@ -237,7 +236,7 @@ def test_wall_stops_the_handle_and_packets_are_counted(visited: Visited) -> None
     pressed = visited.pressed
     assert pressed["force"] > 1.0 and pressed["packets"] > 0
     assert pressed["depth"] > -0.01  # the pointer is 20 mm deep
-    assert pressed["apart"] < 0.001
+    assert pressed["apart"] < 0.003
 
 
 @pytest.mark.realtime(alone=True)

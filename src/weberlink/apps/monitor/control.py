@@ -10,7 +10,7 @@ from typing import Any
 from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.system.control_socket import LiveChangeError, ask
+from weberlink.system.control_socket import LiveChangeError, ask, path_beside
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
@@ -80,7 +80,7 @@ class SessionControl:
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to stop")
-        return _joined(await self._ask_sides(session, {"stop": why}))
+        return _joined(_without_ended(session, await self._ask_sides(session, {"stop": why})))
 
     async def emergency(self, name: str | None = None) -> Answer:
         """Force to zero at both ends of a session; of all sessions of this host if no name is given."""
@@ -90,7 +90,7 @@ class SessionControl:
         if not sessions:
             return refusal(f"{NO_SESSION} to stop")
         asked = [self._ask_sides(session, {"emergency": True}, EMERGENCY_S, self._emergency) for session in sessions]
-        answers = await asyncio.gather(*asked)
+        answers = map(_without_ended, sessions, await asyncio.gather(*asked))
         return _joined({f"{number} {side}": of for number, each in enumerate(answers) for side, of in each.items()})
 
     def _running(self, name: str | None) -> WatchedSession | None:
@@ -108,6 +108,15 @@ class SessionControl:
         rings = {side: feed.ring for side, feed in session.feeds.items() if feed.ring is not None and not feed.drained}
         asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
         return dict(zip(rings, await asyncio.gather(*asked), strict=True))
+
+
+def _without_ended(session: WatchedSession, answers: Mapping[str, Answer]) -> dict[str, Answer]:
+    """The answers to a stop; where a side has accepted it, the other may have ended before it was asked."""
+    if not any(answer.get("accepted") for answer in answers.values()):
+        return dict(answers)
+    feeds = session.feeds
+    ended = {side for side in answers if (ring := feeds[side].ring) is not None and not path_beside(ring).exists()}
+    return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
 
 
 def _joined(answers: Mapping[str, Answer]) -> Answer:
