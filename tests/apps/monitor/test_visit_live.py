@@ -144,6 +144,7 @@ async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
         visited.handles["driven"] = [driver.handle, watcher.handle]
         rows, began = watcher.rows, monotonic()
         for number in range(STEPS):
+            assert slave.last["state"] == ENGAGED
             visited.latencies_ms.append(await latency(driver, master, 0.01 if number % 2 else -0.01))
         visited.rows_per_s = (watcher.rows - rows) / 2 / (monotonic() - began)
         await driver.drive(PRESSED, 1.5)
