@@ -36,6 +36,8 @@ class SessionControl:
         self._emergency = ThreadPoolExecutor(max_workers=8, thread_name_prefix="emergency")
         self.links: dict[str, dict[str, Any]] = {}
         """Emulated links in force, by session, as far as they are known."""
+        self.agreed: dict[str, dict[str, Any]] = {}
+        """Changes that the daemons accepted, by session; they may hold a little later."""
 
     def close(self) -> None:
         self._emergency.shutdown(wait=False, cancel_futures=True)
@@ -58,9 +60,16 @@ class SessionControl:
             assert session.ring is not None
             answer = await ask_daemon(session.ring, settings)
             take_settings(session, answer)
+            if answer.get("accepted"):
+                self.agreed.setdefault(session.name, {}).update(settings)
         if link and answer.get("accepted", True):
             answer |= await self._change_link(session, link)
         return answer
+
+    def forget(self, name: str) -> None:
+        """Drop what is known of a session."""
+        self.links.pop(name, None)
+        self.agreed.pop(name, None)
 
     async def _change_link(self, session: WatchedSession, link: dict[str, Any]) -> Answer:
         answers = await self._ask_sides(session, link)

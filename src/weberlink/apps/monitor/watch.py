@@ -24,7 +24,7 @@ FIND_S = 0.25
 FIGURES_S = 0.5
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
-INHERIT_TIMES = 50
+INHERIT_TIMES = 150
 INHERIT_AGAIN_S = 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
 ENDED_KEPT = 4
@@ -256,7 +256,7 @@ class SessionWatcher:
         over = [session for session in self.sessions.values() if session.ended and session.name not in watched]
         for session in over[:-ENDED_KEPT]:
             session.close()
-            self.control.links.pop(session.name, None)
+            self.control.forget(session.name)
             del self.sessions[session.name]
 
     def _keep_settings(self, session: WatchedSession) -> None:
@@ -281,27 +281,29 @@ class SessionWatcher:
 
     async def inherit(self, former: str, name: str) -> None:
         """Apply the settings of a former session to a new one, once it accepts them."""
-        kept = self._in_force(former)
+        kept, answer = self._in_force(former), refusal("it did not begin")
         for _ in range(INHERIT_TIMES):
             await asyncio.sleep(INHERIT_AGAIN_S)
             session = self.sessions.get(name)
             if session is None or len(session.feeds) < 2:
                 continue
-            if session.ended:
-                return
             present = self._in_force(name)
             changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
-            if not changed or (await self.control.apply(session, changed)).get("accepted"):
+            if session.ended or not changed:
                 return
-        self._tell(f"session {name}: the settings of the session before could not be applied")
+            answer = await self.control.apply(session, changed)
+            if answer["accepted"]:
+                return
+        self._tell(f"session {name} does not take over the settings of the one before: {answer['why']}")
 
     def _in_force(self, name: str) -> dict[str, Any]:
-        """Settings and emulated link of a session, in force or as configured."""
+        """Settings and emulated link of a session: agreed, in force or as configured."""
         session = self.sessions.get(name)
         if session is None:
             return {}
         told = session.hello()
-        return dict(told["settings"]) | (self.control.links.get(name, told["link"]) or {})
+        link = self.control.links.get(name, told["link"])
+        return told["settings"] | self.control.agreed.get(name, {}) | (link or {})
 
 
 async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:
