@@ -18,6 +18,9 @@ EMERGENCY_S = 0.5
 """How long it may take to confirm an emergency stop, before the page is told that it did not."""
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
+INHERIT_TIMES = 150
+INHERIT_AGAIN_S = 0.2
+"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 NO_SESSION = "there is no running session on this host"
 
 
@@ -27,11 +30,18 @@ class SessionControl:
     Args:
         sessions: by name.
         link_changed: called with a session when another link is in force.
+        tell: called with lines for the user.
     """
 
-    def __init__(self, sessions: Mapping[str, WatchedSession], link_changed: Callable[[WatchedSession], None]) -> None:
+    def __init__(
+        self,
+        sessions: Mapping[str, WatchedSession],
+        link_changed: Callable[[WatchedSession], None],
+        tell: Callable[[str], None],
+    ) -> None:
         self._sessions = sessions
         self._link_changed = link_changed
+        self._tell = tell
         # Threads of its own: an emergency stop never waits for requests that wait for a daemon.
         self._emergency = ThreadPoolExecutor(max_workers=8, thread_name_prefix="emergency")
         self.links: dict[str, dict[str, Any]] = {}
@@ -83,6 +93,31 @@ class SessionControl:
         if isinstance(link, dict) and self.links.get(session.name) != link:
             self.links[session.name] = link
             self._link_changed(session)
+
+    async def inherit(self, former: str, name: str) -> None:
+        """Apply the settings of a former session to a new one, once it accepts them."""
+        kept, answer = self._in_force(former), refusal("it did not begin")
+        for _ in range(INHERIT_TIMES):
+            await asyncio.sleep(INHERIT_AGAIN_S)
+            session = self._sessions.get(name)
+            if session is None or len(session.feeds) < 2:
+                continue
+            present = self._in_force(name)
+            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
+            if session.ended or not changed:
+                return
+            answer = await self.apply(session, changed)
+            if answer["accepted"]:
+                return
+        self._tell(f"session {name} does not take over the settings of the one before: {answer['why']}")
+
+    def _in_force(self, name: str) -> dict[str, Any]:
+        """Settings and emulated link of a session: agreed, in force or as configured."""
+        session = self._sessions.get(name)
+        if session is None:
+            return {}
+        told = session.hello()
+        return {**told["settings"], **self.agreed.get(name, {}), **(self.links.get(name, told["link"]) or {})}
 
     async def stop(self, name: str | None, why: str) -> Answer:
         """End a session in order."""

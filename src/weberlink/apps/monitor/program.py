@@ -112,7 +112,7 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
-    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.inherit)
+    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.control.inherit)
     return watch.keeper
 
 

@@ -24,9 +24,6 @@ FIND_S = 0.25
 FIGURES_S = 0.5
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
-INHERIT_TIMES = 150
-INHERIT_AGAIN_S = 0.2
-"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 ENDED_KEPT = 4
 """Ended sessions that can still be viewed."""
 
@@ -53,7 +50,7 @@ class SessionWatcher:
         self._asking: set[asyncio.Task[None]] = set()
         self.requests = Requests()
         """What pages may ask for; other parts of the monitor add theirs."""
-        self.control = SessionControl(self.sessions, self._greet_all)
+        self.control = SessionControl(self.sessions, self._greet_all, tell)
         self.driving = driving.Driving(self.sessions, self._viewers_of, driving.connect)
         self.keeper: SessionKeeper | None = None
         """Of the session that pages may start; None where they may not."""
@@ -278,32 +275,6 @@ class SessionWatcher:
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
-
-    async def inherit(self, former: str, name: str) -> None:
-        """Apply the settings of a former session to a new one, once it accepts them."""
-        kept, answer = self._in_force(former), refusal("it did not begin")
-        for _ in range(INHERIT_TIMES):
-            await asyncio.sleep(INHERIT_AGAIN_S)
-            session = self.sessions.get(name)
-            if session is None or len(session.feeds) < 2:
-                continue
-            present = self._in_force(name)
-            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
-            if session.ended or not changed:
-                return
-            answer = await self.control.apply(session, changed)
-            if answer["accepted"]:
-                return
-        self._tell(f"session {name} does not take over the settings of the one before: {answer['why']}")
-
-    def _in_force(self, name: str) -> dict[str, Any]:
-        """Settings and emulated link of a session: agreed, in force or as configured."""
-        session = self.sessions.get(name)
-        if session is None:
-            return {}
-        told = session.hello()
-        link = self.control.links.get(name, told["link"])
-        return told["settings"] | self.control.agreed.get(name, {}) | (link or {})
 
 
 async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:
