@@ -162,6 +162,7 @@ async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
         after = since(master, aborted)
         visited.fade_ms = 1e3 * (first(after, force(after) < 0.01 * before) - aborted)
         assert after["ramping"][-1] == RELEASED
+        await watcher.until(lambda: watcher.handle != "taken")
         visited.handles["left"] = [watcher.handle]
         master.close(), slave.close()
         await scene(client, monitor, watcher, visited)

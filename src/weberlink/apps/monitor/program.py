@@ -73,7 +73,8 @@ def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult 
     Raises:
         MonitorError: the address cannot be used.
     """
-    os.nice(NICENESS)
+    if visit is None:  # one that carries the motion of the operator, and their emergency stop, does not stand back
+        os.nice(NICENESS)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(settings, visit))
 
