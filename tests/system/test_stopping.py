@@ -120,7 +120,7 @@ def test_visitor_leads_until_an_emergency() -> None:
         after = records["at"] > answered + TICK
         assert not forces[after].any()
         assert forces[records["at"] < began].max() > 1.0
-        assert records["at"][forces > 0.0][-1] - began < 0.02
+        assert records["at"][forces > 0.0][-1] - began < 0.05
         held = slave.records
         held = held["output"][held["at"] > answered + 0.05]
         assert (held == held[:1]).all()
