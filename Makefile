@@ -19,8 +19,8 @@ system:  ## Debian packages for tests of HID devices and in a browser, which ski
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
-demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
-	$(BIN)/weberlink loopback --duration $(DURATION)
+demo: $(RUN)  ## feel a remote scene in a browser, through two processes and a real UDP socket; a script does until you take the handle
+	$(BIN)/weberlink try --scripted --duration $(DURATION)
 
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV)  ## the whole test suite, on all processors; live sessions last, and each alone
@@ -90,7 +90,7 @@ vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--output-file requirements.lock pyproject.toml
+		--extra monitor --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
 		--extra monitor --extra docs \

@@ -10,7 +10,7 @@ from typing import Any
 from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.system.control_socket import LiveChangeError, ask
+from weberlink.system.control_socket import LiveChangeError, ask, path_beside
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
@@ -18,6 +18,9 @@ EMERGENCY_S = 0.5
 """How long it may take to confirm an emergency stop, before the page is told that it did not."""
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
+INHERIT_TIMES = 150
+INHERIT_AGAIN_S = 0.2
+"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 NO_SESSION = "there is no running session on this host"
 
 
@@ -27,15 +30,24 @@ class SessionControl:
     Args:
         sessions: by name.
         link_changed: called with a session when another link is in force.
+        tell: called with lines for the user.
     """
 
-    def __init__(self, sessions: Mapping[str, WatchedSession], link_changed: Callable[[WatchedSession], None]) -> None:
+    def __init__(
+        self,
+        sessions: Mapping[str, WatchedSession],
+        link_changed: Callable[[WatchedSession], None],
+        tell: Callable[[str], None],
+    ) -> None:
         self._sessions = sessions
         self._link_changed = link_changed
+        self._tell = tell
         # Threads of its own: an emergency stop never waits for requests that wait for a daemon.
         self._emergency = ThreadPoolExecutor(max_workers=8, thread_name_prefix="emergency")
         self.links: dict[str, dict[str, Any]] = {}
         """Emulated links in force, by session, as far as they are known."""
+        self.agreed: dict[str, dict[str, Any]] = {}
+        """Changes that the daemons accepted, by session; they may hold a little later."""
 
     def close(self) -> None:
         self._emergency.shutdown(wait=False, cancel_futures=True)
@@ -58,9 +70,16 @@ class SessionControl:
             assert session.ring is not None
             answer = await ask_daemon(session.ring, settings)
             take_settings(session, answer)
+            if answer.get("accepted"):
+                self.agreed.setdefault(session.name, {}).update(settings)
         if link and answer.get("accepted", True):
             answer |= await self._change_link(session, link)
         return answer
+
+    def forget(self, name: str) -> None:
+        """Drop what is known of a session."""
+        self.links.pop(name, None)
+        self.agreed.pop(name, None)
 
     async def _change_link(self, session: WatchedSession, link: dict[str, Any]) -> Answer:
         answers = await self._ask_sides(session, link)
@@ -75,12 +94,37 @@ class SessionControl:
             self.links[session.name] = link
             self._link_changed(session)
 
+    async def inherit(self, former: str, name: str) -> None:
+        """Apply the settings of a former session to a new one, once it accepts them."""
+        kept, answer = self._in_force(former), refusal("it did not begin")
+        for _ in range(INHERIT_TIMES):
+            await asyncio.sleep(INHERIT_AGAIN_S)
+            session = self._sessions.get(name)
+            if session is None or len(session.feeds) < 2:
+                continue
+            present = self._in_force(name)
+            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
+            if session.ended or not changed:
+                return
+            answer = await self.apply(session, changed)
+            if answer["accepted"]:
+                return
+        self._tell(f"session {name} does not take over the settings of the one before: {answer['why']}")
+
+    def _in_force(self, name: str) -> dict[str, Any]:
+        """Settings and emulated link of a session: agreed, in force or as configured."""
+        session = self._sessions.get(name)
+        if session is None:
+            return {}
+        told = session.hello()
+        return {**told["settings"], **self.agreed.get(name, {}), **(self.links.get(name, told["link"]) or {})}
+
     async def stop(self, name: str | None, why: str) -> Answer:
         """End a session in order."""
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to stop")
-        return _joined(await self._ask_sides(session, {"stop": why}))
+        return _joined(_without_ended(session, await self._ask_sides(session, {"stop": why})))
 
     async def emergency(self, name: str | None = None) -> Answer:
         """Force to zero at both ends of a session; of all sessions of this host if no name is given."""
@@ -90,7 +134,7 @@ class SessionControl:
         if not sessions:
             return refusal(f"{NO_SESSION} to stop")
         asked = [self._ask_sides(session, {"emergency": True}, EMERGENCY_S, self._emergency) for session in sessions]
-        answers = await asyncio.gather(*asked)
+        answers = map(_without_ended, sessions, await asyncio.gather(*asked))
         return _joined({f"{number} {side}": of for number, each in enumerate(answers) for side, of in each.items()})
 
     def _running(self, name: str | None) -> WatchedSession | None:
@@ -108,6 +152,15 @@ class SessionControl:
         rings = {side: feed.ring for side, feed in session.feeds.items() if feed.ring is not None and not feed.drained}
         asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
         return dict(zip(rings, await asyncio.gather(*asked), strict=True))
+
+
+def _without_ended(session: WatchedSession, answers: Mapping[str, Answer]) -> dict[str, Answer]:
+    """The answers to a stop; where a side has accepted it, the other may have ended before it was asked."""
+    if not any(answer.get("accepted") for answer in answers.values()):
+        return dict(answers)
+    feeds = session.feeds
+    ended = {side for side in answers if (ring := feeds[side].ring) is not None and not path_beside(ring).exists()}
+    return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
 
 
 def _joined(answers: Mapping[str, Answer]) -> Answer:

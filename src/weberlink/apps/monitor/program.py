@@ -82,7 +82,8 @@ def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult 
     Raises:
         MonitorError: the address cannot be used.
     """
-    os.nice(NICENESS)
+    if visit is None:  # one that carries the motion of the operator, and their emergency stop, does not stand back
+        os.nice(NICENESS)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(settings, visit))
 
@@ -125,7 +126,7 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
-    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.inherit)
+    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.control.inherit)
     return watch.keeper
 
 

@@ -26,9 +26,6 @@ FIGURES_S = 0.5
 HISTORY_S = 2.0
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
-INHERIT_TIMES = 50
-INHERIT_AGAIN_S = 0.2
-"""How often, and how soon again, a new session is asked to take the settings of the one before."""
 ENDED_KEPT = 4
 """Ended sessions that can still be viewed."""
 
@@ -70,7 +67,7 @@ class SessionWatcher:
         self._asking: set[asyncio.Task[None]] = set()
         self.requests = Requests()
         """What pages may ask for; other parts of the monitor add theirs."""
-        self.control = SessionControl(self.sessions, self._greet_all)
+        self.control = SessionControl(self.sessions, self._greet_all, tell)
         self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
         self.keeper: SessionKeeper | None = None
         """Of the session that pages may start; None where they may not."""
@@ -322,7 +319,7 @@ class SessionWatcher:
         over = [session for session in self.sessions.values() if session.ended and session.name not in watched]
         for session in over[:-ENDED_KEPT]:
             session.close()
-            self.control.links.pop(session.name, None)
+            self.control.forget(session.name)
             del self.sessions[session.name]
 
     def _keep_settings(self, session: WatchedSession) -> None:
@@ -344,30 +341,6 @@ class SessionWatcher:
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
-
-    async def inherit(self, former: str, name: str) -> None:
-        """Apply the settings of a former session to a new one, once it accepts them."""
-        kept = self._in_force(former)
-        for _ in range(INHERIT_TIMES):
-            await asyncio.sleep(INHERIT_AGAIN_S)
-            session = self.sessions.get(name)
-            if session is None or len(session.feeds) < 2:
-                continue
-            if session.ended:
-                return
-            present = self._in_force(name)
-            changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
-            if not changed or (await self.control.apply(session, changed)).get("accepted"):
-                return
-        self._tell(f"session {name}: the settings of the session before could not be applied")
-
-    def _in_force(self, name: str) -> dict[str, Any]:
-        """Settings and emulated link of a session, in force or as configured."""
-        session = self.sessions.get(name)
-        if session is None:
-            return {}
-        told = session.hello()
-        return dict(told["settings"]) | (self.control.links.get(name, told["link"]) or {})
 
 
 async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:

@@ -1,0 +1,68 @@
+"""Arguments of `weberlink try`, and where its page is served."""
+
+import importlib.util
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from weberlink.apps.monitor import address
+from weberlink.cli import app
+
+
+def complaint(*arguments: object, status: int = 2) -> str:
+    result = CliRunner().invoke(app, ["try", *map(str, arguments)])
+    assert result.exit_code == status, result.output
+    assert result.stderr.count("\n") == 1
+    return result.stderr
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_unknown_scene_names_those_there_are() -> None:
+    assert "no such scene; there are dome, plane" in complaint("--scene", "moon")
+
+
+def test_scene_and_file_exclude_each_other(tmp_path: Path) -> None:
+    assert "give no FILE" in complaint(tmp_path / "mine.yaml", "--scene", "dome")
+
+
+@pytest.mark.parametrize("listen", ["0.0.0.0", "::", "192.0.2.1"])
+def test_public_address_needs_the_public_option(listen: str) -> None:
+    assert "add --public" in complaint("--listen", listen)
+
+
+def test_address_of_another_host_is_one_line() -> None:
+    assert "not an address of this host" in complaint("--listen", "192.0.2.1", "--public", status=1)
+
+
+def test_given_port_in_use_is_one_line(taken_port: int) -> None:
+    assert f"port {taken_port} is in use" in complaint("--port", taken_port, status=1)
+
+
+def test_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    hidden = lambda name, package=None: None if name == "aiohttp" else find(name, package)  # noqa: E731
+    monkeypatch.setattr("weberlink.system.configuration.extras.find_spec", hidden)
+    assert 'pip install "weberlink[monitor]"' in complaint()
+
+
+def test_usual_port_in_use_gives_way_to_another(taken_port: int) -> None:
+    with address.bind("127.0.0.1", taken_port, or_any=True) as listening:
+        port = listening.getsockname()[1]
+        assert port != taken_port
+        assert address.url(listening) == f"http://127.0.0.1:{port}/"
+
+
+def test_address_for_other_hosts_has_the_key() -> None:
+    with address.bind("127.0.0.1", 0) as listening:
+        assert address.public_url(listening, "secret") == f"{address.url(listening)}#key=secret"
+    with address.bind("0.0.0.0", 0) as listening:
+        assert address.url(listening).startswith("http://127.0.0.1:")
+        assert "//0.0.0.0" not in address.public_url(listening, "secret")
