@@ -48,7 +48,7 @@ Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key|\.pose)")
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 STOP_LIMIT_S = 15.0

@@ -21,6 +21,7 @@ from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
+from weberlink.apps.monitor.view import View, ViewDesk
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
@@ -58,6 +59,8 @@ class MonitorSettings:
     """Folder of the recordings that pages start."""
     replay: "ReplaySource | None" = None
     """A recording to show in the place of running sessions."""
+    view: View | None = None
+    """A picture to show beside the scene."""
 
 
 def run(settings: MonitorSettings) -> None:
@@ -79,13 +82,19 @@ async def _serve(settings: MonitorSettings) -> None:
     only = settings.session if settings.replay is None else settings.replay.name
     watch = SessionWatcher(None, only, tell)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
-    runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
+    application = site.application()
+    view = None if settings.view is None else ViewDesk(watch, settings.view, tell)
+    if view is not None:
+        application.router.add_get("/view", view.serve)
+    runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
         stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
         if settings.replay is not None:
             stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
+        if view is not None:
+            stack.push_async_callback(view.close)
         url = await _bind(runner, settings)
         tell(f"{url} (Ctrl-C ends it)")
         if settings.browse and not webbrowser.open(url):
