@@ -90,6 +90,7 @@ def drawn(model_path: str, pose_path: str) -> Iterator[Picture]:
     model = mujoco.MjModel.from_xml_path(model_path)
     height, width = SIZE
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.quality.offsamples = 0  # without a graphics card, smooth edges and shadows take ten times as long
     data = mujoco.MjData(model)
     reader = PoseReader(Path(pose_path))
     if reader.count != model.nq:
@@ -105,6 +106,8 @@ def drawn(model_path: str, pose_path: str) -> Iterator[Picture]:
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)
             renderer.update_scene(data)
+            for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+                renderer.scene.flags[flag] = 0
             yield Picture(shown_at, renderer.render()[:, :, ::-1])
         sleep(max(0.0, began + PERIOD_S - monotonic()))
 
