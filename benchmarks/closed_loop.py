@@ -250,11 +250,13 @@ def main() -> int:
         if sys.stderr.isatty() or done == total:
             sys.stderr.write(f"\r{done} of {total} sessions" + "\n" * (done == total))
 
-    results = parallel_map(run, cells, 1 if asked.live else asked.workers, progress=progress)
+    results = list(parallel_map(run, cells, 1 if asked.live else asked.workers, progress=progress).values())
     facts = environment()
     if asked.json is not None:
         rows = [{**asdict(each.cell), "failure": each.failure, "report": each.report} for each in results]
         asked.json.write_text(json.dumps({"environment": facts, "rows": rows}, indent=1, default=str) + "\n")
+    if len(results) < len(cells):  # means of a part would not be comparable
+        raise KeyboardInterrupt
     found = means(results)
     console = Console(width=WIDTH)
     console.print(table(found))

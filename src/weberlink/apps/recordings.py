@@ -17,6 +17,7 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
+from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES
 from weberlink.telemetry.recording.message import BEGUN
 
@@ -71,6 +72,7 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
     document = {"files": files, "marks": marks} | session.summary()
     document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
+    document["verdict"] = verdict(document).document()
     return RecordingDescription(document)
 
 

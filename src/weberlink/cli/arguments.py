@@ -1,7 +1,8 @@
-"""Arguments that commands share, and one-line errors for wrong ones."""
+"""Arguments that commands share, and the command group: help by topic, one-line errors, the answer to Ctrl-C."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +10,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from weberlink.system.order import COMPLETED, MISCONFIGURED
+from weberlink.cli.output import STANDARD_OUTPUT, fail
+from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
+from weberlink.system.targets import TargetError, check_file, check_folder
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
 OptionalFile = Annotated[
@@ -31,10 +34,35 @@ Duration = Annotated[
     float | None,
     typer.Option("--duration", metavar="S", min=0.0, callback=finite, help="Length of the run [s]."),
 ]
-Json = Annotated[
-    Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output only.")
-]
 
+
+def file_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
+    """Refuse a file that cannot be written, before anything is computed; "-" is standard output."""
+    return _target(context, parameter, value, check_file)
+
+
+def folder_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
+    """Refuse a folder in which nothing can be written, before anything is computed."""
+    return _target(context, parameter, value, check_folder)
+
+
+def _target(
+    context: typer.Context, parameter: typer.CallbackParam, value: Path | None, check: Callable[[Path], None]
+) -> Path | None:
+    if value is not None and value != STANDARD_OUTPUT and not context.resilient_parsing:  # that of completion
+        try:
+            check(value)
+        except TargetError as error:
+            fail(f"{parameter.opts[0]}: {error}", MISCONFIGURED)
+    return value
+
+
+Json = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="OUT", callback=file_target, help="Write the figures as JSON; - for standard output only."
+    ),
+]
 Record = Annotated[
     Path | None,
     typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (extra: weberlink[recording])."),
@@ -43,15 +71,43 @@ Log = Annotated[
     Path | None,
     typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."),
 ]
-Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
+Plots = Annotated[
+    Path | None,
+    typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures (extra: weberlink[plots])."),
+]
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study; takes minutes.")]
 
 
-class OneLineErrors(TyperGroup):
-    """A command group that reports wrong arguments in one line."""
+class CommandGroup(TyperGroup):
+    """A group of commands: help by topic, wrong arguments in one line, Ctrl-C in one line with status 130."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
+        topics: dict[str, list[tuple[str, str]]] = {}
+        width = formatter.width - 6 - max(map(len, self.commands))
+        for name, command in self.commands.items():
+            topic = getattr(command, "rich_help_panel", None) or "Commands"
+            topics.setdefault(topic, []).append((name.ljust(max(map(len, self.commands))), short_help(command, width)))
+        for topic, rows in topics.items():
+            with formatter.section(topic):
+                formatter.write_dl(rows)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[0] in self.commands or args[0].startswith("-"):
+            return super().resolve_command(ctx, args)
+        nearest = get_close_matches(args[0], self.commands, n=1)
+        meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
+        ctx.fail(f"there is no command {args[0]!r}; {meant} {', '.join(self.commands)}")
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # of a command that has nothing to keep
+            typer.echo("weberlink: interrupted; nothing was kept", err=True)
+            raise typer.Exit(INTERRUPTED) from None
 
     def main(
         self,
@@ -69,8 +125,27 @@ class OneLineErrors(TyperGroup):
             format_message = getattr(error, "format_message", None)
             if format_message is None or not standalone_mode:
                 raise
-            sys.stderr.write(f"weberlink: {' '.join(format_message().split())}\n")
+            sys.stderr.write(f"weberlink: {one_line(error, format_message)}\n")
             sys.exit(MISCONFIGURED)
         if not standalone_mode:
             return result
         return sys.exit(result if isinstance(result, int) else COMPLETED)
+
+
+def one_line(error: Exception, format_message: Callable[[], str]) -> str:
+    """A usage error in one line; for an unknown option, with the options that there are."""
+    context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
+    if context is None or name is None:
+        return " ".join(format_message().split())
+    known = [option for parameter in context.command.get_params(context) for option in parameter.opts]
+    options = [option for option in known if option.startswith("--")]
+    nearest = get_close_matches(name, options, n=1)
+    meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
+    command = context.command_path.removeprefix("weberlink").strip() or "weberlink"
+    return f"{command} has no option {name}; {meant} {', '.join(options)}"
+
+
+def short_help(command: Any, width: int) -> str:
+    """The first sentence of a command's help, if it fits."""
+    text: str = command.get_short_help_str(width)
+    return text

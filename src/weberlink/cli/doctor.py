@@ -37,5 +37,3 @@ def doctor(
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
 
-
-COMMANDS = (doctor,)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.arguments import Json, OneLineErrors
+from weberlink.cli.arguments import Json, CommandGroup
 from weberlink.cli.output import errors, fail, write
 from weberlink.system.order import FAILED
 
@@ -14,7 +14,7 @@ Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
 
-device = typer.Typer(name="device", cls=OneLineErrors, help="Work with a single device or robot.", no_args_is_help=True)
+device = typer.Typer(name="device", cls=CommandGroup, help="Work with a single device or robot.", no_args_is_help=True)
 
 
 def devices(
@@ -45,7 +45,10 @@ def device_test(
     yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
     set_: Options = None,
 ) -> None:
-    """Test a device: show its readings, check signs without force and, after a yes, with a gentle force."""
+    """Test a device step by step, at last with a gentle force.
+
+    It shows the readings, checks signs without force and, after a yes, with a gentle force.
+    """
     from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run  # noqa: PLC0415
 
     try:
@@ -80,5 +83,3 @@ def emulate(
         status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)
     raise typer.Exit(status)
 
-
-COMMANDS = (devices, emulate)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
-from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED
+from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
 if TYPE_CHECKING:
@@ -27,6 +27,9 @@ class Study(Protocol):
     @property
     def table(self) -> "RenderableType": ...
 
+    @property
+    def interrupted(self) -> str: ...
+
     def draw(self, folder: Path) -> None: ...
 
 
@@ -43,9 +46,14 @@ def errors() -> Iterator[None]:
         fail(str(error), FAILED)
 
 
+def tell(message: str) -> None:
+    """Print one line on standard error."""
+    typer.echo(f"weberlink: {message}", err=True)
+
+
 def fail(message: str, status: int) -> NoReturn:
     """Print one line on standard error and exit."""
-    typer.echo(f"weberlink: {message}", err=True)
+    tell(message)
     raise typer.Exit(status)
 
 
@@ -78,17 +86,27 @@ def attempt(write: Callable[[], object], where: Path) -> str | None:
 
 
 def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
-    """Print, write and draw the results of a study; a failure of one does not prevent the others."""
+    """Print, write and draw the results of a study; a failure of one does not prevent the others.
+
+    After Ctrl-C these are the partial results, and the exit status is `INTERRUPTED`.
+    """
+    document = study.document | ({"interrupted": True} if study.interrupted else {})
     failed = None
     try:
-        write(study.document, json_out, lambda console: console.print(study.table))
+        write(document, json_out, lambda console: console.print(study.table))
     except typer.Exit as exit_:
         failed = exit_
-    problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
+    kept = "printed" if json_out is None else "in the JSON above" if json_out == STANDARD_OUTPUT else f"in {json_out}"
+    try:
+        problem = None if plots is None else attempt(lambda: study.draw(plots), plots)
+    except KeyboardInterrupt:
+        fail(f"interrupted while drawing: the results are {kept}, not all figures are in {plots}", INTERRUPTED)
     if problem is not None:
         fail(problem, FAILED)
     if failed is not None:
         raise failed
+    if study.interrupted:
+        fail(f"interrupted: {study.interrupted} are done, and {kept}", INTERRUPTED)
 
 
 def finish(
@@ -118,13 +136,12 @@ def progress_bar() -> Iterator[Callable[..., None]]:
         TimeRemainingColumn,
     )
 
-    done_of = TextColumn("{task.completed}/{task.total} {task.description}")
     console = Console(stderr=True)
-    columns = (BarColumn(), done_of, TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
+        task = bar.add_task("starting", total=None)
 
-        def report(done: int, total: int, what: str = "") -> None:
-            bar.update(task, completed=done, total=total, description=what)
+        def report(done: float, total: float, what: str = "") -> None:
+            bar.update(task, completed=done, total=total, description=f"{done:g}/{total:g} {what}")
 
         yield report

@@ -1,32 +1,64 @@
 """The program: its commands, put together."""
 
-from importlib.metadata import entry_points, version
-from typing import Annotated
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points, version
+from typing import Annotated, Any
 
 import typer
 
 from weberlink.cli import doctor, hardware, monitor, sessions, studies
-from weberlink.cli.arguments import OneLineErrors
+from weberlink.cli.arguments import CommandGroup
+from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
+from weberlink.system.order import MISCONFIGURED
 
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
+TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Run": (sessions.loopback, sessions.master, sessions.slave, sessions.simulate, sessions.check, sessions.keygen),
+    "Look": (monitor.monitor, doctor.doctor, studies.info, studies.export),
+    "Devices": (hardware.devices, hardware.emulate),
+    "Study": (studies.evaluate, studies.experiment, studies.ratings),
+    "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability, studies.bench),
+}
+"""The commands, as the help lists them."""
 
 app = typer.Typer(
     name="weberlink",
-    cls=OneLineErrors,
+    cls=CommandGroup,
     help="Bilateral haptic teleoperation over UDP with perceptual coding.",
     invoke_without_command=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for module in (sessions, monitor, hardware, doctor, studies):
-    for command in module.COMMANDS:
-        app.command()(command)
-app.add_typer(hardware.device)
+for topic, commands in TOPICS.items():
+    for command in commands:
+        app.command(rich_help_panel=topic)(command)
+    if topic == "Devices":
+        app.add_typer(hardware.device, rich_help_panel=topic)
+
+
+def installed(entry: EntryPoint) -> Callable[..., Any]:
+    """The function of another distribution's command; one that says why, if it cannot be loaded."""
+    try:
+        found = entry.load()
+        problem = None if callable(found) else "it is not a function"
+    except Exception as error:  # whatever it is, the other commands must work
+        found, problem = None, f"{type(error).__name__}: {error}"
+    if problem is None:
+        return found  # type: ignore[no-any-return]
+    text = f"{entry.name}: the command of another distribution, {entry.value}, cannot be used: {problem}"
+
+    def broken() -> None:
+        fail(" ".join(text.split()), MISCONFIGURED)
+
+    broken.__doc__ = "Cannot be used; run it to see why."
+    return broken
+
+
 for entry in entry_points(group=GROUP):
-    app.command(entry.name)(entry.load())
+    app.command(entry.name, rich_help_panel="Installed")(installed(entry))
 
 
 @app.callback()

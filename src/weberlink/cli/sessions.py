@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
-from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish
+from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
+from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish, progress_bar, tell
 from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
 
 
@@ -81,7 +81,10 @@ def simulate(
     duration: Duration = None,
     json_out: Json = None,
     trace: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="Write the robot's commanded position and measured force as CSV.")
+        Path | None,
+        typer.Option(
+            metavar="OUT", callback=file_target, help="Write the robot's commanded position and measured force as CSV."
+        ),
     ] = None,
     record: Record = None,
     set_: Set = None,
@@ -90,8 +93,8 @@ def simulate(
     from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
-    with errors():
-        summary, recorder = run(load(file, set_ or ()), duration, record)
+    with errors(), progress_bar() as progress:
+        summary, recorder = run(load(file, set_ or ()), duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     finish(summary, f"weberlink simulate {file}", json_out, problem)
 
@@ -122,11 +125,11 @@ def _live(
 
             check_target(record)
     for note in notes:
-        typer.echo(f"weberlink: note: {note}", err=True)
+        tell(f"note: {note}")
     with (
         journal_to(log, json_out, configuration.system.rate_hz) as journal,
         Session(
-            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over
+            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over, tell=tell
         ) as session,
     ):
         summary = session.run()
@@ -190,5 +193,3 @@ def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
     address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
     return [f"link.listen={address}", f"link.slave={address}"]
 
-
-COMMANDS = (loopback, master, slave, check, keygen, simulate)

@@ -12,7 +12,8 @@ from distributed import Client
 from distributed.comm.addressing import resolve_address
 from distributed.scheduler import KilledWorker
 
-from weberlink.studies.parallel import Progress, in_order, longest_first
+from weberlink.studies.parallel import Progress, gather, longest_first
+from weberlink.system.interruption import Interruption
 
 Shared = TypeVar("Shared")
 Own = TypeVar("Own")
@@ -40,8 +41,9 @@ def cluster_map(
     address: str,
     cost: Callable[[tuple[Shared, Own]], float] = lambda _: 1.0,
     progress: Progress = lambda *_: None,
-) -> list[Result]:
-    """The results in the order of the tasks; arguments as of `parallel_map`.
+    interruption: Interruption | None = None,
+) -> dict[int, Result]:
+    """The results by the index of the task; arguments as of `parallel_map`.
 
     A part that several tasks share is sent to every worker once. So any worker may be lost: its unfinished tasks run
     again on another.
@@ -54,7 +56,7 @@ def cluster_map(
         UnavailableClusterError: the scheduler does not answer, has no workers, or a worker has another version.
         LostClusterError: the scheduler or the last worker was lost before the end.
     """
-    return in_order(_as_completed(work, tasks, address, cost), len(tasks), progress)
+    return gather(_as_completed(work, tasks, address, cost), len(tasks), progress, interruption)
 
 
 def _as_completed(

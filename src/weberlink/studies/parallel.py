@@ -4,11 +4,12 @@ import os
 import signal
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 from weberlink.realtime.process import die_with_parent
+from weberlink.system.interruption import Interruption
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -22,48 +23,34 @@ def parallel_map(
     workers: int | None,
     cost: Callable[[Task], float] = lambda _: 1.0,
     progress: Progress = lambda *_: None,
-) -> list[Result]:
-    """The results in the order of the tasks.
+    interruption: Interruption | None = None,
+) -> dict[int, Result]:
+    """The results by the index of the task, in the order of the tasks: of all, or of those done when Ctrl-C came.
 
     Args:
         work: a function of a module, called with each task in some process.
         tasks: must be picklable.
         workers: processes; None for one per processor, 1 for this process alone.
         cost: relative run time of a task. The longest tasks start first.
-        progress: called after every task.
+        progress: called at the start and after every task.
+        interruption: notes Ctrl-C; None for one of its own.
 
     Raises:
         BrokenProcessPool: a worker process died.
     """
-    return in_order(_as_completed(work, tasks, workers, cost), len(tasks), progress)
+    return gather(_as_completed(work, tasks, workers, cost), len(tasks), progress, interruption)
 
 
-def map_until_stopped(
-    work: Callable[[Task], Result],
-    tasks: Sequence[Task],
-    workers: int | None,
-    cost: Callable[[Task], float] = lambda _: 1.0,
-    progress: Progress = lambda *_: None,
+def gather(
+    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None
 ) -> dict[int, Result]:
-    """The results by the index of the task: of all, or of those that were done when Ctrl-C ended the work.
-
-    Arguments and errors are those of `parallel_map`.
-    """
+    """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
     results: dict[int, Result] = {}
-    with suppress(KeyboardInterrupt), closing(_as_completed(work, tasks, workers, cost)) as pairs:
-        for index, result in pairs:
-            results[index] = result
-            progress(len(results), len(tasks))
-    return results
-
-
-def in_order(pairs: Iterable[tuple[int, Result]], count: int, progress: Progress) -> list[Result]:
-    """Collect `count` pairs of index and result, and sort them by index."""
-    results: dict[int, Result] = {}
-    for index, result in pairs:
+    progress(0, count)
+    for index, result in (interruption or Interruption()).pieces(pairs):
         results[index] = result
         progress(len(results), count)
-    return [results[index] for index in range(count)]
+    return dict(sorted(results.items()))
 
 
 def longest_first(tasks: Sequence[Task], cost: Callable[[Task], float]) -> list[int]:

@@ -1,7 +1,7 @@
 """The result of a study, and the plain tables in which studies are printed."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,19 @@ from rich.table import Table
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A finished study.
+    """A study, complete or as far as it went until Ctrl-C.
 
     Args:
         document: for JSON.
         table: one or more tables for the terminal.
-        figures: draws the figures into an existing folder; it imports matplotlib.
+        figures: draws the figures into an existing folder; it imports matplotlib. None for nothing to draw.
+        interrupted: how much is done where Ctrl-C ended the study, as "12 of 80 tasks"; empty if all is.
     """
 
     document: dict[str, Any]
     table: RenderableType
-    figures: Callable[[Path], None]
+    figures: Callable[[Path], None] | None
+    interrupted: str = field(default="", kw_only=True)
 
     def draw(self, folder: Path) -> None:
         """Make the folder and draw the figures.
@@ -29,8 +31,14 @@ class StudyResult:
         Raises:
             OSError: if the folder or a file in it cannot be made.
         """
-        folder.mkdir(parents=True, exist_ok=True)
-        self.figures(folder)
+        if self.figures is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.figures(folder)
+
+
+def how_much(done: int, total: int, what: str) -> str:
+    """What `StudyResult.interrupted` says; empty if all is done."""
+    return "" if done == total else f"{done} of {total} {what}"
 
 
 def plain_table(first: str, *others: str, left: Collection[str] = (), wrap: bool = False, **options: Any) -> Table:

@@ -17,7 +17,7 @@ as in recordings.
 | `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
 | `slewed` | `ticks`: ticks with force held back by the slew limit since the last such line |
 | `summary` | figures of the last interval |
-| `ended` | `outcome`, and the figures of the session |
+| `ended` | `outcome`, `verdict`, and the figures of the session |
 """
 
 import json
@@ -47,6 +47,10 @@ SESSION = "session"
 """`side` of lines about both sides."""
 LONGEST_OUTCOME = 1000
 """Characters of an outcome that are written: a line must fit into a pipe."""
+LONGEST_TEXT = 500
+"""Characters of the words of an event."""
+KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+"""Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTERS = ("updates_sent", "datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "bytes_sent")
 
 
@@ -275,7 +279,13 @@ class Journal:
     def _line(self, wall_s: float, side: str, event: str, fields: Fields) -> None:
         lost = {"lost_lines": self.lost_lines} if self.lost_lines else {}
         level, text = words(side, event, fields)
-        document = {"time": _timestamp(wall_s), "side": side, "event": event, "level": level, "text": text}
+        document = {
+            "time": _timestamp(wall_s),
+            "side": side,
+            "event": event,
+            "level": level,
+            "text": text[:LONGEST_TEXT],
+        }
         document |= fields | lost
         try:
             written = self._write(json.dumps(document, separators=(",", ":"), allow_nan=False)) is not False
@@ -325,7 +335,9 @@ def _timestamp(wall_s: float) -> str:
 def _outcome(summary: dict[str, Any]) -> Fields:
     """The part of a session's report that the log keeps."""
     kept: Fields = {
-        key: summary[key] for key in ("status", "duration_s", "faults", "drops", "realtime", "host") if key in summary
+        key: summary[key]
+        for key in ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+        if key in summary
     }
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {

@@ -6,7 +6,11 @@ from signal import SIGHUP, SIGINT, SIGTERM
 from typing import Any
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
-"""Exit statuses of every command."""
+INTERRUPTED = 130
+"""Exit statuses of every command; the last one where Ctrl-C ends work that has an end of its own."""
+
+EMERGENCY = "emergency stop"
+"""Outcome of a run that somebody ended in this way."""
 
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
@@ -46,4 +50,4 @@ class DaemonOrder:
 
 def failure(outcome: str) -> dict[str, Any]:
     """The summary of a daemon without a first tick, or one that could not report its end."""
-    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
+    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "peer": None, "realtime": None}

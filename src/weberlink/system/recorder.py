@@ -21,6 +21,7 @@ from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
+from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.recording.message import BEGUN, DURING
 
@@ -64,17 +65,22 @@ def check_target(path: Path) -> None:
     """Check the target of a recording before anything is started.
 
     Raises:
-        ConfigurationError: it exists, its folder does not, or the library for recordings is missing.
+        ConfigurationError: it exists, cannot be written, or the library for recordings is missing.
     """
     need("mcap", "recording", "--record")
     try:
-        is_taken = path.exists()
+        if path.is_file():
+            raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
+        check_file(path)
     except OSError as error:  # for example a name that is too long
         raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
-    if is_taken:
-        raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
-    if not path.parent.is_dir():
-        raise ConfigurationError(f"--record: {path.parent} is not a folder; create it first")
+    except TargetError as error:
+        raise ConfigurationError(f"--record: {error}") from None
+
+
+def recording_ended(path: Path | str, outcome: str) -> str:
+    """The line that says at once that nothing more is recorded."""
+    return f"recording stopped: {outcome}; the session goes on, and {path} holds what was recorded until now"
 
 
 class Recorder:
@@ -92,7 +98,7 @@ class Recorder:
     ) -> None:
         from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
-        self._out = out
+        self.path = out
         told = dict(facts) | ({} if since is None else {BEGUN: DURING})
         order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
@@ -154,6 +160,6 @@ class Recorder:
         except ValueError:
             status = self._process.returncode
             ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            size = self._out.stat().st_size if self._out.exists() else 0
-            summary = {"path": str(self._out), "bytes": size, "outcome": f"recorder {ended}"}
+            size = self.path.stat().st_size if self.path.exists() else 0
+            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {ended}"}
         return summary

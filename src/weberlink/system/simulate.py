@@ -1,5 +1,6 @@
 """Runs a configuration in virtual time, composed as the daemons are."""
 
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from time import perf_counter
@@ -11,10 +12,13 @@ from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.model import EmulationSettings
-from weberlink.system.recorder import check_target, facts
+from weberlink.system.interruption import Interruption
+from weberlink.system.order import COMPLETED, INTERRUPTED
+from weberlink.system.recorder import check_target, facts, recording_ended
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
+from weberlink.system.verdict import verdict
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -58,14 +62,20 @@ def _refuse_hardware(configuration: Configuration) -> None:
 
 
 def simulate(
-    configuration: Configuration, duration: float | None, record: Path | None = None
+    configuration: Configuration,
+    duration: float | None,
+    record: Path | None = None,
+    progress: Callable[[float, float, str], None] = lambda *_: None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], TraceRecorder]:
-    """Run to the end of the duration [s] or of the device's motion.
+    """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
         configuration: both sides.
         duration: [s]; None for `DEFAULT_DURATION`.
         record: where to record the session, as MCAP; None to record nothing.
+        progress: receives the simulated time and the longest one [s], and the unit.
+        tell: receives one line as soon as the recording fails; the run goes on.
 
     Returns:
         The figures of the session, and what the robot was commanded and felt.
@@ -79,23 +89,56 @@ def simulate(
     simulation = build_simulation(configuration)
     score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
     recorder = TraceRecorder()
-    recording = None if record is None else VirtualRecording(configuration, record)
+    recording = None if record is None else VirtualRecording(configuration, record, tell)
+    length = DEFAULT_DURATION if duration is None else duration
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
+    observers.append(SimulatedTime(system.tick_period, length, progress))
+    interruption = Interruption()
     began = perf_counter()
-    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    try:
+        simulation.run(length, observers, interruption)
+    finally:
+        simulation.close()
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
+    ended = "interrupted" if interruption.noted else "completed"
     summary = score.summary() | {
         "lookahead_ms": lookahead_ms(system),
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {"master": master.drops, "slave": slave.drops},
-        "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
-        "status": 1 if failures else 0,
+        "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},
+        "outcome": f"failed: {'; '.join(failures)}" if failures else ended,
         "run_time_s": run_time,
         "seed": (system.link.emulate or EmulationSettings()).seed,
     }
-    return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
+    if interruption.noted:
+        summary["interrupted"] = True
+    if recording is not None:
+        summary["recording"] = recording.finish()
+    judged = verdict(summary)
+    status = INTERRUPTED if interruption.noted and judged.status == COMPLETED else judged.status
+    return summary | {"verdict": judged.document(), "status": status}, recorder
+
+
+class SimulatedTime:
+    """Reports the simulated time of a run.
+
+    Args:
+        tick_period: [s].
+        length: of the run [s].
+        progress: receives the simulated time and the length [s], and the unit.
+    """
+
+    def __init__(self, tick_period: float, length: float, progress: Callable[[float, float, str], None]) -> None:
+        self._tick_period = tick_period
+        self._length = length
+        self._progress = progress
+        self._ticks = 0
+
+    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - an observer gets both
+        self._ticks += len(master)
+        self._progress(round(min(self._ticks * self._tick_period, self._length), 1), self._length, "s")
 
 
 class VirtualRecording:
@@ -105,10 +148,11 @@ class VirtualRecording:
         ConfigurationError: from the constructor, if the file cannot be made.
     """
 
-    def __init__(self, configuration: Configuration, path: Path) -> None:
+    def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:
         from weberlink.telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
 
         self._outcome = "complete"
+        self._tell = tell
         try:
             self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
             for side in SIDES:
@@ -125,6 +169,7 @@ class VirtualRecording:
                 self._writer.flush()
             except OSError as error:
                 self._outcome = error.strerror or str(error)
+                self._tell(recording_ended(self._writer.path, self._outcome))
 
     def finish(self) -> dict[str, Any]:
         """End the file; returns the summary that the recorder of a live session gives."""

@@ -1,12 +1,13 @@
 """The whole system in virtual time: both sides and an emulated link. The same seed gives the same run, bit for bit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Protocol
 
 import numpy as np
 
 from weberlink.protocol.emulation import EmulatedLink
+from weberlink.system.interruption import Interruption
 from weberlink.system.scoring.session import Records
 from weberlink.system.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
@@ -58,19 +59,26 @@ class Simulation:
         self._index = 0
         self._opened = False
 
-    def run(self, duration: float | None, observers: Sequence[Observer]) -> None:
-        """Run to the end of the duration [s], or of the device's motion where that comes first.
+    def run(
+        self, duration: float | None, observers: Sequence[Observer], interruption: Interruption | None = None
+    ) -> None:
+        """Run to the end of the duration [s], or of the device's motion where that comes first, or to Ctrl-C.
 
         Args:
             duration: None to run until the device ends.
             observers: fed with the records of both sides, piece by piece.
+            interruption: notes Ctrl-C, which costs less than a piece; None to let it raise KeyboardInterrupt.
         """
+        chunks: Iterable[tuple[Records, Records]] = self._chunks(duration)
+        for records in chunks if interruption is None else interruption.pieces(chunks):
+            for observer in observers:
+                observer.add(*records)
+
+    def _chunks(self, duration: float | None) -> Iterator[tuple[Records, Records]]:
         ticks = self._ticks(duration)
         while chunk := list(islice(ticks, CHUNK)):
             masters, slaves = zip(*chunk, strict=True)
-            records = as_array(masters), as_array(slaves)
-            for observer in observers:
-                observer.add(*records)
+            yield as_array(masters), as_array(slaves)
 
     def _ticks(self, duration: float | None) -> Iterator[tuple[Record, Record]]:
         last = None if duration is None else self._index + round(duration / self._tick_period)
@@ -80,6 +88,11 @@ class Simulation:
             yield self.step()
             if self.master.stopped:
                 return
+
+    def close(self) -> None:
+        """Close device and robot; may be repeated."""
+        self.master.close()
+        self.slave.close()
 
     def step(self) -> tuple[Record, Record]:
         """One tick of both sides; returns what they would write to telemetry."""

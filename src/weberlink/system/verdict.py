@@ -7,16 +7,16 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from weberlink.system.order import COMPLETED, FAILED, MASTER, SLAVE
+from weberlink.system.order import COMPLETED, EMERGENCY, FAILED, MASTER, SLAVE
 
 GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"
-EMERGENCY = "emergency stop"
-"""The outcome of a run that an emergency stop has ended."""
 FAILED_OUTCOME = "failed: "
 """How the outcome of a failed run begins; the reason follows."""
 
 WAIT_S = 1.0
-"""A master without an answer for longer has failed [s]: a slave that is there answers within some 0.1 s."""
+"""A run without a session that ends later than this has failed [s]: a slave that is there answers within 0.1 s."""
+CALL_S = 3.0
+"""The same while it runs [s]: the slave may be about to start."""
 LOST_S = 1.0
 """A peer that was not heard for so long at the end was lost [s]; a goodbye may be lost too, and that shows earlier."""
 AWAY_S = 1.0
@@ -110,7 +110,7 @@ def _ending(summary: Mapping[str, Any]) -> Iterator[Cause]:
     """The reason of a run that failed; its own words."""
     outcome = str(summary.get("outcome") or "")
     reason = outcome.removeprefix(FAILED_OUTCOME)
-    if reason == EMERGENCY:
+    if EMERGENCY in outcome:
         yield Cause(FAILURE, "emergency_stop", "of an emergency stop")
     elif reason != outcome:
         name = next((name for name, words in _ENDINGS if words in reason), "ended")
@@ -135,23 +135,31 @@ def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
         yield Cause(DEGRADED, "unconnected", words)
     away = sides[MASTER]["away_s"] if MASTER in sides else 0.0
     if away >= AWAY_S:
-        yield Cause(DEGRADED, "away", f"the slave left, {away:.1f} s without it")
+        farewell = _peer(summary, MASTER).get("farewell")
+        why = f" ({farewell})" if farewell else ""
+        yield Cause(DEGRADED, "away", f"the slave left{why}, {away:.1f} s without it")
+
+
+def _peer(summary: Mapping[str, Any], side: str) -> Mapping[str, str]:
+    """What a side knew of its peer."""
+    return summary.get("peers", {}).get(side) or {}
 
 
 def _never(summary: Mapping[str, Any], side: str, waited: float) -> Iterator[Cause]:
     """A side that had no session at all."""
     faults, drops = (summary.get(key, {}).get(side, {}) for key in ("faults", "drops"))
-    refusal = summary.get("refusals", {}).get(side)
+    limit = WAIT_S if "outcome" in summary else CALL_S
+    refusal = _peer(summary, side).get("refusal")
     if faults.get("unproven") or drops.get("unproven"):
         caller = "a call" if side == SLAVE else "the answer"
         yield Cause(FAILURE, "key", f"{caller} did not prove the key: are the keys the same on both hosts?")
     elif refusal or faults.get("refused"):
         yield Cause(FAILURE, "refused", f"refused: {refusal}" if refusal else "a call was refused")
-    elif waited > WAIT_S and side == MASTER:
+    elif waited > limit and side == MASTER:
         at = summary.get("addresses", {}).get("slave")
         where = f" from {at}" if at else ""
         yield Cause(FAILURE, "no_answer", f"no answer{where} in {waited:.1f} s: {', '.join(_ANSWERS)}")
-    elif waited > WAIT_S and summary["connection"].get(MASTER) is None:
+    elif waited > limit and summary["connection"].get(MASTER) is None:
         yield Cause(DEGRADED, "no_call", f"no master called in {waited:.1f} s")
 
 
@@ -187,8 +195,9 @@ def _faults(summary: Mapping[str, Any]) -> Iterator[Cause]:
     faults = summary.get("faults", {})
     stalled = {side: counts["stalled"] for side, counts in faults.items() if counts.get("stalled")}
     if stalled:
+        longest = max(summary["ticks"][side]["missed_longest_s"] for side in stalled)
         who = " and ".join(f"the {side} {_times(count)}" for side, count in stalled.items())
-        yield Cause(DEGRADED, "stalled", f"processes stood still: {who}")
+        yield Cause(DEGRADED, "stalled", f"a process stood still: {who}, for up to {longest:.2f} s")
     if tripped := faults.get(SLAVE, {}).get("tripped"):
         yield Cause(DEGRADED, "tripped", f"the robot backed off from a contact {_times(tripped)} (slave.limits.trip_n)")
     if wrong := sum(counts.get("update", 0) for counts in faults.values()):
@@ -206,8 +215,8 @@ def _force(summary: Mapping[str, Any]) -> Iterator[Cause]:
     if outside is None:
         return
     if outside - explained > FELT_SHARE:
-        text = f"felt error outside the deadband in {_percent(outside)} of ticks, {_percent(explained)} by delay"
-        yield Cause(DEGRADED, "felt", text)
+        text = f"felt error outside the deadband in {_percent(outside)} of ticks"
+        yield Cause(DEGRADED, "felt", f"{text} ({_percent(explained)} explained by delay)")
     elif min(outside, explained) > DELAY_SHARE:
         text = f"delay put the felt error outside the deadband in {_percent(outside)} of ticks"
         yield Cause(DEGRADED, "delay", text)

@@ -14,7 +14,7 @@ from weberlink.studies.adaptive.document import CHOSEN_BY, band, document, summa
 from weberlink.studies.adaptive.signals import BASE_HZ, FULL, QUICK, AdaptiveScope, signals, tasks
 from weberlink.studies.evaluate.traces import ALL, NamedTrace, read_traces
 from weberlink.studies.parallel import parallel_map
-from weberlink.studies.result import StudyResult, plain_table
+from weberlink.studies.result import StudyResult, how_much, plain_table
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
 
@@ -54,7 +54,8 @@ def study(
     began = perf_counter()
     work = tasks(signals(given, scope), scope)
     coded = parallel_map(rows_of, work, workers, length, lambda done, total: progress(done, total, "signals"))
-    rows = [row for each in coded for row in each]
+    rows = [row for each in coded.values() for row in each]
+    interrupted = how_much(len(coded), len(work), "signals")
     run_time, facts = perf_counter() - began, environment()
     caption = footer(facts, SEED)
     content = {
@@ -88,4 +89,4 @@ def study(
             one.name, str(one.signals), f"{one.per_s:.1f}", band(one.over_hybrid), f"{one.over_best.mean:.2f}",
             f"{100 * one.lost:.0f} %",
         )  # fmt: skip
-    return StudyResult(content, table, draw)
+    return StudyResult(content, table, None if interrupted else draw, interrupted=interrupted)

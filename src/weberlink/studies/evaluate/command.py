@@ -3,18 +3,19 @@
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from time import perf_counter
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.by_source import by_source
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, coded_samples, rows_of
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, EvaluationTask, coded_samples, rows_of
 from weberlink.studies.evaluate.table import tables_of
-from weberlink.studies.evaluate.traces import NamedTrace, read_traces
+from weberlink.studies.evaluate.traces import read_traces
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
-from weberlink.studies.result import StudyResult
+from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
@@ -66,7 +67,9 @@ def run(
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
-    """Evaluate every combination. The rows do not depend on the workers, except for the measured run time.
+    """Evaluate every combination, or those that are done when Ctrl-C ends it.
+
+    The rows do not depend on the workers, except for the measured run time.
 
     Args:
         traces: files, or names of shipped recordings and of their sources; each recording once.
@@ -108,7 +111,10 @@ def run(
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces)
-    rows = _compute(study, named, workers, progress)
+    tasks = study.tasks(named)
+    results = _compute(tasks, workers, progress)
+    interrupted = how_much(len(results), len(tasks), "tasks")
+    rows = study.ordered(results)
     run_time, facts = perf_counter() - began, environment()
     caption = footer(facts)
     document = {
@@ -128,18 +134,19 @@ def run(
 
         draw_study(study, named, rows, folder, caption)
 
-    return Evaluation(document, tables_of(rows, jnd, run_time, caption), draw, rows)
+    table = tables_of(rows, jnd, run_time, caption) if rows else caption
+    # A curve over Weber factors needs all of them.
+    return Evaluation(document, table, None if interrupted else draw, rows, interrupted=interrupted)
 
 
 def _compute(
-    study: EvaluationStudy, traces: Sequence[NamedTrace], workers: EvaluationWorkers, progress: Progress
-) -> list[EvaluationRow]:
-    tasks = study.tasks(traces)
+    tasks: Sequence[EvaluationTask], workers: EvaluationWorkers, progress: Progress
+) -> dict[int, list[EvaluationRow]]:
     if workers.dask is not None:
         from weberlink.studies.cluster import LostClusterError, UnavailableClusterError, cluster_map  # noqa: PLC0415 - heavy, an extra
 
         try:
-            return study.ordered(cluster_map(rows_of, tasks, workers.dask, coded_samples, progress))
+            return cluster_map(rows_of, tasks, workers.dask, coded_samples, progress)
         except UnavailableClusterError as error:
             raise ConfigurationError(f"--dask: {error}") from None
         except LostClusterError as error:
@@ -148,7 +155,7 @@ def _compute(
     if count is None and sum(map(coded_samples, tasks)) < WORTH_PROCESSES:
         count = 1
     try:
-        return study.ordered(parallel_map(rows_of, tasks, count, coded_samples, progress))
+        return parallel_map(rows_of, tasks, count, coded_samples, progress)
     except BrokenProcessPool:
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
@@ -159,7 +166,9 @@ def _names(option: str, text: str, known: Sequence[str]) -> list[str]:
     listed = [name.strip() for name in text.split(",")]
     for name in listed:
         if name not in known:
-            raise ConfigurationError(f"{option}: {name!r} is none of {', '.join(known)}")
+            nearest = get_close_matches(name, known, n=1)
+            meant = f"; did you mean {nearest[0]}?" if nearest else ""
+            raise ConfigurationError(f"{option}: {name!r} is none of {', '.join(known)}{meant}")
     _check_once(option, listed)
     return listed
 

@@ -143,20 +143,21 @@ class EvaluationStudy:
 
     def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
         """All rows of one trace, computed here."""
-        return self.ordered([rows_of(task) for task in self.tasks([trace])])
+        return self.ordered({index: rows_of(task) for index, task in enumerate(self.tasks([trace]))})
 
-    def ordered(self, results: Sequence[Sequence[EvaluationRow]]) -> list[EvaluationRow]:
+    def ordered(self, results: Mapping[int, Sequence[EvaluationRow]]) -> list[EvaluationRow]:
         """All rows: traces outermost, then deadbands, then predictors, then Weber factors.
 
         Args:
-            results: the rows of each of `tasks`, in that order.
+            results: the rows by the index of their task; some may be missing.
         """
         webers = len(self.webers)
         return [
             results[first + weber][predictor]
-            for first in range(0, len(results), webers)
+            for first in sorted({index - index % webers for index in results})
             for predictor in range(len(self.predictors))
             for weber in range(webers)
+            if first + weber in results
         ]
 
 

@@ -1,7 +1,7 @@
 """The `paper` command: measure every claim of the paper on recordings and on simulated scenes."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
@@ -24,6 +24,7 @@ from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
+from weberlink.system.interruption import Interruption
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
@@ -130,41 +131,45 @@ def run(
     if plots:
         need("matplotlib", "plots", "--plots")
     signals = read_traces(traces)
-    began = perf_counter()
+    began, interruption = perf_counter(), Interruption()
 
-    def telling(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: progress(done, total, what)
+    def done(work: Callable[[Any], Any], tasks: Sequence[Any], what: str) -> list[Any]:
+        def tell(count: int, total: int) -> None:
+            progress(count, total, what)
+
+        return list(parallel_map(work, tasks, workers, progress=tell, interruption=interruption).values())
 
     def coded(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[Observation]:
-        study = replace(study, webers=scope.webers)
-        results = parallel_map(rows_of, study.tasks(named), workers, progress=telling("signals through the codec"))
+        tasks = replace(study, webers=scope.webers).tasks(named)
         return [
             Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
-            for row in study.ordered(results)
+            for rows in done(rows_of, tasks, "signals through the codec")
+            for row in rows
         ]
 
     def readings(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[ReadingResult]:
         if not named:
             return []
-        tasks = [(study, one) for one in named]
-        packets = parallel_map(packets_of, tasks, workers, progress=telling("readings of the paper"))
-        return results([one.name for one in named], packets)
+        packets = done(packets_of, [(study, one) for one in named], "readings of the paper")
+        return [] if interruption.noted else results([one.name for one in named], packets)
 
     sessions = [SimulatedSession(*parts, scope.duration_s) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
-    felt = parallel_map(_feel, sessions, workers, progress=telling("simulated sessions"))
-    explorations = [(scene, scope.duration_s) for scene in scope.scenes]
-    explored = parallel_map(_explore, explorations, workers, progress=telling("explored scenes"))
+    felt = done(_feel, sessions, "simulated sessions")
+    explored = done(_explore, [(scene, scope.duration_s) for scene in scope.scenes], "explored scenes")
     recordings = coded(STUDY, signals)
-    scenes = [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=True)]
+    # Ctrl-C may have left some scenes out: then `alone` is not used.
+    scenes = [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=False)]
     alone = coded(SCENE_STUDY, scenes)
     observed = {RECORDED: recordings, CODED: alone, WHOLE: felt}
     read = {
         RECORDED: readings(STUDY, signals),
         CODED: readings(SCENE_STUDY, scenes),
     }
-    conditions = [PaperCondition(key, *TEXTS[key], observed[key], read.get(key, ())) for key in TEXTS]
     facts = environment()
     caption = footer(facts, SEED)
+    if interruption.noted:
+        return _partial(observed, caption, {"seed": SEED, "run_time_s": perf_counter() - began, "environment": facts})
+    conditions = [PaperCondition(key, *TEXTS[key], observed[key], read.get(key, ())) for key in TEXTS]
     content = {
         "conditions": [_as_json(condition) for condition in conditions],
         "seed": SEED,
@@ -181,6 +186,16 @@ def run(
         (folder / PAGE).write_text(document(conditions, caption, moments), encoding="utf-8")
 
     return Paper(content, _table(conditions, caption), draw, conditions)
+
+
+def _partial(observed: Mapping[str, Sequence[Observation]], caption: str, facts: dict[str, Any]) -> Paper:
+    """What was observed until Ctrl-C. No claim is judged by it: a claim is about all signals."""
+    table = plain_table("signal", "predictor", "k", "packets/s", "RMS JND", left=("predictor",), caption=caption)
+    for one in (one for found in observed.values() for one in found):
+        table.add_row(one.unit, one.predictor, f"{one.weber:g}", f"{one.packets_per_s:.1f}", f"{one.quality:.3f}")
+    document = {"observations": {key: [asdict(one) for one in found] for key, found in observed.items()}} | facts
+    count = sum(map(len, observed.values()))
+    return Paper(document, table, None, [], interrupted=f"{count} observations, too few to judge a claim,")
 
 
 def _explore(exploration: tuple[PaperScene, float]) -> Trace:

@@ -13,6 +13,7 @@ from weberlink.studies.evaluate.traces import SHIPPED
 from weberlink.studies.precision import coding, study
 from weberlink.studies.precision.coding import RECOMMENDED, CodingStudy
 from weberlink.studies.precision.measurement import IntegratorRow
+from weberlink.studies.precision.problems import PROBLEMS
 from weberlink.studies.precision.study import (
     DEFAULT,
     FULL,
@@ -28,6 +29,7 @@ from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
+from weberlink.system.interruption import Interruption, pieces_of
 from weberlink.system.simulate import simulate
 
 SCENES = ("loopback", "scene-plane", "scene-sphere", "scene-cavity", "scene-height-field")
@@ -43,8 +45,8 @@ Sections = dict[str, StudyResult]
 """The studies by name."""
 
 
-def combined(sections: Sections, facts: dict[str, Any]) -> StudyResult:
-    """All studies as one result, with the environment `facts`."""
+def combined(sections: Sections, facts: dict[str, Any], interrupted: str = "") -> StudyResult:
+    """All studies as one result, with the environment `facts`; and how much is done, if Ctrl-C ended them."""
     whole = Table.grid()
     for section in sections.values():
         whole.add_row(section.table)
@@ -56,7 +58,7 @@ def combined(sections: Sections, facts: dict[str, Any]) -> StudyResult:
             section.draw(folder)
 
     document = {name: section.document for name, section in sections.items()} | {"environment": facts}
-    return StudyResult(document, whole, draw)
+    return StudyResult(document, whole, draw, interrupted=interrupted)
 
 
 def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> StudyResult:
@@ -76,14 +78,18 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Stu
     facts = environment()
     caption = footer(facts)
     signal = FULL_SIGNAL_S if full else SIGNAL_S
-    sections = {"integrators": integrators(full, caption, progress), "codec": codec(SCENES, signal, caption, progress)}
-    return combined(sections, facts)
+    interruption = Interruption()
+    solved = integrators(full, caption, progress, interruption)
+    coded = list(interruption.pieces(pieces_of(lambda: codec(SCENES, signal, caption, progress))))
+    sections = {"integrators": solved} | ({"codec": coded[0]} if coded else {})
+    done = len(solved.document["problems"])
+    return combined(sections, facts, "" if coded else f"{done} of {len(PROBLEMS)} problems, and nothing of the codec,")
 
 
-def integrators(full: bool, caption: str, progress: Progress) -> StudyResult:
-    """The integrators of the simulated robot on problems with known solutions."""
+def integrators(full: bool, caption: str, progress: Progress, interruption: Interruption) -> StudyResult:
+    """The integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came."""
     effort = FULL if full else DEFAULT
-    results = study.study(effort, chooser=automatic, progress=progress)
+    results = study.study(effort, chooser=automatic, progress=progress, interruption=interruption)
 
     def draw(folder: Path) -> None:
         from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415 - slow import
@@ -95,7 +101,7 @@ def integrators(full: bool, caption: str, progress: Progress) -> StudyResult:
         "repeats_most": effort.repeats,
         "problems": [result.as_json() for result in results],
     }
-    return StudyResult(document, summary(results), draw)
+    return StudyResult(document, summary(results), draw if results else None)
 
 
 def codec(
@@ -114,9 +120,9 @@ def codec(
     part = slice(recorded_ticks)
     traces = {"operator": Trace(whole.time_s[part], whole.position_m[part], whole.force_n[part], whole.gaps_s)}
     for done, name in enumerate(scenes):
-        progress(f"signal of {name}", done, len(scenes))
+        progress(done, len(scenes), f"signal of {name}")
         traces[name] = _signal(name, duration)
-    progress("coding", len(scenes), len(scenes))
+    progress(len(scenes), len(scenes), "coding")
     coded = coding.study(traces)
 
     def draw(folder: Path) -> None:

@@ -1,6 +1,6 @@
 """Work-precision study: every problem with every integrator and step. Needs scipy (extra: precision)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
@@ -20,12 +20,13 @@ from weberlink.studies.precision.measurement import (
 )
 from weberlink.studies.precision.problems import PROBLEMS, TICK, Problem, Quantity
 from weberlink.studies.precision.reference import ReferenceSolution, reference
+from weberlink.system.interruption import Interruption
 
 Chooser = Callable[[Problem], tuple[str, int]]
 """The recommended integrator and its substeps per tick for a problem."""
 
-Progress = Callable[[str, int, int], None]
-"""Receives the name of the next piece, the number of finished pieces, and the number of all."""
+Progress = Callable[[int, int, str], None]
+"""Receives the number of finished pieces, the number of all, and the name of the next piece."""
 
 RESOLVED = 1e-12
 """Relative errors below it are rounding errors and count as equal."""
@@ -186,8 +187,9 @@ def study(
     schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
     chooser: Chooser | None = None,
     progress: Progress = lambda *_: None,
+    interruption: Interruption | None = None,
 ) -> list[ProblemResult]:
-    """Run everything.
+    """Run everything, or what is done when Ctrl-C comes.
 
     Args:
         effort: how fine and how often.
@@ -195,13 +197,16 @@ def study(
         schemes: integrators by name.
         chooser: recommends an integrator; None leaves recommendations out.
         progress: called before each problem, and at the end.
+        interruption: notes Ctrl-C; None for one of its own.
     """
-    results = []
-    for done, problem in enumerate(problems):
-        progress(problem.name, done, len(problems))
-        results.append(studied(problem, effort, schemes, chooser))
-    progress("done", len(problems), len(problems))
-    return results
+
+    def one_by_one() -> Iterator[ProblemResult]:
+        for done, problem in enumerate(problems):
+            progress(done, len(problems), problem.name)
+            yield studied(problem, effort, schemes, chooser)
+        progress(len(problems), len(problems), "done")
+
+    return list((interruption or Interruption()).pieces(one_by_one()))
 
 
 def studied(

@@ -11,8 +11,8 @@ from typing import Any
 from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
-from weberlink.studies.parallel import Progress, map_until_stopped
-from weberlink.studies.result import StudyResult, plain_table
+from weberlink.studies.parallel import Progress, parallel_map
+from weberlink.studies.result import StudyResult, how_much, plain_table
 from weberlink.studies.stability.cells import SystemCell
 from weberlink.studies.stability.script import HEIGHT, CellTiming, scene, timing
 from weberlink.studies.stability.slices import cells
@@ -31,15 +31,7 @@ Result = WallRow | CellVerdict
 Judged = tuple[SystemCell, CellVerdict]
 
 
-@dataclass(frozen=True)
-class StabilityMap(StudyResult):
-    """The map, or what there is of it."""
-
-    problem: str
-    """Why it is not complete, in one line; empty if it is."""
-
-
-def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StabilityMap:
+def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StudyResult:
     """Compute the map, or as much of it as is done when Ctrl-C stops it. It does not depend on the number of workers.
 
     Args:
@@ -59,15 +51,14 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
     return assemble(*computed, full=full, of=len(surveyed) + len(mapped), run_time=perf_counter() - began)
 
 
-def assemble(rows: list[WallRow], verdicts: list[Judged], *, full: bool, of: int, run_time: float) -> StabilityMap:
+def assemble(rows: list[WallRow], verdicts: list[Judged], *, full: bool, of: int, run_time: float) -> StudyResult:
     """The map of what was computed, of so many pieces in all, in a run time [s]."""
     facts = environment()
     done = len(rows) + len(verdicts)
-    problem = "" if done == of else f"stopped before the end: the results are partial, {done} of {of} pieces"
-    caption = "\n".join(filter(None, (problem, footer(facts, SEED))))
+    interrupted = how_much(done, of, "pieces")
+    caption = "\n".join(filter(None, (interrupted and f"partial: {interrupted}", footer(facts, SEED))))
     document = {
         "full": full,
-        "partial": bool(problem),
         "walls": [row.as_json() for row in rows],
         "cells": [
             cell.as_json() | (cell.limits() if cell.scheme == "none" else {}) | verdict.as_json()
@@ -86,7 +77,7 @@ def assemble(rows: list[WallRow], verdicts: list[Judged], *, full: bool, of: int
         if verdicts:
             stability_map(verdicts, folder / "stability_map.png", caption)
 
-    return StabilityMap(document, _table(rows, verdicts, run_time, caption), draw, problem)
+    return StudyResult(document, _table(rows, verdicts, run_time, caption), draw, interrupted=interrupted)
 
 
 def compute(
@@ -94,7 +85,7 @@ def compute(
 ) -> tuple[list[WallRow], list[Judged]]:
     """Compute everything in `workers` processes, or what is done before Ctrl-C; results in the given order."""
     tasks: list[Task] = [*surveyed, *mapped]
-    results = map_until_stopped(_work, tasks, workers, _length, progress)
+    results = parallel_map(_work, tasks, workers, _length, progress)
     done = [(task, results[index]) for index, task in enumerate(tasks) if index in results]
     rows = [result for _, result in done if isinstance(result, WallRow)]
     judged = [
