@@ -15,6 +15,8 @@ TIMES ?= 10
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
+	ldconfig -p | grep -q libEGL.so.1 || apt-get install -y -q --no-install-recommends libegl1
+	ldconfig -p | grep -q libOSMesa || apt-get install -y -q --no-install-recommends libosmesa6
 	command -v cyclictest >/dev/null || apt-get install -y -q --no-install-recommends rt-tests
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev

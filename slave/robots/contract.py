@@ -112,6 +112,14 @@ class OrientedRobot(Robot, Protocol):
 
 
 @runtime_checkable
+class PosedRobot(Robot, Protocol):
+    """A simulated robot that can publish its pose for who draws its scene, see `weberlink.telemetry.pose`."""
+
+    def publish_pose(self) -> None:
+        """Publish the pose from `open` to `close`; called before `open`."""
+
+
+@runtime_checkable
 class Explaining(Protocol):
     """A robot that can say why samples are missing."""
 

@@ -1,7 +1,10 @@
 """The robot `mujoco`: an MJCF file under Cartesian position control. Imports MuJoCo only when a robot is built."""
 
+import os
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
+from time import monotonic
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.geometry.vector import Vector
@@ -12,6 +15,10 @@ from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from weberlink.slave.robots.mjcf.simulation import MjcfSimulation
+    from weberlink.telemetry.pose import PoseWriter
+
+POSE_S = 1.0 / 30.0
+"""Time between two published poses [s]."""
 
 
 class MujocoRobot(ComputedRobot):
@@ -46,6 +53,27 @@ class MujocoRobot(ComputedRobot):
             torque_n_m=0.0 if options.rotation is None else options.rotation.torque_n_m,
         )
         super().__init__(spec, self._simulation.home)
+        self._shows = False
+        self._pose: PoseWriter | None = None
+        self._unshown = 0.0
+        """Time since the last published pose [s]."""
+
+    def publish_pose(self) -> None:
+        self._shows = True
+
+    def open(self, now: float) -> None:
+        super().open(now)
+        if self._shows:
+            from weberlink.telemetry.pose import PoseWriter, path_of  # noqa: PLC0415 - live sessions only
+
+            with suppress(OSError):  # a session does not need to be seen
+                self._pose = PoseWriter(path_of(os.getpid()), len(self._simulation.pose))
+
+    def close(self) -> None:
+        super().close()
+        if self._pose is not None:
+            self._pose.close()
+            self._pose = None
 
     def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
         """Set the orientation to hold; no effect without the option `rotation`."""
@@ -59,4 +87,10 @@ class MujocoRobot(ComputedRobot):
         self._simulation.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        return self._simulation.advance(commanded, min(elapsed, LONGEST_GAP))
+        reached = self._simulation.advance(commanded, min(elapsed, LONGEST_GAP))
+        if self._pose is not None:
+            self._unshown += elapsed
+            if self._unshown >= POSE_S:
+                self._unshown = 0.0
+                self._pose.write(monotonic(), self._simulation.pose)
+        return reached

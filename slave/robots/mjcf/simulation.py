@@ -10,7 +10,7 @@ from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import Quaternion, RobotFault
 from weberlink.slave.robots.mjcf.impedance import Impedance
 from weberlink.slave.robots.mjcf.options import MujocoOptions
-from weberlink.slave.robots.mjcf.plant import Plant, settle
+from weberlink.slave.robots.mjcf.plant import Array, Plant, settle
 from weberlink.slave.robots.mjcf.sensing import force_sensing
 
 if TYPE_CHECKING:
@@ -62,6 +62,12 @@ class MjcfSimulation:
         self._force_sensing = force_sensing(plant, options.force)
         self.substeps = self._substeps(float(plant.model.opt.timestep), tick_period)
         self._step = tick_period / self.substeps
+
+    @property
+    def pose(self) -> Array:
+        """Positions of all joints, as MuJoCo has them; changes with each step."""
+        pose: Array = self._plant.data.qpos
+        return pose
 
     def reset(self) -> None:
         """Return to the initial state."""

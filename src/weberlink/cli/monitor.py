@@ -41,6 +41,10 @@ def monitor(
         list[Path] | None,
         typer.Option(metavar="FILE", help="Play a recording on the page; twice for the files of both sides."),
     ] = None,
+    view: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
+    ] = None,
 ) -> None:
     """Show running sessions, or a recording, in a browser and to Prometheus, until Ctrl-C."""
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
@@ -65,12 +69,33 @@ def monitor(
             )
         tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
     settings = MonitorSettings(
-        listen, port, session, browse, *addresses, terms, recordings, _replayed(replay) if replay else None
+        listen,
+        port,
+        session,
+        browse,
+        *addresses,
+        terms,
+        recordings,
+        _replayed(replay) if replay else None,
+        None if view is None else _view(view),
     )
     try:
         run(settings)
     except MonitorError as error:
         fail(str(error), FAILED)
+
+
+def _view(text: str) -> Any:
+    """What --view shows."""
+    from weberlink.apps.monitor.view import ViewError, parse_view  # noqa: PLC0415
+    from weberlink.system.configuration.extras import need  # noqa: PLC0415
+
+    with errors():
+        need("cv2", "camera", "--view")
+    try:
+        return parse_view(text)
+    except ViewError as error:
+        fail(str(error), MISCONFIGURED)
 
 
 def _replayed(paths: list[Path]) -> Any:

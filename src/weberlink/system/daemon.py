@@ -108,7 +108,7 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Si
         return build_master(configuration, peer=split_address(link.slave), **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
-    return build_slave(configuration, **common)
+    return build_slave(configuration, shows=True, **common)
 
 
 def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":

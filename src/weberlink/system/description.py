@@ -36,7 +36,7 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     return {
         "side": side,
         "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
-        "file": str(configuration.path),
+        "file": str(configuration.path.absolute()),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
         "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),

@@ -47,6 +47,8 @@ SESSION = "session"
 """`side` of lines about both sides."""
 LONGEST_OUTCOME = 1000
 """Characters of an outcome that are written: a line must fit into a pipe."""
+LONGEST_TEXT = 500
+"""Characters of the words of an event."""
 KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
 """Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTERS = ("updates_sent", "datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "bytes_sent")
@@ -277,7 +279,13 @@ class Journal:
     def _line(self, wall_s: float, side: str, event: str, fields: Fields) -> None:
         lost = {"lost_lines": self.lost_lines} if self.lost_lines else {}
         level, text = words(side, event, fields)
-        document = {"time": _timestamp(wall_s), "side": side, "event": event, "level": level, "text": text}
+        document = {
+            "time": _timestamp(wall_s),
+            "side": side,
+            "event": event,
+            "level": level,
+            "text": text[:LONGEST_TEXT],
+        }
         document |= fields | lost
         try:
             written = self._write(json.dumps(document, separators=(",", ":"), allow_nan=False)) is not False

@@ -50,7 +50,7 @@ Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key|\.pointer)")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.(?:key|pointer|pose))")
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 TELL_S = 0.5

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.verdict import DEGRADED, GOOD
 
 INFO, WARN, ALARM = "info", "warn", "alarm"
 """Levels of an event: all is well; worth a look; the session does not do its work."""
@@ -26,6 +27,7 @@ FAULTS = {
     "update": Words(WARN, "an update from the {peer} does not fit the channel: it was not applied"),
     "stalled": Words(ALARM, "the process stood still for longer than the limit"),
     "taken_over": Words(ALARM, "another master has taken over the robot: this one leaves"),
+    "unproven": Words(ALARM, "a message of the {peer} did not prove the key: are the keys the same on both hosts?"),
     "tripped": Words(ALARM, "the contact force passed its limit: the robot backed off and waits for the hand"),
 }
 """What each fault means; `{peer}` is the other side, `{hardware}` the device or the robot of this one."""
@@ -75,9 +77,17 @@ def _settings(side: str, fields: Fields) -> Words:
 
 def _ended(side: str, fields: Fields) -> Words:
     del side
-    outcome = fields["outcome"]
-    is_good = outcome == "completed" or fields.get("status") == 0
-    return Words(INFO if is_good else ALARM, f"the session ended: {outcome}")
+    outcome, judged = fields["outcome"], fields.get("verdict")
+    if judged is None:
+        is_good = outcome == "completed" or fields.get("status") == 0
+        return Words(INFO if is_good else ALARM, f"the session ended: {outcome}")
+    causes = "; ".join(cause["text"] for cause in judged["causes"])
+    told = f"{judged['word']} because {causes}" if causes else judged["word"]
+    return Words(_LEVELS.get(judged["word"], ALARM), f"the session ended ({outcome}): {told}")
+
+
+_LEVELS = {GOOD: INFO, DEGRADED: WARN}
+"""Level of the end of a session by its verdict."""
 
 
 def _counted(level: str, one: str, many: str) -> Callable[[str, Fields], Words]:

@@ -41,6 +41,8 @@ def test_greeting_names_file_drivers_and_sides() -> None:
         "slave": "arm-2",
     }
     assert hello("7", {"slave": slave}, remote=True)["names"]["slave"] == "arm-2"
+    heard = hello("7", {"slave": slave | {"peer": {"name": "bob@lab"}}}, remote=True)["names"]
+    assert (heard["master"], heard["slave"]) == ("bob@lab", "arm-2")
     assert set(hello("7", {"slave": None}, remote=True)["names"].values()) == {None}
 
 

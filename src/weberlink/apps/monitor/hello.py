@@ -71,7 +71,9 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
     link = system.get("link", {})
 
     def own(side: str) -> str | None:
-        name: str | None = (descriptions.get(side) or {}).get("name") or (link.get("names") or {}).get(side)
+        described, other = (descriptions.get(each) or {} for each in (side, SLAVE if side == MASTER else MASTER))
+        heard = (other.get("peer") or {}).get("name")
+        name: str | None = described.get("name") or heard or (link.get("names") or {}).get(side)
         return name
 
     return {

@@ -24,6 +24,7 @@ from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
+from weberlink.apps.monitor.view import View, ViewDesk
 from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
@@ -60,6 +61,8 @@ class MonitorSettings:
     """Folder of the recordings that pages start."""
     replay: "ReplaySource | None" = None
     """A recording to show in the place of running sessions."""
+    view: View | None = None
+    """A picture to show beside the scene."""
 
 
 @dataclass(frozen=True)
@@ -96,13 +99,19 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
     keeper = None if visit is None else _keeper(visit, watch, say)
     _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
-    runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
+    application = site.application()
+    view = None if settings.view is None else ViewDesk(watch, settings.view, tell)
+    if view is not None:
+        application.router.add_get("/view", view.serve)
+    runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
     async with AsyncExitStack() as stack:
         stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
         if settings.replay is not None:
             stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
+        if view is not None:
+            stack.push_async_callback(view.close)
         listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
         await web.SockSite(runner, listening).start()
         if visit is None:

@@ -176,7 +176,7 @@ class WatchedSession:
     def faults(self) -> dict[str, dict[str, int]]:
         """How often each fault began, by side and name."""
         return {
-            name: {Fault(number).name.lower(): count for number, count in sorted(side.faults.items())}
+            name: {_fault_name(number): count for number, count in sorted(side.faults.items())}
             for name, side in sorted(self._sides.items())
         }
 
@@ -308,4 +308,12 @@ def _measures(description: Mapping[str, Any]) -> Measures | None:
 
 
 def _fault(record: Any) -> str | None:
-    return None if record is None or not record["fault"] else Fault(int(record["fault"])).name.lower()
+    return None if record is None or not record["fault"] else _fault_name(int(record["fault"]))
+
+
+def _fault_name(number: int) -> str:
+    """The name of a fault, or the number of one that another release knows."""
+    try:
+        return Fault(number).name.lower()
+    except ValueError:
+        return str(number)

@@ -10,7 +10,7 @@ from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import OrientedRobot, Robot
+from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot
 from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -44,13 +44,19 @@ def build_slave(
     epoch: float,
     stopwatch: Stopwatch,
     identity: Identity = ANONYMOUS,
+    shows: bool = False,
 ) -> Side:
     """The teleoperator's side, not yet open.
+
+    Args:
+        shows: whether a simulated robot publishes its pose.
 
     Raises:
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
     """
     system, robot = configuration.system, build_robot(configuration)
+    if shows and isinstance(robot, PosedRobot):
+        robot.publish_pose()
     forward, backward = streams(system)
     limits = system.slave.limits
     force_encoder = Encoder(backward[0])

@@ -1,0 +1,231 @@
+"""A picture beside the scene: frames of a camera, a video file or the robot's simulated scene, over a WebSocket.
+
+A message is the age of the frame when it is sent [s], as a little-endian double, and a JPEG. A slow page skips frames.
+"""
+
+import asyncio
+import os
+import sys
+from asyncio.subprocess import DEVNULL, PIPE, Process
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from struct import pack
+from time import monotonic
+from typing import Any, NamedTuple
+
+from aiohttp import WSCloseCode, web
+
+from weberlink.apps.monitor.frames import BACKENDS, CAMERA, FRAME, PERIOD_S, ROBOT, VIDEO
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.telemetry.pose import path_of
+
+MUJOCO = "mujoco"
+"""The robot driver that publishes its pose."""
+MOST_VIEWS = 16
+LARGEST_FRAME = 4 * 2**20
+HEARTBEAT_S = 20.0
+PREFIX = f"{CAMERA}:"
+
+
+class ViewError(ValueError):
+    """The view cannot be shown; one line that says what to do."""
+
+
+class View(NamedTuple):
+    """What to show: a kind of `weberlink.apps.monitor.frames`, and the camera or the file."""
+
+    kind: str
+    source: str = ""
+
+
+def parse_view(text: str) -> View:
+    """Read the option: `camera:DEVICE`, `robot`, or the path of a video file.
+
+    Raises:
+        ViewError: there is no such camera or file.
+    """
+    if text == ROBOT:
+        return View(ROBOT)
+    if text.startswith(PREFIX):
+        device = text.removeprefix(PREFIX)
+        path = Path(f"/dev/video{device}" if device.isdecimal() else device)
+        if not path.exists():
+            there = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*"))) or "none"
+            raise ViewError(f"--view {text}: there is no {path}; cameras here: {there}")
+        return View(CAMERA, str(path))
+    if not Path(text).is_file():
+        raise ViewError(f"--view {text}: expected camera:DEVICE, robot, or the path of a video file")
+    return View(VIDEO, text)
+
+
+class FrameSource:
+    """The newest frame of a child process, which runs while somebody looks.
+
+    Args:
+        commands: of processes that make the frames; each is tried after the one before has failed without a frame.
+        tell: called with lines for the user.
+    """
+
+    def __init__(self, commands: list[tuple[dict[str, str], list[str]]], tell: Callable[[str], None]) -> None:
+        self.newest: tuple[float, bytes] | None = None
+        self.failure: str | None = None
+        """Why there are no more frames; None while there may be some."""
+        self._commands = commands
+        self._tell = tell
+        self._came = asyncio.Event()
+        self._task = asyncio.get_running_loop().create_task(self._run())
+
+    async def after(self, at: float) -> tuple[float, bytes] | None:
+        """The newest frame, once it is newer than a moment [s]; None when there are no more."""
+        while self.failure is None and (self.newest is None or self.newest[0] <= at):
+            self._came.clear()
+            await self._came.wait()
+        return self.newest if self.newest is not None and self.newest[0] > at else None
+
+    async def close(self) -> None:
+        """End the process."""
+        self._task.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._task
+
+    async def _run(self) -> None:
+        why = ""
+        for variables, command in self._commands:
+            why = await self._follow(variables, command)
+            if self.newest is not None:
+                break
+        self.failure = why
+        self._tell(f"view: {why}")
+        self._came.set()
+
+    async def _follow(self, variables: dict[str, str], command: list[str]) -> str:
+        """Take frames of a process until it ends; returns why."""
+        process = await asyncio.create_subprocess_exec(
+            *command, stdin=DEVNULL, stdout=PIPE, stderr=PIPE, env=os.environ | variables, start_new_session=True
+        )
+        try:
+            await self._take(process)
+            assert process.stderr is not None
+            said = (await process.stderr.read()).decode(errors="replace").strip().splitlines()
+            return said[-1] if said else "its process has ended"
+        finally:
+            with suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+
+    async def _take(self, process: Process) -> None:
+        assert process.stdout is not None
+        with suppress(asyncio.IncompleteReadError):
+            while True:
+                at, length = FRAME.unpack(await process.stdout.readexactly(FRAME.size))
+                if length > LARGEST_FRAME:
+                    return
+                self.newest = (at, await process.stdout.readexactly(length))
+                self._came.set()
+
+
+class ViewDesk:
+    """Serves the view of a session to pages.
+
+    Args:
+        watch: sessions.
+        view: what to show.
+        tell: called with lines for the user.
+    """
+
+    def __init__(self, watch: SessionWatcher, view: View, tell: Callable[[str], None]) -> None:
+        self._watch = watch
+        self._view = view
+        self._tell = tell
+        self._sources: dict[str, FrameSource] = {}
+        """By name of the session that a robot is of; of a camera, one for all."""
+        self._lookers: dict[str, set[web.WebSocketResponse]] = {}
+        watch.attach(self)
+
+    def look(self, now: float) -> None:
+        """Nothing to do."""
+
+    def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
+        """The kind of view of the session; None without one."""
+        del viewer
+        is_there = self._view.kind != ROBOT or self._robot(session) is not None
+        return {"view": self._view.kind if is_there else None}
+
+    def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
+        """Nothing to send."""
+
+    async def serve(self, request: web.Request) -> web.StreamResponse:
+        """Send frames to a page until it leaves, or until there are no more."""
+        if sum(map(len, self._lookers.values())) >= MOST_VIEWS:
+            raise web.HTTPServiceUnavailable
+        name, commands = self._commands(request.query.get("session", ""))
+        if not commands:
+            raise web.HTTPNotFound
+        socket = web.WebSocketResponse(max_msg_size=1024, heartbeat=HEARTBEAT_S, compress=False)
+        await socket.prepare(request)
+        if name not in self._sources or self._sources[name].failure is not None:
+            self._sources[name] = FrameSource(commands, self._tell)
+        lookers = self._lookers.setdefault(name, set())
+        lookers.add(socket)
+        sender = asyncio.get_running_loop().create_task(_send(self._sources[name], socket))
+        try:
+            async for _ in socket:
+                pass  # a page has nothing to say here
+        finally:
+            sender.cancel()
+            with suppress(asyncio.CancelledError, ConnectionError):
+                await sender
+            lookers.discard(socket)
+            if not lookers and name in self._sources:
+                await self._sources.pop(name).close()
+        return socket
+
+    async def close(self) -> None:
+        """End all views."""
+        for socket in [socket for lookers in self._lookers.values() for socket in lookers]:
+            with suppress(TimeoutError, ConnectionError):
+                async with asyncio.timeout(0.5):
+                    await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the monitor ends")
+        for source in list(self._sources.values()):
+            await source.close()
+
+    def _commands(self, name: str) -> tuple[str, list[tuple[dict[str, str], list[str]]]]:
+        """Name of the source for a session, and the commands that make its frames; none if it has no view."""
+        run = [sys.executable, "-m", "weberlink.apps.monitor.frames", self._view.kind]
+        if self._view.kind != ROBOT:
+            return "", [({}, [*run, self._view.source])]
+        session = self._watch.sessions.get(name)
+        robot = None if session is None else self._robot(session)
+        if robot is None:
+            return name, []
+        return name, [({"MUJOCO_GL": backend}, [*run, *robot]) for backend in BACKENDS]
+
+    @staticmethod
+    def _robot(session: WatchedSession) -> list[str] | None:
+        """Model and pose of the simulated robot of a session on this host; None without one."""
+        feed = session.feeds.get("slave")
+        described = None if feed is None or feed.ring is None or session.ended else feed.description
+        if described is None:
+            return None
+        robot = described.get("system", {}).get("slave", {}).get("robot", {})
+        if robot.get("driver") != MUJOCO or "model" not in robot:
+            return None
+        model = Path(described.get("file", "")).parent / robot["model"]
+        return [str(model), str(path_of(int(described["pid"])))]
+
+
+async def _send(source: FrameSource, socket: web.WebSocketResponse) -> None:
+    """Send the newest frame again and again, at most at the rate of frames."""
+    at = 0.0
+    while True:
+        began = monotonic()
+        frame = await source.after(at)
+        if frame is None:
+            await socket.close(message=(source.failure or "").encode()[:120])
+            return
+        at, jpeg = frame
+        await socket.send_bytes(pack("<d", monotonic() - at) + jpeg)
+        await asyncio.sleep(max(0.0, began + PERIOD_S - monotonic()))

@@ -1,0 +1,148 @@
+"""The picture beside the scene: a video file, the robot's scene, and what cannot be shown."""
+
+import asyncio
+import struct
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+from aiohttp import web
+
+from tests.apps.monitor.feeds import HandFeed, description
+from tests.apps.monitor.test_watch import told
+from tests.system.systems import CONFIGS
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.view import View, ViewDesk, ViewError, parse_view
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.telemetry.pose import PoseWriter, path_of
+
+cv2 = pytest.importorskip("cv2")
+PID = 2**22 + 7
+"""Of no process."""
+
+Look = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
+
+
+def video(path: Path) -> Path:
+    """Twenty pictures that become brighter."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 15.0, (64, 48))
+    for number in range(20):
+        writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
+    writer.release()
+    return path
+
+
+def look_at(view: View, look: Look) -> list[str]:
+    """Let a page look at a view; returns what the user was told."""
+    said: list[str] = []
+
+    async def run() -> None:
+        watch = SessionWatcher(None, "7", said.append)
+        desk = ViewDesk(watch, view, said.append)
+        application = web.Application()
+        application.router.add_get("/view", desk.serve)
+        runner = web.AppRunner(application)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        port = runner.addresses[0][1]
+        try:
+            async with asyncio.timeout(60), aiohttp.ClientSession() as client:
+                await look(client, f"http://127.0.0.1:{port}/view", watch)
+        finally:
+            await desk.close()
+            await runner.cleanup()
+
+    asyncio.run(run())
+    return said
+
+
+def picture(message: aiohttp.WSMessage) -> tuple[float, Any]:
+    assert message.type is aiohttp.WSMsgType.BINARY, message
+    (age,) = struct.unpack("<d", message.data[:8])
+    return age, cv2.imdecode(np.frombuffer(message.data[8:], np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_video_comes_as_jpeg_with_its_age(tmp_path: Path) -> None:
+    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
+        async with client.ws_connect(url) as one, client.ws_connect(url) as other:
+            seen = [picture(await one.receive()) for _ in range(5)]
+            assert picture(await other.receive())[1].shape == (48, 64, 3)
+        assert all(0.0 <= age < 30.0 and pixels.shape == (48, 64, 3) for age, pixels in seen)
+        assert len({int(pixels.mean()) for _, pixels in seen}) > 1
+
+    assert look_at(parse_view(str(video(tmp_path / "wall.avi"))), look) == []
+
+
+def test_file_that_is_no_video_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "wall.mp4"
+    path.write_text("nonsense")
+
+    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
+        async with client.ws_connect(url) as socket:
+            assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
+
+    (line,) = look_at(parse_view(str(path)), look)
+    assert line == f"view: {path}: is no video that can be read"
+
+
+@pytest.mark.parametrize("source", ["camera:/dev/none", "camera:77", "none.mp4", "robots"])
+def test_source_that_is_not_there_is_refused(source: str) -> None:
+    with pytest.raises(ViewError, match=f"--view {source}: "):
+        parse_view(source)
+
+
+def simulated(folder: Path) -> WatchedSession:
+    """A session of the robot `mujoco` with a ring on this host."""
+    feed = HandFeed("slave", ring=folder / "weberlink-7-slave.ring")
+    feed.description = description("slave", "mujoco-arm.yaml") | {
+        "file": str(CONFIGS / "mujoco-arm.yaml"),
+        "changes": [],
+        "pid": PID,
+    }
+    return WatchedSession("7", feed)
+
+
+def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    session = simulated(tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(ViewDesk._robot(session)[0]))
+    pose = PoseWriter(path_of(PID), model.nq)
+    try:
+        pose.write(1.0, np.zeros(model.nq))
+
+        async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
+            watch.put(session)
+            viewer = Viewer(None, may_change=False)
+            watch.join(viewer)
+            assert told(viewer)[0]["view"] == "robot"
+            async with client.ws_connect(f"{url}?session=7") as socket:
+                first = await socket.receive()
+                if first.type is not aiohttp.WSMsgType.BINARY:
+                    pytest.skip("MuJoCo cannot draw here; make system installs what it needs")
+                pose.write(2.0, np.full(model.nq, 0.4))
+                second = await socket.receive()
+            before, after = picture(first)[1], picture(second)[1]
+            assert before.shape == after.shape == (360, 480, 3)
+            moved = np.abs(before.astype(int) - after).max(axis=2) > 40
+            assert 0.001 < moved.mean() < 0.5
+
+        look_at(View("robot"), look)
+    finally:
+        pose.close()
+
+
+def test_session_without_a_simulated_robot_has_no_view() -> None:
+    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
+        watch.put(WatchedSession("7", HandFeed("slave")))
+        viewer = Viewer(None, may_change=False)
+        watch.join(viewer)
+        assert told(viewer)[0]["view"] is None
+        async with client.get(f"{url}?session=7") as response:
+            assert response.status == 404
+
+    look_at(View("robot"), look)

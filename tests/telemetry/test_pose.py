@@ -1,0 +1,42 @@
+"""Poses in shared memory: what a reader sees, and files that are none."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from weberlink.telemetry.pose import SEQUENCE_AT, PoseReader, PoseWriter
+
+
+def test_reader_gets_the_newest_pose(tmp_path: Path) -> None:
+    path = tmp_path / "weberlink-7.pose"
+    writer = PoseWriter(path, 3)
+    reader = PoseReader(path)
+    assert reader.count == 3 and reader.read() is None
+    for number in range(5):
+        writer.write(10.0 + number, np.full(3, float(number)))
+    pose = reader.read()
+    assert pose is not None and pose[0] == 14.0 and pose[1].tolist() == [4.0, 4.0, 4.0]
+    assert path.stat().st_mode & 0o777 == 0o600
+    writer.close()
+    assert not path.exists() and reader.read() is not None
+    reader.close()
+
+
+def test_half_written_pose_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "weberlink-7.pose"
+    writer = PoseWriter(path, 2)
+    writer.write(1.0, np.zeros(2))
+    data = bytearray(path.read_bytes())
+    data[SEQUENCE_AT] = 3
+    (tmp_path / "torn.pose").write_bytes(data)
+    assert PoseReader(tmp_path / "torn.pose").read() is None
+    writer.close()
+
+
+@pytest.mark.parametrize("content", [b"", b"WEBPOSE\x01", b"nonsense" * 8])
+def test_file_without_poses_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "bad.pose"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="holds no poses"):
+        PoseReader(path)
