@@ -215,7 +215,8 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
     assert page.text("weber-value") == "5 %"
     page.wait(lambda: page.run("return document.querySelector('#panel-felt canvas').toDataURL()") != before, "the mark")
     page.choose("weber", "0.15")  # agreed, but in force from a later tick on
-    page.wait(lambda: page.text("weber-value") == "15 %", "what was agreed")
+    page.wait(lambda: page.data("answer", "tick") == "2", "the answer")
+    assert page.text("weber-value") == "15 %"
     server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.05}, generation=1))
     page.wait(lambda: page.data("force-packets") == "24", "figures from before it")
     assert page.text("weber-value") == "15 %"
