@@ -36,4 +36,3 @@ def doctor(
         found = examine(needs)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
-

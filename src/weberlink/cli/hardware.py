@@ -82,4 +82,3 @@ def emulate(
     with errors():
         status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)
     raise typer.Exit(status)
-

@@ -89,4 +89,3 @@ def _terms(path: Path | None, *, needed: bool) -> Any:
         return telemetry_terms(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
-

@@ -192,4 +192,3 @@ def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
         port = probe.getsockname()[1]
     address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
     return [f"link.listen={address}", f"link.slave={address}"]
-

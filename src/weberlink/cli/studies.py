@@ -9,7 +9,18 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.arguments import File, Full, Json, OptionalFile, Plots, Set, Workers, file_target, finite, folder_target
+from weberlink.cli.arguments import (
+    File,
+    Full,
+    Json,
+    OptionalFile,
+    Plots,
+    Set,
+    Workers,
+    file_target,
+    finite,
+    folder_target,
+)
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED, MISCONFIGURED
@@ -282,4 +293,3 @@ def adaptive(
     with errors(), progress_bar() as progress:
         result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
     publish(result, json_out, docs)
-
