@@ -203,7 +203,7 @@ def experiment(
 
     An interrupted study continues where it stopped.
     """
-    from weberlink.studies.experiment.command import ExperimentRequest  # noqa: PLC0415
+    from weberlink.studies.experiment.command import ExperimentRequest, check_device  # noqa: PLC0415
     from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
     from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
 
@@ -211,6 +211,8 @@ def experiment(
     request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
     # A progress bar would reveal the conditions to the subject.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
+    with errors():
+        check_device(request)
     with errors(), shown as progress:
         try:
             words = conduct(
