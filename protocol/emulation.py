@@ -111,6 +111,11 @@ class EmulatedLink(Generic[T]):
         self._busy_until = -inf
         self.counters = LinkCounters()
 
+    def change(self, emulation: Emulation) -> None:
+        """Apply other faults to what is sent from now on. What is under way arrives as before, and is not overtaken."""
+        self._emulation = emulation
+        self._in_burst = self._in_burst and emulation.loss > 0.0
+
     def send(self, data: bytes, tag: T, now: float) -> None:
         """Put a datagram on the link."""
         emulation, counters = self._emulation, self.counters

@@ -132,6 +132,13 @@ class Endpoint(Conversation):
         )
         self._listener = Listener(end, self._open_session)
 
+    @property
+    def peer_name(self) -> str:
+        """Name of the peer of the present session, or of the last one; "" before the first."""
+        if self._calls:
+            return self._dialer.expects
+        return "" if self._served is None else self._served.name
+
     def connect(self, now: float) -> None:
         """Begin: an initiator calls, a responder listens.
 

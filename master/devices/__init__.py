@@ -6,13 +6,14 @@ from weberlink.registry import Registry
 BUILT_IN = {
     "haply_2diy": "weberlink.master.devices.haply.device:HaplyDevice",
     "operator": "weberlink.master.devices.operator:OperatorDevice",
+    "pointer": "weberlink.master.devices.pointer:PointerDevice",
     "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 
-COMPUTED = frozenset({"operator", "replay"})
+COMPUTED = frozenset({"operator", "pointer", "replay"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
 SCRIPTED = frozenset({"operator", "replay"})

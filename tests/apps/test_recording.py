@@ -164,7 +164,7 @@ class TestOfASimulation:
     def test_a_full_disk_ends_the_recording_alone(self, small_disk):
         path = small_disk / "r.mcap"
         status, output, errors = weberlink("simulate", LOOPBACK, "--duration", 8, "--record", path, "--json", "-")
-        assert status == 0, errors
+        assert status == 1, errors
         summary = document(output)
         assert summary["outcome"] == "completed" and "No space left" in summary["recording"]["outcome"]
         recording = read_recording(path)

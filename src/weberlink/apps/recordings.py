@@ -17,6 +17,7 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
+from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES
 
 FORMATS = ("csv", "parquet")
@@ -65,6 +66,7 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     ]
     document = {"files": files} | session.summary()
     document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
+    document["verdict"] = verdict(document).document()
     return RecordingDescription(document)
 
 

@@ -1,4 +1,4 @@
-"""The control socket of a daemon: requests to change settings while a session runs.
+"""The control socket of a daemon: requests to change settings, and to stop, while a session runs.
 
 The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring.
 """
@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # who only asks needs no event loop
 
     from weberlink.control.tuning import Tuning
     from weberlink.realtime.shell import Transport
+    from weberlink.system.live_link import LiveLink
 
 LONGEST_QUESTION = 1024
 LONGEST_ANSWER = 4096
@@ -28,35 +29,51 @@ LONGEST_ANSWER = 4096
 LOOK_S = 0.01
 """Time between two checks for the peer's answer [s]."""
 QUESTIONS_A_LOOK = 8
+LONGEST_REASON = 100
+"""Characters of an outcome."""
+AT_ONCE = frozenset({"emergency", "stop", "delay_ms", "jitter_ms", "loss"})
+"""Requests that concern one side alone, and are done when they are answered."""
+NO_EMULATION = "this session emulates no link: add emulate: {} under link in its file"
 
 
 class LiveChangeError(RuntimeError):
     """No daemon answered, or the answer cannot be read; one line."""
 
 
-class Askable(Protocol):
-    """A side whose settings can be changed."""
+class Controllable(Protocol):
+    """A side whose settings can be changed, and that can be stopped."""
 
     tuning: "Tuning"
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
+
+    def stop(self, now: float, reason: str) -> None: ...
+
+    def emergency(self, now: float) -> None: ...
 
 
 def path_beside(ring: str | Path) -> Path:
     return Path(ring).with_suffix(".ask")
 
 
-def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
-    """Ask the daemon that writes a ring for a change of settings; blocks until it is agreed.
+def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
+    """Ask something of the daemon that writes a ring; blocks until it answers.
 
     Args:
         ring: its path.
-        change: any of `weber` (0 to less than 1), `predictor`, `scheme`; empty to ask what is in force only.
+        request: one of these, or empty to ask what is in force only:
+
+            - any of `weber` (0 to less than 1), `predictor`, `scheme`: of both sides, answered once they agree;
+            - any of `delay_ms`, `jitter_ms`, `loss`: of what this side sends from now on, where the file has
+              `link.emulate`;
+            - `stop`, with the outcome in words: an orderly end;
+            - `emergency`, True: no force and no motion from the next tick on; the run has failed.
         patience_s: how long to wait [s].
 
     Returns:
-        `accepted`, and `tick` of that daemon from which on it holds, or `why` not; always `settings` and `generation`,
-        and `pending` settings that are agreed and not yet in force.
+        `accepted`, or `why` not. With settings of both sides `tick` of that daemon from which on they hold. Always
+        `settings` and `generation`, `pending` settings that are agreed and not yet in force, and `link`: delay, jitter
+        and loss in force, None without emulation.
 
     Raises:
         LiveChangeError: no daemon of this user or of root is there, or it does not answer in time.
@@ -68,7 +85,7 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
         try:
             check(path, path.lstat(), stat.S_IFSOCK)
             asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
-            asker.send(json.dumps(dict(change)).encode())
+            asker.send(json.dumps(dict(request)).encode())
             answer = parse(asker.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
         except TimeoutError:
             raise LiveChangeError(f"the daemon did not answer in {patience_s:g} s") from None
@@ -86,9 +103,10 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
 class ControlSocket:
     """The daemon's end: takes requests between ticks and hands them to its side."""
 
-    def __init__(self, ring: str | Path, side: Askable) -> None:
+    def __init__(self, ring: str | Path, side: Controllable, link: "LiveLink | None" = None) -> None:
         self._path = path_beside(ring)
         self._side = side
+        self._link = link
         self._socket: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
@@ -132,21 +150,45 @@ class ControlSocket:
             except OSError:
                 return
             try:
-                change = parse(data, LONGEST_QUESTION)
+                request = parse(data, LONGEST_QUESTION)
             except ValueError:
-                change = None
-            self._take(change if isinstance(change, dict) else None, sender)
+                request = None
+            self._take(request if isinstance(request, dict) else None, sender)
 
-    def _take(self, change: dict[str, object] | None, sender: str | bytes) -> None:
-        if change is None:
+    def _take(self, request: dict[str, object] | None, sender: str | bytes) -> None:
+        if request is None:
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
-        elif not change:
+        elif not request:
             self._answer(sender, {})
-        elif (refusal := self._side.propose(change, monotonic())) is not None:
+        elif (refusal := self._do(request)) is not None:
             self._answer(sender, {"accepted": False, "why": refusal})
+        elif not set(request).isdisjoint(AT_ONCE):
+            self._answer(sender, {"accepted": True})
         else:
             self._waiting = sender
             self._look()
+
+    def _do(self, request: dict[str, object]) -> str | None:
+        """Begin what is asked; why not, or None."""
+        if "emergency" in request:  # first, and whatever else is asked for
+            return self._emergency(request["emergency"])
+        if "stop" in request:
+            return self._stop(request["stop"]) if len(request) == 1 else "ask for stop alone"
+        if not set(request).isdisjoint(AT_ONCE):
+            return NO_EMULATION if self._link is None else self._link.change(request)
+        return self._side.propose(request, monotonic())
+
+    def _emergency(self, value: object) -> str | None:
+        if value is not True:
+            return f"emergency must be true, not {value!r}"
+        self._side.emergency(monotonic())
+        return None
+
+    def _stop(self, reason: object) -> str | None:
+        if not (isinstance(reason, str) and 0 < len(reason) <= LONGEST_REASON and reason.isprintable()):
+            return f"stop must be the outcome in words, 1 to {LONGEST_REASON} printable characters"
+        self._side.stop(monotonic(), reason)
+        return None
 
     def _look(self) -> None:
         result = self._side.tuning.result
@@ -163,7 +205,12 @@ class ControlSocket:
     def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
         tuning = self._side.tuning
         pending = None if tuning.pending is None else tuning.pending._asdict()
-        in_force = {"settings": tuning.settings._asdict(), "generation": tuning.generation, "pending": pending}
+        in_force = {
+            "settings": tuning.settings._asdict(),
+            "generation": tuning.generation,
+            "pending": pending,
+            "link": None if self._link is None else self._link.in_force,
+        }
         if self._socket is not None:
             with suppress(OSError):  # the asker has ended, or does not read
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)

@@ -15,7 +15,7 @@ from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, s
 from socket import gethostname
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
@@ -24,13 +24,16 @@ from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
 from weberlink.system import description
-from weberlink.system.composition.link import Identity, build_link, build_security, permitted
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
+from weberlink.system.composition.link import Identity, build_link, build_security
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System, load
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
 from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
+
+if TYPE_CHECKING:
+    from weberlink.system.live_link import LiveLink
 
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
@@ -75,18 +78,19 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     side = _build(order, configuration, epoch)
     # After the imports of the side: with real-time rights they would hold up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
-    transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
-    if permitted(system):
-        transport = WithControlSocket(transport, ControlSocket(order.ring, side))
+    link = _emulated_link(order.side, system, epoch)
+    udp = _transport(order.side, system, side.endpoint, link)
+    transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
     capacity = int(RING_SECONDS * system.rate_hz)
-    described = description.publish(order.ring, description.describe(configuration, order.side))
+    described = description.Description(order.ring, description.describe(configuration, order.side))
+    described.publish()
     try:
         with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
-            run_ = _drive(side, transport, configuration, order, epoch, ring)
+            run_ = _drive(side, transport, configuration, order, epoch, ring, described)
     except Stopped as stopped:
         return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
     finally:
-        described.unlink(missing_ok=True)
+        described.remove()
     return _summary(run_, side, grants)
 
 
@@ -122,30 +126,49 @@ def _default_name(side: str, listen: str) -> str:
     return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
-def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoch: float) -> UdpShell:
-    link = configuration.system.link
-    emulated = None
-    if link.emulate is not None:
-        # Each side emulates the faults of what it sends, with its own random numbers.
-        uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
-        to_slave, to_master = link.emulate.directions
-        emulated = build_link(to_slave if name == MASTER else to_master, uniform, epoch)
+def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
+    """The faults of what this side sends, with its own random numbers; None where the file asks for none."""
+    emulate = system.link.emulate
+    if emulate is None:
+        return None
+    from weberlink.system.live_link import LiveLink  # noqa: PLC0415 - only where a file asks for it
+
+    to_slave, to_master = emulate.directions
+    faults = to_slave if name == MASTER else to_master
+    uniform = Random(f"{emulate.seed}/{name}").random  # noqa: S311
+    fixed = None if system.control.live_changes else "the link is fixed in this session: control.live_changes is off"
+    return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
+
+
+def _transport(name: str, system: System, endpoint: Endpoint, link: "LiveLink | None") -> UdpShell:
+    emulated = None if link is None else link.link
     if name == MASTER:
         return UdpShell(endpoint, now=monotonic, link=emulated)
-    return UdpShell(endpoint, now=monotonic, listen=split_address(link.listen), link=emulated)
+    return UdpShell(endpoint, now=monotonic, listen=split_address(system.link.listen), link=emulated)
 
 
 def _drive(
-    side: Side, transport: Transport, configuration: Configuration, order: DaemonOrder, epoch: float, ring: RingWriter
+    side: Side,
+    transport: Transport,
+    configuration: Configuration,
+    order: DaemonOrder,
+    epoch: float,
+    ring: RingWriter,
+    described: description.Description,
 ) -> Run:
     missed = 0
     last_index: int | None = None
+    peer = side.peer
 
     def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, last_index
+        nonlocal missed, last_index, peer
         missed += 0 if last_index is None else index - last_index - 1
         last_index = index
         ring.write(side.values((now - deadline) * 1e6, work_us, missed))
+        if side.peer is not peer:
+            peer = side.peer
+            with suppress(OSError):  # no space in memory; telemetry has its own already
+                described.publish(peer._asdict())
 
     system = configuration.system
     try:
@@ -194,6 +217,7 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
         "failed": side.failure is not None or not run_.orderly,
         "faults": side.faults,
         "drops": side.drops,
+        "peer": side.peer._asdict(),
         "realtime": grants.as_dict(),
         "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }

@@ -1,7 +1,7 @@
 """The description of a running daemon: a small file beside its ring, for observers.
 
-It holds the configuration and the names of numbers in the telemetry. It is written before the ring appears and removed
-after it, so that every ring has a description.
+It holds the configuration, the names of numbers in the telemetry, and what the side knows of its peer. It is written
+before the ring appears and removed after it, so that every ring has a description.
 """
 
 import json
@@ -43,18 +43,35 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     }
 
 
-def publish(ring: str | Path, description: dict[str, Any]) -> Path:
-    """Write a description beside a ring atomically, readable by this user only."""
-    path = path_beside(ring)
-    fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(fd, "w", encoding="utf-8") as file:
-            json.dump(description, file)
-        Path(draft).replace(path)
-    except BaseException:
-        Path(draft).unlink(missing_ok=True)
-        raise
-    return path
+class Description:
+    """The file of one daemon.
+
+    Args:
+        ring: beside which it lies.
+        described: as of `describe`.
+    """
+
+    def __init__(self, ring: str | Path, described: dict[str, Any]) -> None:
+        self._path = path_beside(ring)
+        self._text = json.dumps(described)
+
+    def publish(self, peer: dict[str, str] | None = None) -> None:
+        """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
+
+        Args:
+            peer: what the side knows of its peer (`weberlink.system.side.PeerFacts`).
+        """
+        fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
+        try:
+            with os.fdopen(fd, "wb") as file:
+                file.write(f'{self._text[:-1]}, "peer": {json.dumps(peer)}}}'.encode())
+            Path(draft).replace(self._path)
+        except BaseException:
+            Path(draft).unlink(missing_ok=True)
+            raise
+
+    def remove(self) -> None:
+        self._path.unlink(missing_ok=True)
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:

@@ -15,7 +15,7 @@ one is written when the second is over. Every line has `time` (UTC), `side` and 
 | `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
 | `slewed` | `ticks`: ticks with force held back by the slew limit since the last such line |
 | `summary` | figures of the last interval |
-| `ended` | `outcome`, and the figures of the session |
+| `ended` | `outcome`, `verdict`, and the figures of the session |
 """
 
 import json
@@ -43,6 +43,8 @@ SESSION = "session"
 """`side` of lines about both sides."""
 LONGEST_OUTCOME = 1000
 """Characters of an outcome that are written: a line must fit into a pipe."""
+KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+"""Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTERS = ("updates_sent", "datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "bytes_sent")
 
 
@@ -309,7 +311,9 @@ def _timestamp(wall_s: float) -> str:
 def _outcome(summary: dict[str, Any]) -> Fields:
     """The part of a session's report that the log keeps."""
     kept: Fields = {
-        key: summary[key] for key in ("status", "duration_s", "faults", "drops", "realtime", "host") if key in summary
+        key: summary[key]
+        for key in ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
+        if key in summary
     }
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {

@@ -25,15 +25,17 @@ from signal import (
     pthread_sigmask,
     signal,
 )
-from time import sleep, time
+from time import monotonic, sleep, time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from weberlink.master.devices import pointer_link
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.order import MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
@@ -48,9 +50,13 @@ Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key|\.pointer)")
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
+TELL_S = 0.5
+"""Time between two looks at what is to be told at once."""
+TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost")
+"""Causes of a verdict that a person can remove while the session runs; a recording that ends is told with its path."""
 STOP_LIMIT_S = 15.0
 """Time from a request to stop to a kill: a robot may be moving to its rest position."""
 
@@ -108,6 +114,12 @@ class Daemon:
                 return np.empty(0, DTYPE)
         return self._reader.read()
 
+    @property
+    def peer(self) -> dict[str, str] | None:
+        """What the side knows of its peer in words."""
+        described = description.read(self._ring)
+        return None if described is None else described.get("peer")
+
     def stop(self, number: Signals) -> None:
         if self.running:
             self._process.send_signal(number)
@@ -135,6 +147,7 @@ class Daemon:
             self._ring,
             description.path_beside(self._ring),
             control_socket.path_beside(self._ring),
+            pointer_link.socket_path(self.pid),
         ):
             left.unlink(missing_ok=True)
 
@@ -153,7 +166,7 @@ class Session:
         record: where to record the session, as MCAP; None to record nothing.
         journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
-        tell: receives one line as soon as the recording fails, while the session goes on.
+        tell: receives one line as soon as a cause of failure is there that a person can remove.
     """
 
     configuration: Configuration
@@ -173,6 +186,9 @@ class Session:
     _begun: bool = False
     _watch: Watch | None = None
     _key: Path | None = None
+    _peers: dict[str, Any] = field(default_factory=dict)
+    _told: set[str] = field(default_factory=set)
+    _tell_at: float = 0.0
 
     def __enter__(self) -> Self:
         sweep()
@@ -242,7 +258,7 @@ class Session:
         summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
         self._look()
         recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
-        report = self._report(summaries) | recording
+        report = self._judged(self._report(summaries) | recording, summaries)
         if self.journal is not None:
             self.journal.end(report)
         return report
@@ -288,9 +304,35 @@ class Session:
         if self.journal is not None:
             for side, daemon in self._in_order():
                 self.journal.look(side, records[side], daemon.wall_offset_s)
+        if monotonic() >= self._tell_at:
+            self._tell_at = monotonic() + TELL_S
+            self._peers = {side: daemon.peer for side, daemon in self.daemons.items()}
+            self._tell()
         if self._watch is not None:
-            recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
-            self._watch(self.score.state, self.score.summary() | recording)
+            self._watch(self.score.state, self._figures())
+
+    def _figures(self) -> dict[str, Any]:
+        """The figures so far, with what telemetry does not contain; `record_age_s` is the age of the newest record."""
+        now = monotonic()
+        ages = {side: now - float(last["at"]) for side, last in self.score.state.items() if last is not None}
+        return self.score.summary() | self._facts(self._peers) | {"record_age_s": ages} | self._recording()
+
+    def _facts(self, peers: dict[str, Any]) -> dict[str, Any]:
+        link = self.configuration.system.link
+        return {"addresses": {"listen": link.listen, "slave": link.slave}, "peers": peers}
+
+    def _recording(self) -> dict[str, Any]:
+        """The state of the recorder, if there is one; its own summary once it has ended."""
+        if self._recorder is None:
+            return {}
+        return {"recording": {"running": True} if self._recorder.running else self._recorder.finish()}
+
+    def _tell(self) -> None:
+        """Print the causes that cannot wait for the end; a cause that has gone and returns is told again."""
+        causes = {cause.name: cause for cause in verdict(self._figures()).causes if cause.name in TOLD_AT_ONCE}
+        for name in causes.keys() - self._told:
+            self.tell(causes[name].text)
+        self._told = set(causes)
 
     def _look_at_recorder(self) -> None:
         """Say once, at once, that the recorder ended before the daemons."""
@@ -305,15 +347,25 @@ class Session:
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
         asked = summaries[self._first.side]["outcome"]
-        return self.score.summary() | {
-            "lookahead_ms": lookahead_ms(self.configuration.system),
-            "faults": {side: summary["faults"] for side, summary in summaries.items()},
-            "drops": {side: summary["drops"] for side, summary in summaries.items()},
-            "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
-            "host": self._host.end(),
-            "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
-            "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
-        }
+        peers = {side: summary["peer"] for side, summary in summaries.items()}
+        return (
+            self.score.summary()
+            | self._facts(peers)
+            | {
+                "lookahead_ms": lookahead_ms(self.configuration.system),
+                "faults": {side: summary["faults"] for side, summary in summaries.items()},
+                "drops": {side: summary["drops"] for side, summary in summaries.items()},
+                "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+                "host": self._host.end(),
+                "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
+            }
+        )
+
+    def _judged(self, report: dict[str, Any], summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
+        """The report with its verdict and exit status: that of a wrong file if a daemon reported one."""
+        judged = verdict(report)
+        is_wrong_file = any(summary["status"] == MISCONFIGURED for summary in summaries.values())
+        return report | {"verdict": judged.document(), "status": MISCONFIGURED if is_wrong_file else judged.status}
 
     def _signal(self, number: int, _frame: FrameType | None) -> None:
         self._signals.append(Signals(number))
@@ -334,8 +386,3 @@ def sweep(folders: Sequence[Path] | None = None) -> None:
 
 def _ring(side: str) -> str:
     return str(default_path(f"{os.getpid()}-{side}"))
-
-
-def _exit_status(of_daemons: list[int]) -> int:
-    """Exit status of a failed run: that of a wrong file if a daemon reported one."""
-    return MISCONFIGURED if MISCONFIGURED in of_daemons else FAILED

@@ -9,6 +9,9 @@ COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 INTERRUPTED = 130
 """Exit statuses of every command; the last one where Ctrl-C ends work that has an end of its own."""
 
+EMERGENCY = "emergency stop"
+"""Outcome of a run that somebody ended in this way."""
+
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
@@ -47,4 +50,4 @@ class DaemonOrder:
 
 def failure(outcome: str) -> dict[str, Any]:
     """The summary of a daemon without a first tick, or one that could not report its end."""
-    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
+    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "peer": None, "realtime": None}

@@ -1,4 +1,7 @@
-"""The report at the end of a run and the status line during it, from the figures of the JSON, in 80 columns."""
+"""The report at the end of a run and the status line during it, from the figures of the JSON, in 80 columns.
+
+docs/glossary.md defines its words.
+"""
 
 from collections.abc import Iterator
 from math import pi
@@ -10,6 +13,8 @@ from rich.text import Text
 
 from weberlink.protocol.states import State
 from weberlink.system.environment import footer
+from weberlink.system.order import MASTER
+from weberlink.system.verdict import DEGRADED, FAILED_OUTCOME, FAILURE, GOOD, verdict
 from weberlink.telemetry.record import RELEASED
 
 WIDTH = 80
@@ -21,30 +26,49 @@ CHANNELS = (
 )
 """Name, displayed unit, factor from SI to it, digits."""
 
+COLOURS = {GOOD: "green", DEGRADED: "yellow", FAILURE: "red"}
+SHOWN_S = 1.0
+"""Shorter times without a session are not shown: daemons do not start and end at the same moment [s]."""
+STALE_S = 1.0
+"""Age of the newest record at which the status line shows it [s]; a daemon writes one each tick."""
+
 
 def session_report(summary: dict[str, Any], title: str, console: Console) -> None:
-    """Print the report of a session."""
+    """Print the report of a session: the verdict, then the figures that there are."""
+    judged = verdict(summary)
+    console.print(Text(judged.line, style=f"bold {COLOURS[judged.word]}"))
     outcome = summary["outcome"]
-    colour = "green" if outcome in ("completed", "interrupted", "terminated") else "red"
-    console.print(Text.assemble((title, "bold"), f"  {summary['duration_s']:.1f} s  ", (outcome, colour)))
+    is_told = outcome.startswith(FAILED_OUTCOME)  # by the verdict
+    console.print(Text(f"{title}  {summary['duration_s']:.1f} s{'' if is_told else f'  {outcome}'}", style="bold"))
     if not any(ticks["count"] for ticks in summary["ticks"].values()):
-        return  # no tick ran; the outcome says why
-    console.print(_channels(summary))
+        return  # no tick ran
+    connected = any(side is not None and side["connected_s"] for side in summary["connection"].values())
+    if connected:
+        console.print(_channels(summary))
     console.print(_ticks(summary))
-    for line in [*_host(summary), *_lines(summary)]:
-        console.print(line, soft_wrap=False)
+    for line in [*_host(summary), *_connection(summary), *_lines(summary, connected=connected)]:
+        console.print(Text(line), soft_wrap=False)
     if "environment" in summary:
         console.print(Text(footer(summary["environment"], summary.get("seed")), style="dim"))
 
 
 def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
-    """One line of a running session, at most 80 characters."""
-    states = [_state(record) for record in records.values() if record is not None]
-    state = states[0] if states and all(name == states[0] for name in states) else "/".join(states) or "starting"
+    """One line of a running session, at most 79 characters: what is wrong, then the state, then figures.
+
+    Args:
+        records: the newest record of each side; None before the first.
+        summary: the figures so far; of the launcher's facts any may be missing.
+    """
+    present = {side: record for side, record in records.items() if record is not None}
     force = summary["force"]
-    parts = [f"{summary['duration_s']:6.1f} s", state]
-    if not summary.get("recording", {"running": True})["running"]:
+    parts = [f"{summary['duration_s']:6.1f} s"]
+    if not summary.get("recording", {"running": True}).get("running", False):
         parts.append("NOT RECORDING")
+    parts += _stale(present, summary.get("record_age_s", {}))
+    states = [_state(side, record, summary) for side, record in present.items()]
+    parts.append(states[0] if states and all(each == states[0] for each in states) else "; ".join(states) or "starting")
+    if not any(int(record["state"]) == State.ENGAGED.value for record in present.values()):
+        return "  ".join(parts)[: WIDTH - 1]  # the figures are of a session that is over
     if force["packets_per_s"] is not None and force["reduction"] is not None:
         parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
     if force["error_rms"] is not None:
@@ -54,12 +78,26 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     return "  ".join(parts)[: WIDTH - 1]  # a full line would wrap
 
 
-def _state(record: Any) -> str:
-    """The state of a side in a word or two."""
+def _stale(present: dict[str, Any], ages: dict[str, float]) -> list[str]:
+    """Sides whose telemetry has stopped."""
+    return [f"no record of the {side} for {ages[side]:.0f} s" for side in present if ages.get(side, 0.0) >= STALE_S]
+
+
+def _state(side: str, record: Any, summary: dict[str, Any]) -> str:
+    """The state of a side in a few words, with the address or the name of its peer where that is another host."""
     state = State(int(record["state"]))
     if state is State.ENGAGED and int(record["ramping"]) == RELEASED:
         return "button released"
-    return state.name.lower()
+    addresses = summary.get("addresses", {})
+    if state is State.CONNECTING and addresses:
+        return f"calling {addresses['slave']}"
+    if state is State.LISTENING and addresses:
+        return f"listening on {addresses['listen']}"
+    word = state.name.lower()
+    if len(summary.get("peers", {})) != 1 or state not in (State.ENGAGED, State.SILENT):
+        return word
+    name = (summary["peers"][side] or {}).get("name") or addresses["slave" if side == MASTER else "listen"]
+    return f"{word} with {name}" if state is State.ENGAGED else f"{name} silent"
 
 
 def _channels(summary: dict[str, Any]) -> Table:
@@ -105,8 +143,46 @@ def _ticks(summary: dict[str, Any]) -> Table:
     return table
 
 
-def _lines(summary: dict[str, Any]) -> Iterator[str]:
-    force, link, energy = summary["force"], summary["link"], summary["energy"]
+def _connection(summary: dict[str, Any]) -> Iterator[str]:
+    """How long each side was in session with which peer, if not all the time."""
+    for side, figures in summary["connection"].items():
+        if figures is None:
+            continue
+        waits = (("waited", "waited_s"), ("unconnected", "unconnected_s"), ("peer away", "away_s"))
+        parts = [f"{words} {figures[key]:.1f} s" for words, key in waits if figures[key] >= SHOWN_S]
+        if parts:
+            name = (summary.get("peers", {}).get(side) or {}).get("name")
+            connected = f"connected to {name}" if name else "connected"
+            yield ", ".join([f"{side}: {connected} {figures['connected_s']:.1f} s", *parts])
+
+
+def _lines(summary: dict[str, Any], *, connected: bool) -> Iterator[str]:
+    if connected:
+        yield from _session(summary)
+    link = summary["link"]
+    yield (
+        f"datagrams: {link['sent']} sent, {link['received']} received, {link['lost']} lost, "
+        f"{link['dropped']} dropped, {link['repeats']} repeats"
+    )
+    if any(summary["drops"].values()):
+        yield f"dropped: {_by_side(summary['drops'])}"
+    if connected:
+        yield from _energy(summary["energy"])
+        yield from _control(summary["control"])
+        yield from _limited(summary["limited"])
+    yield f"faults: {_by_side(summary['faults']) or 'none'}"
+    for side, grants in summary.get("realtime", {}).items():
+        if grants is not None:
+            yield f"{side}: {_rights(grants)}"
+    if "recording" in summary:
+        yield _recording(summary["recording"])
+    if "run_time_s" in summary:
+        yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
+
+
+def _session(summary: dict[str, Any]) -> Iterator[str]:
+    """Felt error, codec and delays."""
+    force = summary["force"]
     yield from _felt(force)
     yield from _quality(force)
     if force["coding"]["error_rms"] is not None:
@@ -118,32 +194,16 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
     yield from _widened(summary)
     yield from _delays(summary)
-    yield (
-        f"datagrams: {link['sent']} sent, {link['received']} received, {link['lost']} lost, "
-        f"{link['dropped']} dropped, {link['repeats']} repeats"
-    )
-    if any(summary["drops"].values()):
-        yield f"dropped: {_by_side(summary['drops'])}"
+
+
+def _energy(energy: dict[str, Any]) -> Iterator[str]:
     if energy["generated_j"] is not None:
+        made = energy["link_generated_j"]
         yield (
             f"energy at the hand: {_millijoules(energy['generated_j'])} generated, "
             f"{_millijoules(energy['dissipated_j'])} dissipated"
-            + (
-                f"; {_millijoules(made)} generated by the link"
-                if (made := energy["link_generated_j"]) is not None
-                else ""
-            )
+            f"{'' if made is None else f'; {_millijoules(made)} generated by the link'}"
         )
-    yield from _control(summary["control"])
-    yield from _limited(summary["limited"])
-    yield f"faults: {_by_side(summary['faults']) or 'none'}"
-    for side, grants in summary.get("realtime", {}).items():
-        if grants is not None:
-            yield f"{side}: {_rights(grants)}"
-    if "recording" in summary:
-        yield _recording(summary["recording"])
-    if "run_time_s" in summary:
-        yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
 
 
 def _host(summary: dict[str, Any]) -> Iterator[str]:

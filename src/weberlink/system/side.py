@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, nan
+from typing import NamedTuple
 
 from weberlink.control.contract import Choosing
 from weberlink.control.port import Port
@@ -13,7 +14,10 @@ from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
     Connected,
+    DatagramDropped,
+    DropReason,
     Event,
+    PeerClosed,
     PeerReturned,
     PeerSilent,
     Refused,
@@ -24,6 +28,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.system.order import EMERGENCY
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import UNKNOWN, Record
 from weberlink.telemetry.row import Row
@@ -34,7 +39,22 @@ CONNECT_PATIENCE = 1.0
 
 SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED
+_WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
 _DEVICE, _NO_FAULT = Fault.DEVICE, Fault.NONE
+
+
+class PeerFacts(NamedTuple):
+    """What a side knows of its peer in words.
+
+    Args:
+        name: of the peer of the present session, or of the last one.
+        refusal: why the last call was refused, while there is no session.
+        farewell: the reason that the peer gave when it left the last session.
+    """
+
+    name: str = ""
+    refusal: str = ""
+    farewell: str = ""
 
 
 class Side:
@@ -82,6 +102,8 @@ class Side:
         """Time that the codec took in this tick [s]."""
         self.engaged = False
         """Whether the updates of the peer are acted on."""
+        self.peer = PeerFacts()
+        """Replaced when there is news."""
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
         self._choosing = port.control if isinstance(port.control, Choosing) else None
@@ -199,6 +221,13 @@ class Side:
             self.port.release(retreat=False)
             self._leave(now, reason)
 
+    def emergency(self, now: float) -> None:
+        """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
+        self.failure = self.failure or EMERGENCY
+        self.port.restart()  # closes the gate of the force
+        self.port.halt(now)
+        self.stop(now, EMERGENCY)
+
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""
         self.port.halt(now)
@@ -306,9 +335,21 @@ class Side:
                 self.endpoint.answer_change(self.tuning.hear(tick, body, self._answered_at(now)))
             case ChangeAnswered(tick, body, refusal):
                 self.tuning.settle(tick, body, refusal)
+            case _:
+                self._take_notice(event, now)
+
+    def _take_notice(self, event: Event, now: float) -> None:
+        """Take an event that says why there is no session, or why it ended."""
+        match event:
+            case PeerClosed(farewell):
+                self.peer = self.peer._replace(farewell=farewell)
+            case DatagramDropped(reason):
+                if reason is DropReason.UNPROVEN and self.endpoint.state in _WITHOUT_SESSION:
+                    self._faults.meet(Fault.UNPROVEN)
             case TakenOver(name):
                 self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):
+                self.peer = self.peer._replace(refusal=message)
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
 
     def _fall_silent(self, *, is_heard: bool) -> None:
@@ -328,6 +369,7 @@ class Side:
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
         self._has_connected = True
+        self.peer = PeerFacts(self.endpoint.peer_name)
         self._forget()
         self._is_fresh = True
         self.port.control.reset()
@@ -343,10 +385,9 @@ class Side:
 
     def _give_up(self, fault: Fault, why: str, now: float) -> None:
         """The slave does not serve this master: fade out, and end the run as failed."""
-        if not self._leads:  # some other caller was refused; the slave goes on
-            self._faults.note(fault)
-            return
         self._faults.meet(fault)
+        if not self._leads:  # the slave waits for another call
+            return
         self.failure = self.failure or why
         self.stop(now, fault.name.lower().replace("_", " "))
 

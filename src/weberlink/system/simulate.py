@@ -13,11 +13,12 @@ from weberlink.system.composition.slave import build_slave
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.model import EmulationSettings
 from weberlink.system.interruption import Interruption
-from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED
+from weberlink.system.order import COMPLETED, INTERRUPTED
 from weberlink.system.recorder import check_target, facts, recording_ended
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
+from weberlink.system.verdict import verdict
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -94,7 +95,10 @@ def simulate(
     observers.append(SimulatedTime(system.tick_period, length, progress))
     interruption = Interruption()
     began = perf_counter()
-    simulation.run(length, observers, interruption)
+    try:
+        simulation.run(length, observers, interruption)
+    finally:
+        simulation.close()
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
@@ -103,14 +107,18 @@ def simulate(
         "lookahead_ms": lookahead_ms(system),
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {"master": master.drops, "slave": slave.drops},
+        "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},
         "outcome": f"failed: {'; '.join(failures)}" if failures else ended,
-        "status": FAILED if failures else INTERRUPTED if interruption.noted else COMPLETED,
         "run_time_s": run_time,
         "seed": (system.link.emulate or EmulationSettings()).seed,
     }
     if interruption.noted:
         summary["interrupted"] = True
-    return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
+    if recording is not None:
+        summary["recording"] = recording.finish()
+    judged = verdict(summary)
+    status = INTERRUPTED if interruption.noted and judged.status == COMPLETED else judged.status
+    return summary | {"verdict": judged.document(), "status": status}, recorder
 
 
 class SimulatedTime:

@@ -89,6 +89,11 @@ class Simulation:
             if self.master.stopped:
                 return
 
+    def close(self) -> None:
+        """Close device and robot; may be repeated."""
+        self.master.close()
+        self.slave.close()
+
     def step(self) -> tuple[Record, Record]:
         """One tick of both sides; returns what they would write to telemetry."""
         now = self._epoch + self._index * self._tick_period

@@ -24,6 +24,8 @@ class Fault(IntEnum):
     """Another master has taken over the robot; this one leaves."""
     TRIPPED = 8
     """The robot touched something with more force than its limit; it backed off and waits for the hand to come out."""
+    UNPROVEN = 9
+    """There is no session, and a handshake came whose sender did not prove the key."""
 
 
 _RANKED = (
@@ -32,6 +34,7 @@ _RANKED = (
     Fault.REFUSED,
     Fault.STALLED,
     Fault.TRIPPED,
+    Fault.UNPROVEN,
     Fault.SILENCE,
     Fault.UNHEARD,
     Fault.UPDATE,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from math import sin
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -17,11 +18,13 @@ import pytest
 
 from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
+from tests.master.devices.targets import Targets
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device
+from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.emulators import load as load_emulator
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
@@ -55,6 +58,12 @@ class Bench:
 def operator(folder: Path) -> Iterator[Bench]:
     driver = load("operator")
     yield Bench(driver(driver.Options(), TICK), virtual_time())
+
+
+@contextmanager
+def pointer(folder: Path) -> Iterator[Bench]:
+    swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
+    yield Bench(PointerDevice(PointerOptions(), TICK, swing), virtual_time())
 
 
 @contextmanager
@@ -116,6 +125,7 @@ def polhem_hid(folder: Path) -> Iterator[Bench]:
 BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
     "operator": operator,
+    "pointer": pointer,
     "polhem_hid": polhem_hid,
     "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
     "replay": replay,

@@ -21,7 +21,7 @@ from weberlink.system.configuration import Configuration, ConfigurationError, Sy
 from weberlink.system.configuration.model import DirectionFaults
 
 if TYPE_CHECKING:
-    from weberlink.protocol.emulation import EmulatedLink
+    from weberlink.protocol.emulation import EmulatedLink, Emulation
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
@@ -266,9 +266,20 @@ def _of_file(system: System) -> LiveSettings:
 
 def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":
     """One direction of an emulated link; `uniform` draws from 0 to 1."""
-    from weberlink.protocol.emulation import EmulatedLink, Emulation  # noqa: PLC0415 - only where a file asks for it
+    from weberlink.protocol.emulation import EmulatedLink  # noqa: PLC0415 - only where a file asks for it
 
-    emulation = Emulation(
+    return EmulatedLink(emulation_of(settings), uniform, epoch)
+
+
+def emulation_of(settings: DirectionFaults) -> "Emulation":
+    """The faults in SI units.
+
+    Raises:
+        ValueError: they contradict each other.
+    """
+    from weberlink.protocol.emulation import Emulation  # noqa: PLC0415 - only where a file asks for it
+
+    return Emulation(
         delay_s=settings.delay_ms * 1e-3,
         jitter_s=settings.jitter_ms * 1e-3,
         loss=settings.loss,
@@ -279,4 +290,3 @@ def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: f
         rate_bit_s=None if settings.rate_kbit_s is None else settings.rate_kbit_s * 1e3,
         blackouts=settings.blackouts_s,
     )
-    return EmulatedLink(emulation, uniform, epoch)

@@ -362,7 +362,8 @@ class ControlSettings(Settings):
     damping_n_s_m: float = Field(default=5.0, ge=1e-3, le=100)
     """Strongest drag that fills an empty tank [N s/m]."""
     live_changes: bool = True
-    """Whether Weber factor, predictor (of a hybrid's bank) and scheme (under `auto`) may be changed in a session."""
+    """Whether Weber factor, predictor (of a hybrid's bank), scheme (under `auto`), and delay, jitter and loss (with
+    `link.emulate`) may be changed in a session."""
 
 
 class RealtimeSettings(Settings):

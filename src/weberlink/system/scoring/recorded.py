@@ -68,7 +68,6 @@ class RecordedSession:
             score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
             begin = self._next(until)
         return score.summary() | {
-            "faults": {side: _faults(records) for side, records in self.sides.items()},
             "drops": {side: _drops(records) for side, records in self.sides.items()},
         }
 
@@ -239,13 +238,6 @@ def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recor
 def _between(records: Records, first: float, last: float) -> Records:
     begin, end = np.searchsorted(records["at"], (first, last))
     return records[begin:end]
-
-
-def _faults(records: Records) -> dict[str, int]:
-    """Number of times each fault began."""
-    fault = records["fault"]
-    began = fault[np.flatnonzero(np.diff(fault, prepend=0))]
-    return {Fault(number).name.lower(): int((began == number).sum()) for number in np.unique(began[began > 0])}
 
 
 def _drops(records: Records) -> dict[str, int]:

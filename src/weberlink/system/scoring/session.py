@@ -21,9 +21,11 @@ from weberlink.system.scoring.channel import (
     tally,
     turns,
 )
+from weberlink.system.scoring.connection import ConnectionScore
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Series
 from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics
+from weberlink.telemetry.fault import Fault
 
 __all__ = ["Records", "SessionScore", "nearest_ticks"]
 
@@ -45,6 +47,7 @@ class _SideScore:
     ticks: int = 0
     engaged: int = 0
     limited: int = 0
+    missed_in_a_row: int = 0
     last: Any = None
     lateness: Distribution = field(default_factory=Distribution)
     work: Distribution = field(default_factory=Distribution)
@@ -53,6 +56,8 @@ class _SideScore:
     one_way: Distribution = field(default_factory=Distribution)
     schemes: dict[int, int] = field(default_factory=dict)
     tank: tuple[float, float] | None = None
+    faults: dict[int, int] = field(default_factory=dict)
+    connection: ConnectionScore = field(default_factory=ConnectionScore)
 
     def add(self, records: Records) -> None:
         if not len(records):
@@ -61,6 +66,12 @@ class _SideScore:
         counted = engaged(records)
         self.engaged += int(counted.sum())
         self.limited += int((records["clipped"] > 0).sum())
+        missed = np.diff(records["ticks_missed"].astype(np.int64), prepend=self.counter("ticks_missed"))
+        self.missed_in_a_row = max(self.missed_in_a_row, int(missed.max()))
+        fault = records["fault"]
+        begins = np.diff(fault, prepend=np.uint8(self.counter("fault"))) != 0
+        tally(self.faults, fault[begins & (fault > 0)])
+        self.connection.add(records)
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
@@ -72,6 +83,10 @@ class _SideScore:
         """The last value of a cumulative field."""
         return 0 if self.last is None else int(self.last[name])
 
+    def fault_counts(self) -> dict[str, int]:
+        """How often the records of each fault began, by name."""
+        return {Fault(number).name.lower(): count for number, count in sorted(self.faults.items())}
+
     def control(self) -> dict[str, Any]:
         """Engaged ticks under each control scheme, and the range of the energy tank [J]."""
         names = list(SCHEMES)
@@ -82,10 +97,11 @@ class _SideScore:
             "tank_max_j": most,
         }
 
-    def timing(self) -> dict[str, Any]:
+    def timing(self, period: float) -> dict[str, Any]:
         return {
             "count": self.ticks,
             "missed": self.counter("ticks_missed"),
+            "missed_longest_s": self.missed_in_a_row * period,
             "lateness_us": none_for_nan(self.lateness.summary()),
             "work_us": none_for_nan(self.work.summary()),
             "codec_us": none_for_nan(self.codec.summary()),
@@ -110,6 +126,10 @@ class SessionScore:
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
     gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
     the link between the ports, while errors count too (`weberlink.system.scoring.energy`).
+
+    `connection` says of each side how long it waited for its first session, was connected, unconnected (silent, or lost
+    by silence) and away (left by the peer in order), and in `ended` and `last_s` which of these it was at the end.
+    `faults` counts how often records with each fault began.
 
     Args:
         rate_hz: tick rate of both sides [Hz].
@@ -181,7 +201,7 @@ class SessionScore:
         heard = master if master.ticks else slave
         summary: dict[str, Any] = {
             "duration_s": duration,
-            "ticks": {"master": master.timing(), "slave": slave.timing()},
+            "ticks": {"master": master.timing(self._period), "slave": slave.timing(self._period)},
             "force": {},
             "position": {},
             "link": {
@@ -200,6 +220,13 @@ class SessionScore:
                 "contact_ticks": slave.counter("contact_ticks"),
             },
             "control": {"master": master.control(), "slave": slave.control()},
+            "connection": {
+                "master": master.connection.summary() if master.ticks else None,
+                "slave": slave.connection.summary() if slave.ticks else None,
+            },
+            "faults": {
+                name: side.fault_counts() for name, side in (("master", master), ("slave", slave)) if side.ticks
+            },
             "energy": {
                 "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
                 "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,

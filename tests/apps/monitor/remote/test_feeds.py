@@ -14,6 +14,7 @@ from weberlink.apps.monitor.remote.joining import HELD_S, MasterClock
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
 from weberlink.protocol.sealed_stream import StreamError
 from weberlink.system.scoring.session import MARGIN_S, Records
+from weberlink.telemetry.fault import Fault
 
 TICK_0 = 10.0
 APART = 4321.0
@@ -93,7 +94,7 @@ def test_feed_is_drained_after_its_last_record() -> None:
         ("position", np.inf),
         ("selected", 4),
         ("control", 200),
-        ("fault", 9),
+        ("fault", max(Fault) + 1),
         ("state", 0),
         ("state", 7),
     ],

@@ -1,0 +1,43 @@
+"""Targets for a pointer device in virtual time: a path that is sampled at the rate of a pointer, with its jitter."""
+
+from collections.abc import Callable
+from random import Random
+
+from tests.pace import TICK
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.pointer_link import PointerTarget
+
+Path = Callable[[float], tuple[Vector, bool] | None]
+"""Target [m] at a time [s], and whether it is held; None where nothing is sent."""
+
+
+class Targets:
+    """A source that is asked once a tick.
+
+    Args:
+        path: what the visitor does.
+        rate_hz: of the targets.
+        jitter: by which share of the period each of them may come early or late.
+    """
+
+    def __init__(self, path: Path, rate_hz: float = 60.0, jitter: float = 0.0) -> None:
+        self._path, self._period, self._jitter = path, 1.0 / rate_hz, jitter
+        self._uniform = Random(1).uniform
+        self.opened = 0
+        self.time = self._due = 0.0
+        self._number = 0
+
+    def open(self) -> None:
+        self.opened += 1
+
+    def close(self) -> None:
+        self.opened = 0
+
+    def newest(self) -> PointerTarget | None:
+        self.time += TICK
+        if self.time < self._due:
+            return None
+        self._due += self._period * (1.0 + self._uniform(-self._jitter, self._jitter))
+        sent = self._path(self.time)
+        self._number += 1
+        return None if sent is None else PointerTarget(*sent, self._number)

@@ -1,0 +1,117 @@
+"""The pointer device in virtual time: how its hand follows a target, lets go, and waits for the first visitor."""
+
+from itertools import pairwise
+
+import pytest
+
+from tests.master.devices.targets import Path, Targets
+from tests.pace import TICK
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices.contract import DeviceFault, DeviceReading
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.master.devices.pointer import SILENCE_S, PointerDevice, PointerIntention, PointerOptions
+
+HOME: Vector = (0.0, 0.0, 0.03)
+LEFT, RIGHT = (-0.05, 0.0, 0.03), (0.05, 0.0, 0.03)
+
+
+def readings(
+    path: Path, seconds: float, force: Vector = ZERO, rate_hz: float = 60.0, **options: object
+) -> list[DeviceReading]:
+    device = PointerDevice(PointerOptions.model_validate(options), TICK, Targets(path, rate_hz))
+    device.open(10.0)
+    device.command(force, 10.0)
+    return [device.latest(10.0 + (tick + 1) * TICK) for tick in range(round(seconds / TICK))]
+
+
+def speeds(positions: list[Vector]) -> list[float]:
+    return [distance(a, b) / TICK for a, b in pairwise(positions)]
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 60.0, 125.0])
+def test_handle_comes_to_rest_at_the_target(rate_hz: float) -> None:
+    last = readings(lambda _: (LEFT, True), 1.0, rate_hz=rate_hz)[-1]
+    assert distance(last.position, LEFT) < 1e-5
+    assert (last.buttons, last.ended) == (1, False)
+
+
+def test_handle_yields_to_the_force() -> None:
+    last = readings(lambda _: (LEFT, True), 1.0, force=(0.0, 0.0, 3.0))[-1]
+    assert last.position == pytest.approx((LEFT[0], 0.0, LEFT[2] + 3.0 / 150.0), abs=1e-5)
+
+
+def test_jumping_target_moves_the_handle_at_bounded_speed() -> None:
+    seen = readings(lambda time: (LEFT if time % 0.8 < 0.4 else RIGHT, True), 3.0)
+    fastest = max(speeds([reading.position for reading in seen]))
+    assert 0.4 < fastest <= 0.5 * (1 + 1e-9)
+    assert max(reading.position[0] for reading in seen) == pytest.approx(RIGHT[0], abs=1e-3)
+
+
+def test_hand_pulls_with_bounded_force() -> None:
+    """Against a handle that does not move: the spring of 150 N/m is stretched by at most 40 mm."""
+    intention = PointerIntention(PointerOptions())
+    for tick in range(2000):
+        before = intention.position
+        intention.follow(((-1) ** (tick // 100) * 9.0, 9.0, -9.0), HOME, TICK)
+        assert distance(intention.position, HOME) <= 0.04 * (1 + 1e-9)
+        assert distance(intention.position, before) <= 0.5 * TICK * (1 + 1e-9)
+
+
+def test_target_outside_the_workspace_is_at_its_edge() -> None:
+    last = readings(lambda _: ((1e300, -1.0, 0.07), True), 1.5)[-1]
+    assert last.position == pytest.approx((0.06, -0.06, 0.06), abs=1e-5)
+
+
+def test_release_clears_the_button_and_stops_the_hand() -> None:
+    seen = readings(lambda time: (LEFT, time < 0.155), 1.0)
+    released = next(i for i, reading in enumerate(seen) if i > 50 and not reading.buttons)
+    assert 0.155 <= released * TICK <= 0.155 + 1 / 60 + TICK
+    assert speeds([reading.position for reading in seen[released - 2 : released]])[0] > 0.2, "it was on its way"
+    assert distance(seen[released].position, seen[-1].position) < 0.02
+    assert speeds([reading.position for reading in seen[-100:]])[0] < 1e-4
+    assert not any(reading.buttons for reading in seen[released:])
+
+
+def test_hand_lets_go_of_its_pull_on_release() -> None:
+    """A force that held the handle 20 mm from the target moves it on, when nothing pulls any more, by 20 mm."""
+    seen = readings(lambda time: (LEFT, time < 1.0), 2.0, force=(0.0, 0.0, -3.0))
+    assert seen[999].position[2] - seen[-1].position[2] == pytest.approx(0.02, abs=1e-4)
+
+
+def test_silent_pointer_has_let_go_after_100_ms() -> None:
+    seen = readings(lambda time: (LEFT, True) if time < 0.5 else None, 1.0)
+    silent = next(i for i, reading in enumerate(seen) if i > 50 and not reading.buttons)
+    assert SILENCE_S + 0.5 - 1 / 60 <= silent * TICK <= SILENCE_S + 0.5 + TICK
+
+
+def test_nothing_moves_before_the_first_target() -> None:
+    seen = readings(lambda _: None, 0.5)
+    assert {(reading.position, reading.buttons) for reading in seen} == {(HOME, 0)}
+
+
+def test_target_that_is_not_held_moves_nothing() -> None:
+    assert readings(lambda _: (LEFT, False), 0.5)[-1].position == HOME
+
+
+def test_script_moves_the_hand_until_it_is_held() -> None:
+    options = PointerOptions(scripted=True)
+    operator = OperatorDevice(OperatorOptions(hand=options.hand, tremor_m=0.0), TICK)
+    operator.open(10.0)
+    seen = readings(lambda time: (LEFT, time < 2.5) if time > 2.0 else (RIGHT, False), 4.0, scripted=True)
+    for tick, reading in enumerate(seen[:1999]):
+        assert (reading.position, reading.buttons) == (operator.latest(10.0 + (tick + 1) * TICK).position, 1)
+    taken = [reading.position for reading in seen[1950:2450]]
+    assert max(speeds(taken)) <= 0.5 * (1 + 1e-9)
+    assert distance(taken[-1], LEFT) < 1e-3
+    assert not any(reading.buttons for reading in seen[2550:]), "and never again"
+    assert norm((seen[-1].position[0] - LEFT[0], 0.0, 0.0)) < 1e-3
+
+
+def test_pointer_without_a_socket_is_a_fault() -> None:
+    class Broken(Targets):
+        def open(self) -> None:
+            raise OSError(28, "No space left on device")
+
+    device = PointerDevice(PointerOptions(), TICK, Broken(lambda _: None))
+    with pytest.raises(DeviceFault, match="pointer: its socket cannot be opened: No space left on device"):
+        device.open(0.0)

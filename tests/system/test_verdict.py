@@ -1,0 +1,254 @@
+"""The verdict of a session: every cause from its figures, and none from clean ones."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.system.scoring.test_session import NONE, RATE, records
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.verdict import DEGRADED, FAILURE, GOOD, verdict
+
+Summary = dict[str, Any]
+TICKS = 10_000
+
+
+def figures(master: Records, slave: Records) -> Summary:
+    score = SessionScore(RATE, ("zoh",))
+    score.add(master, slave)
+    return score.summary()
+
+
+def clean() -> Summary:
+    """Figures of a session in which nothing happened, with all that the launcher adds."""
+    made = records(TICKS), records(TICKS)
+    for side in made:
+        side["bound"] = 0.1
+        side["datagrams_received"] = 1000
+    return figures(*made) | {
+        "faults": {"master": {}, "slave": {}},
+        "drops": {"master": {}, "slave": {}},
+        "peers": {"master": {"name": "robot:47000", "refusal": "", "farewell": ""}, "slave": None},
+        "addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"},
+        "host": {"stalls": 0, "longest_ms": 0.0, "missed": {"master": 0, "slave": 0}, "steal": 0.0, "unknown": None},
+        "recording": {"path": "a.mcap", "bytes": 2_000_000, "outcome": "complete", "lost": {"master": 0}},
+        "outcome": "completed",
+    }
+
+
+def put(summary: Summary, path: str, value: Any) -> None:
+    *keys, last = path.split(".")
+    for key in keys:
+        summary = summary[key]
+    summary[last] = value
+
+
+CASES: dict[str, tuple[str, dict[str, Any], str]] = {
+    "lost": (
+        FAILURE,
+        {"connection.master.ended": "unconnected", "connection.master.last_s": 6.9},
+        "the slave was lost: not heard for the last 6.9 s",
+    ),
+    "unconnected": (
+        DEGRADED,
+        {"connection.slave.unconnected_s": 6.9, "connection.slave.interruptions": 2},
+        "unconnected for 6.9 s in 2 interruptions",
+    ),
+    "away": (
+        DEGRADED,
+        {
+            "connection.master.ended": "away",
+            "connection.master.away_s": 3.0,
+            "peers.master.farewell": "robot fault: unplugged",
+        },
+        "the slave left (robot fault: unplugged), 3.0 s without it",
+    ),
+    "key": (
+        FAILURE,
+        {"connection.slave.ended": "waiting", "drops.slave": {"unproven": 3}},
+        "a call did not prove the key: are the keys the same on both hosts?",
+    ),
+    "no_answer": (
+        FAILURE,
+        {"connection.master.ended": "waiting", "connection.master.waited_s": 2.5},
+        "no answer from 10.0.0.2:47000 in 2.5 s: is the slave running there, is the address right, "
+        "are the keys the same on both hosts?",
+    ),
+    "no_call": (
+        DEGRADED,
+        {"connection.master": None, "connection.slave.ended": "waiting", "connection.slave.waited_s": 60.0},
+        "no master called in 60.0 s",
+    ),
+    "refused": (
+        FAILURE,
+        {"connection.slave.ended": "waiting", "peers.slave": {"refusal": "weber: master has 0.2, slave has 0.1"}},
+        "refused: weber: master has 0.2, slave has 0.1",
+    ),
+    "device": (FAILURE, {"outcome": "failed: device fault: unplugged"}, "device fault: unplugged"),
+    "robot": (FAILURE, {"outcome": "failed: robot fault: no power"}, "robot fault: no power"),
+    "taken_over": (FAILURE, {"outcome": "failed: taken over by bob"}, "taken over by bob"),
+    "killed": (FAILURE, {"outcome": "failed: slave killed by signal 9"}, "slave killed by signal 9"),
+    "ended": (FAILURE, {"outcome": "failed: it burns"}, "it burns"),
+    "emergency_stop": (FAILURE, {"outcome": "failed: emergency stop"}, "of an emergency stop"),
+    "recording": (
+        FAILURE,
+        {"recording.outcome": "No space left on device"},
+        "the recording failed: No space left on device; 2.0 MB kept",
+    ),
+    "missed_ticks": (
+        DEGRADED,
+        {"ticks.master.missed": 1505, "host.missed.master": 301, "host.steal": 0.031},
+        "7.0 % of ticks missed, of which the host took 20 %, steal 3.1 %",
+    ),
+    "stalled": (
+        DEGRADED,
+        {"faults.master": {"stalled": 2}, "ticks.master.missed_longest_s": 0.5},
+        "a process stood still: the master 2 times, for up to 0.50 s",
+    ),
+    "tripped": (
+        DEGRADED,
+        {"faults.slave": {"tripped": 1}},
+        "the robot backed off from a contact once (slave.limits.trip_n)",
+    ),
+    "update": (DEGRADED, {"faults.slave": {"update": 4}}, "4 updates did not fit their channel"),
+    "force_limited": (
+        DEGRADED,
+        {"limited.force_ticks": 1200},
+        "force limited in 12.0 % of ticks (master.limits.force_n)",
+    ),
+    "felt": (
+        DEGRADED,
+        {"force.violation_fraction": 0.12, "force.violation_floor": 0.03},
+        "felt error outside the deadband in 12.0 % of ticks (3.0 % explained by delay)",
+    ),
+    "delay": (
+        DEGRADED,
+        {"force.violation_fraction": 0.4, "force.violation_floor": 0.38},
+        "delay put the felt error outside the deadband in 40.0 % of ticks",
+    ),
+    "loss": (DEGRADED, {"link.lost": 500}, "20.0 % of datagrams lost"),
+}
+"""Name of a cause to its level, the figures that tell it, and its words."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_cause_follows_from_its_figures(name: str) -> None:
+    level, changes, text = CASES[name]
+    summary = clean()
+    for path, value in changes.items():
+        put(summary, path, value)
+    found = verdict(summary)
+    assert [tuple(cause) for cause in found.causes] == [(level, name, text)]
+    assert found.line == f"{level} because {text}"
+    assert found.status == (1 if level == FAILURE else 0)
+    assert found.document() == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
+
+
+def test_clean_figures_are_good() -> None:
+    assert verdict(clean()) == (GOOD, ())
+    assert verdict(clean()).line == "good"
+    assert verdict(clean()).status == 0
+
+
+@pytest.mark.parametrize("outcome", ["completed", "interrupted", "terminated", "hung up", "the page asked for it"])
+def test_orderly_ends_are_good(outcome: str) -> None:
+    assert verdict(clean() | {"outcome": outcome}).word == GOOD
+
+
+@pytest.mark.parametrize("sides", [(NONE, NONE), (records(TICKS), NONE), (NONE, records(TICKS))])
+def test_figures_of_the_score_alone_suffice(sides: tuple[Records, Records]) -> None:
+    assert verdict(figures(*sides)).word == GOOD
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"connection.slave.ended": "away", "connection.slave.away_s": 3600.0},
+        {"connection.master.ended": "unconnected", "connection.master.last_s": 0.2},
+        {"connection.slave.waited_s": 3600.0},
+        {"ticks.master.missed": 150},
+        {"limited.force_ticks": 50},
+        {"force.violation_fraction": 0.05, "force.violation_floor": 0.01},
+        {"link.lost": 19},
+        {"drops.slave": {"unproven": 100}},
+        {"faults.slave": {"refused": 2}},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_what_is_usual_degrades_nothing(changes: dict[str, Any]) -> None:
+    """The master has left a slave; a lost goodbye; a few ticks; strangers that call while there is a session."""
+    summary = clean()
+    for path, value in changes.items():
+        put(summary, path, value)
+    assert verdict(summary).word == GOOD
+
+
+def test_missed_ticks_without_a_watched_host_say_why() -> None:
+    summary = clean()
+    summary["ticks"]["slave"]["missed"] = 5000
+    summary["host"] |= {"missed": None, "steal": None, "unknown": "SCHED_FIFO 60 refused"}
+    assert verdict(summary).causes[0].text == "20.0 % of ticks missed (host not watched: SCHED_FIFO 60 refused)"
+
+
+def test_running_master_waits_longer_for_an_answer() -> None:
+    summary = clean()
+    put(summary, "connection.master.ended", "waiting")
+    put(summary, "connection.master.waited_s", 2.0)
+    assert verdict(summary).word == FAILURE
+    del summary["outcome"]
+    assert verdict(summary).word == GOOD
+    put(summary, "connection.master.waited_s", 4.0)
+    assert verdict(summary).word == FAILURE
+
+
+def test_recorder_that_ended_early_is_a_cause_at_once() -> None:
+    summary = clean() | {"recording": {"running": True}}
+    assert verdict(summary).word == GOOD
+    assert verdict(summary | {"recording": {"running": False}}).causes[0].name == "recording"
+
+
+def lose(state: State) -> Callable[[Records], None]:
+    def change(side: Records) -> None:
+        side["state"][TICKS // 2 :] = state.value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lose(State.SILENT), "lost"),
+        (lambda side: side["state"].__setitem__(slice(100, 400), State.SILENT.value), "unconnected"),
+        (lambda side: side["state"].__setitem__(slice(None), State.CONNECTING.value), "no_answer"),
+        (lambda side: side["clipped"].__setitem__(slice(100, 400), 1), "force_limited"),
+        (lambda side: side["ticks_missed"].__setitem__(slice(100, None), 400), "missed_ticks"),
+        (lambda side: side["output"].__setitem__((slice(1000, 3000), 2), 0.2), "felt"),
+        (lambda side: side["datagrams_lost"].__setitem__(slice(100, None), 400), "loss"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_causes_follow_from_records(change: Callable[[Records], None], name: str) -> None:
+    master, slave = records(TICKS), records(TICKS)
+    slave["bound"] = 0.1
+    change(master)
+    names = [cause.name for cause in verdict(figures(master, slave) | {"outcome": "completed"}).causes]
+    assert name in names
+
+
+@examples(100)
+@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call"})), min_size=1))
+def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
+    summary = clean()
+    for name in sorted(chosen):
+        for path, value in CASES[name][1].items():
+            put(summary, path, value)
+    found = verdict(summary)
+    levels = [cause.level for cause in found.causes]
+    assert levels == sorted(levels, key=(FAILURE, DEGRADED).index)
+    assert found.word == levels[0]
+    assert found.status == (FAILURE in levels)
+    assert len({cause.name for cause in found.causes}) == len(found.causes)
