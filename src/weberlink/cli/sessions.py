@@ -96,6 +96,8 @@ def simulate(
     with errors(), progress_bar() as progress:
         summary, recorder = run(load(file, set_ or ()), duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
+    if summary.get("interrupted") and problem is None:
+        problem = f"interrupted: {summary['duration_s']:.1f} s of simulated time are done, and in the report"
     finish(summary, f"weberlink simulate {file}", json_out, problem)
 
 
