@@ -227,7 +227,7 @@ TRIALS = {
     "wrong command": Trial(said("loopbak"), 2, "did you mean loopback?"),
     "wrong option": Trial(said("loopback", "--durations", 3), 2, "did you mean --duration?"),
     "missing argument": Trial(said("simulate"), 2, "Missing argument 'FILE'"),
-    "NaN": Trial(said("loopback", "--duration", "nan"), 2, "must be a finite number"),
+    "NaN": Trial(said("loopback", "--duration", "nan"), 2, "'--duration': should be"),
     "negative duration": Trial(said("simulate", LOOPBACK, "--duration", -1), 2, "--duration"),
     "zero duration": Trial(said("simulate", LOOPBACK, "--duration", 0), 0, ""),
     # The file.

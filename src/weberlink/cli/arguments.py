@@ -78,7 +78,7 @@ Plots = Annotated[
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
-Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study; takes minutes.")]
+Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 
 
 class CommandGroup(TyperGroup):
@@ -137,7 +137,7 @@ def one_line(error: Exception, format_message: Callable[[], str]) -> str:
     """A usage error in one line; for an unknown option, with the options that there are."""
     context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
     if context is None or name is None:
-        return " ".join(format_message().split())
+        return " ".join(format_message().replace(": Input should", ": should").split())
     known = [option for parameter in context.command.get_params(context) for option in parameter.opts]
     options = [option for option in known if option.startswith("--")]
     nearest = get_close_matches(name, options, n=1)
