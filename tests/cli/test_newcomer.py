@@ -206,7 +206,7 @@ def without_session(_: Path) -> Ended:
     """The page of the monitor where nothing runs."""
     pytest.importorskip("aiohttp")
     with Program("monitor", "--port", 0) as program:
-        line = program.next_error()
+        line = program.next_error() + program.next_error()
         program.send(signal.SIGINT)
         status, output, errors = program.finish()
     return Ended(status, output, line + errors)
@@ -242,7 +242,7 @@ TRIALS = {
     # Devices and extras.
     "unknown device": Trial(checked("master.device.driver=operater"), 2, "nearest is 'operator'"),
     "device not plugged": Trial(
-        said("device", "test", "polhem_serial", "--set", "port=/dev/ttyACM77", "--yes"), 1, "/dev/ttyACM77"
+        said("loopback", CONFIGS / "phantom-arm.yaml", "--set", "master.device.port=/dev/ttyACM77"), 1, "/dev/ttyACM77"
     ),
     "missing extra": Trial(without_mcap, 2, 'pip install "weberlink[recording]"'),
     "study without a person": Trial(said("experiment", LOOPBACK, "--out", "{}/study"), 2, "add --simulate"),
@@ -257,7 +257,7 @@ TRIALS = {
         said("evaluate", TRACE, "--predictor", "zoh", "--json", "/dev/full"), 1, "No space left on device"
     ),
     "full disk in a session": Trial(on_full_disk, 1, "recording stopped: No space left on device; the session goes on"),
-    "unwritable runtime directory": Trial(unwritable_runtime, 1, "set XDG_RUNTIME_DIR to a directory of yours"),
+    "unwritable runtime directory": Trial(unwritable_runtime, 1, "is a file, not a directory; remove it"),
     # Keys and addresses.
     "missing key": Trial(said("check", LAN, "--set", "link.key_file={}/none"), 2, "weberlink keygen"),
     "key open to others": Trial(with_open_key, 2, "chmod 600"),
@@ -270,7 +270,7 @@ TRIALS = {
     ),
     # Other sessions, and ends before the end.
     "two sessions at once": Trial(two_at_once, 0, ""),
-    "no session to watch": Trial(without_session, 0, "http://"),
+    "no session to watch": Trial(without_session, 0, "start weberlink loopback"),
     "Ctrl-C at the start": Trial(stopped(at="start"), 0, ""),
     "Ctrl-C in the session": Trial(stopped("--record", "{}/a.mcap", at="middle"), 0, ""),
     "Ctrl-C twice": Trial(stopped("--json", "-", at="end"), 0, ""),
