@@ -46,7 +46,10 @@ def monitor(
         typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
     ] = None,
 ) -> None:
-    """Show running sessions, or a recording, in a browser and to Prometheus, until Ctrl-C."""
+    """Show running sessions, or a recording, in a browser, until Ctrl-C.
+
+    The same address has figures for Prometheus.
+    """
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
 
     with errors():
