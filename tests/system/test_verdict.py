@@ -75,7 +75,7 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "no_answer": (
         FAILURE,
         {"connection.master.ended": "waiting", "connection.master.waited_s": 2.5},
-        "no answer from 10.0.0.2:47000 in 2.5 s: is the slave running there, is the address right, "
+        "the slave did not answer in 2.5 s at 10.0.0.2:47000: is it running there, is the address right, "
         "are the keys the same on both hosts?",
     ),
     "no_call": (
@@ -97,12 +97,17 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "recording": (
         FAILURE,
         {"recording.outcome": "No space left on device"},
-        "the recording failed: No space left on device; 2.0 MB kept",
+        "the recording failed: No space left on device; 2000 kB kept",
     ),
     "missed_ticks": (
         DEGRADED,
         {"ticks.master.missed": 1505, "host.missed.master": 301, "host.steal": 0.031},
         "7.0 % of ticks missed, of which the host took 20 %, steal 3.1 %",
+    ),
+    "no_figures": (
+        DEGRADED,
+        {"ticks.master.count": 0, "connection.master": None},
+        "the figures of the master are missing: its telemetry was read too late",
     ),
     "stalled": (
         DEGRADED,
@@ -194,6 +199,11 @@ def test_missed_ticks_without_a_watched_host_say_why() -> None:
     assert verdict(summary).causes[0].text == "20.0 % of ticks missed (host not watched: SCHED_FIFO 60 refused)"
 
 
+def test_run_without_records_tells_the_address_too() -> None:
+    summary = clean() | {"outcome": "failed: the slave did not answer in 2.0 s"}
+    assert "in 2.0 s at 10.0.0.2:47000: is it running there" in verdict(summary).line
+
+
 def test_running_master_waits_longer_for_an_answer() -> None:
     summary = clean()
     put(summary, "connection.master.ended", "waiting")
@@ -240,7 +250,7 @@ def test_causes_follow_from_records(change: Callable[[Records], None], name: str
 
 
 @examples(100)
-@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call"})), min_size=1))
+@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call", "no_figures"})), min_size=1))
 def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     summary = clean()
     for name in sorted(chosen):
