@@ -113,8 +113,8 @@ def other_masters(folder: Path) -> Reports:
         pair.program("master") as first,
         pair.program("master", "codec.force.weber=0.2", "link.names.master=ann") as other,
     ):
-        refused = report(other.finish())
         first.engaged("master")
+        refused = report(other.finish())
         with pair.program("master", "link.names.master=bob", options=("--take-over",)) as second:
             killed = second.engaged("master")
             replaced = report(first.finish())
