@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
+from tests.system.processes import ROOT
 from tests.system.scoring.test_session import NONE, RATE, records
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import Records, SessionScore
@@ -75,7 +76,7 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "no_answer": (
         FAILURE,
         {"connection.master.ended": "waiting", "connection.master.waited_s": 2.5},
-        "no answer from 10.0.0.2:47000 in 2.5 s: is the slave running there, is the address right, "
+        "the slave did not answer in 2.5 s at 10.0.0.2:47000: is it running there, is the address right, "
         "are the keys the same on both hosts?",
     ),
     "no_call": (
@@ -97,12 +98,17 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "recording": (
         FAILURE,
         {"recording.outcome": "No space left on device"},
-        "the recording failed: No space left on device; 2.0 MB kept",
+        "the recording failed: No space left on device; 2000 kB kept",
     ),
     "missed_ticks": (
         DEGRADED,
         {"ticks.master.missed": 1505, "host.missed.master": 301, "host.steal": 0.031},
         "7.0 % of ticks missed, of which the host took 20 %, steal 3.1 %",
+    ),
+    "no_figures": (
+        DEGRADED,
+        {"ticks.master.count": 0, "connection.master": None},
+        "the figures of the master are missing: its telemetry was read too late",
     ),
     "stalled": (
         DEGRADED,
@@ -194,6 +200,11 @@ def test_missed_ticks_without_a_watched_host_say_why() -> None:
     assert verdict(summary).causes[0].text == "20.0 % of ticks missed (host not watched: SCHED_FIFO 60 refused)"
 
 
+def test_run_without_records_tells_the_address_too() -> None:
+    summary = clean() | {"outcome": "failed: the slave did not answer in 2.0 s"}
+    assert "in 2.0 s at 10.0.0.2:47000: is it running there" in verdict(summary).line
+
+
 def test_running_master_waits_longer_for_an_answer() -> None:
     summary = clean()
     put(summary, "connection.master.ended", "waiting")
@@ -240,7 +251,7 @@ def test_causes_follow_from_records(change: Callable[[Records], None], name: str
 
 
 @examples(100)
-@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call"})), min_size=1))
+@given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call", "no_figures"})), min_size=1))
 def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     summary = clean()
     for name in sorted(chosen):
@@ -252,3 +263,10 @@ def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     assert found.word == levels[0]
     assert found.status == (FAILURE in levels)
     assert len({cause.name for cause in found.causes}) == len(found.causes)
+
+
+def test_every_cause_is_in_the_glossary() -> None:
+    page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").partition("## The verdict")[2]
+    rows = {line.split("|")[1]: line.split("|")[2] for line in page.splitlines() if line.startswith("| `")}
+    for name, (level, _, _) in CASES.items():
+        assert any(f"`{name}`" in names and level in words for names, words in rows.items()), name

@@ -43,7 +43,7 @@ _ENDINGS = (
     ("killed", "killed by"),
 )
 """Name of the cause and the words that tell it, in the reason of a failed run."""
-_ANSWERS = ("is the slave running there", "is the address right", "are the keys the same on both hosts?")
+_QUESTIONS = "is it running there, is the address right, are the keys the same on both hosts?"
 _PEERS = {MASTER: SLAVE, SLAVE: MASTER}
 
 
@@ -114,7 +114,7 @@ def _ending(summary: Mapping[str, Any]) -> Iterator[Cause]:
         yield Cause(FAILURE, "emergency_stop", "of an emergency stop")
     elif reason != outcome:
         name = next((name for name, words in _ENDINGS if words in reason), "ended")
-        yield Cause(FAILURE, name, reason)
+        yield Cause(FAILURE, name, _unanswered(summary, reason) if name == "no_answer" else reason)
 
 
 def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
@@ -123,16 +123,14 @@ def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
     for side, figures in sides.items():
         if figures["ended"] == "waiting":
             yield from _never(summary, side, figures["waited_s"])
-    lost = {side: figures for side, figures in sides.items() if figures["ended"] == "unconnected"}
-    for side, figures in lost.items():
-        if figures["last_s"] >= LOST_S:
-            words = f"the {_PEERS[side]} was lost: not heard for the last {figures['last_s']:.1f} s"
-            yield Cause(FAILURE, "lost", words)
+        elif figures["ended"] == "unconnected" and figures["last_s"] >= LOST_S:
+            text = f"the {_PEERS[side]} was lost: not heard for the last {figures['last_s']:.1f} s"
+            yield Cause(FAILURE, "lost", text)
     longest = max(sides.values(), key=lambda figures: figures["unconnected_s"], default=None)
-    if longest is not None and longest["unconnected_s"] > 0.0:
+    if longest is not None and longest["unconnected_s"] > longest["last_s"] * (longest["ended"] == "unconnected"):
         times = longest["interruptions"]
-        words = f"unconnected for {longest['unconnected_s']:.1f} s" + (f" in {times} interruptions" * (times > 1))
-        yield Cause(DEGRADED, "unconnected", words)
+        text = f"unconnected for {longest['unconnected_s']:.1f} s" + (f" in {times} interruptions" * (times > 1))
+        yield Cause(DEGRADED, "unconnected", text)
     away = sides[MASTER]["away_s"] if MASTER in sides else 0.0
     if away >= AWAY_S:
         farewell = _peer(summary, MASTER).get("farewell")
@@ -156,18 +154,22 @@ def _never(summary: Mapping[str, Any], side: str, waited: float) -> Iterator[Cau
     elif refusal or faults.get("refused"):
         yield Cause(FAILURE, "refused", f"refused: {refusal}" if refusal else "a call was refused")
     elif waited > limit and side == MASTER:
-        at = summary.get("addresses", {}).get("slave")
-        where = f" from {at}" if at else ""
-        yield Cause(FAILURE, "no_answer", f"no answer{where} in {waited:.1f} s: {', '.join(_ANSWERS)}")
+        yield Cause(FAILURE, "no_answer", _unanswered(summary, f"the slave did not answer in {waited:.1f} s"))
     elif waited > limit and summary["connection"].get(MASTER) is None:
         yield Cause(DEGRADED, "no_call", f"no master called in {waited:.1f} s")
+
+
+def _unanswered(summary: Mapping[str, Any], text: str) -> str:
+    """With the address, and what a person can look at: a slave does not answer a call that proves no key."""
+    at = summary.get("addresses", {}).get("slave")
+    return f"{text}{f' at {at}' if at else ''}: {_QUESTIONS}"
 
 
 def _recording(summary: Mapping[str, Any]) -> Iterator[Cause]:
     facts = summary.get("recording", {})
     outcome = facts.get("outcome", "complete" if facts.get("running", True) else "the recorder has ended")
     if outcome != "complete":
-        kept = f"; {facts['bytes'] / 1e6:.1f} MB kept" if facts.get("bytes") else ""
+        kept = f"; {facts['bytes'] / 1e3:.0f} kB kept" if facts.get("bytes") else ""
         yield Cause(FAILURE, "recording", f"the recording failed: {outcome}{kept}")
     elif lost := sum(facts.get("lost", {}).values()):
         yield Cause(DEGRADED, "recording", f"the recording lacks {lost} records")
@@ -175,6 +177,11 @@ def _recording(summary: Mapping[str, Any]) -> Iterator[Cause]:
 
 def _ticks(summary: Mapping[str, Any]) -> Iterator[Cause]:
     """Missed ticks, and which of them the host took."""
+    for side, figures in summary["ticks"].items():
+        if not figures["count"] and _peer(summary, side).get("name"):
+            yield Cause(
+                DEGRADED, "no_figures", f"the figures of the {side} are missing: its telemetry was read too late"
+            )
     ticks = summary["ticks"].values()
     missed = sum(side["missed"] for side in ticks)
     due = missed + sum(side["count"] for side in ticks)
