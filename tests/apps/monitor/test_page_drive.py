@@ -88,6 +88,7 @@ def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
     page.wait(lambda: page.data("handle-state") == "free", "the handle")
     served.asked.clear()
     yield served
+    chain(page).reset_actions()  # a test that failed may still hold the handle
     page.run("document.activeElement.blur()")
     assert page.console() == []
 
@@ -162,9 +163,9 @@ def test_drag_moves_target_on_vertical_plane(page: Browser, server: ScriptedServ
 
 def test_busy_page_repeats_target_for_half_a_second(page: Browser, server: ScriptedServer) -> None:
     hold(page)
-    page.run("const end = performance.now() + 1000; while (performance.now() < end);")
-    sent = len(drives(server))
-    assert 4 < sent < 28  # every 30 ms, and not for the whole second
+    server.asked.clear()
+    page.run("const end = performance.now() + 1500; while (performance.now() < end);")
+    assert 4 < len(drives(server)) < 35  # every 30 ms, but not until the end
     assert page.data("handle-state") == "held"
     let_go(page, server)
 
@@ -394,7 +395,8 @@ def test_clock_of_server_is_measured(page: Browser, server: ScriptedServer) -> N
     )
     server.say(session.hello(**DRIVEN))
     page.wait(lambda: page.run("return document.body.dataset.clockOffset || ''"), "the pong")
-    assert float(page.run("return document.body.dataset.clockOffset")) == pytest.approx(5000.0, abs=100.0)
+    offset, rtt = page.run("return [document.body.dataset.clockOffset, document.body.dataset.serverRtt].map(Number)")
+    assert offset == pytest.approx(5000.0 - rtt / 2.0, abs=0.1)
 
 
 def test_handle_is_drawn_with_newest_row(page: Browser, server: ScriptedServer) -> None:
