@@ -88,6 +88,7 @@ def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
     page.wait(lambda: page.data("handle-state") == "free", "the handle")
     served.asked.clear()
     yield served
+    chain(page).reset_actions()  # a test that failed may still hold the handle
     page.run("document.activeElement.blur()")
     assert page.console() == []
 
@@ -162,9 +163,9 @@ def test_drag_moves_target_on_vertical_plane(page: Browser, server: ScriptedServ
 
 def test_busy_page_repeats_target_for_half_a_second(page: Browser, server: ScriptedServer) -> None:
     hold(page)
-    page.run("const end = performance.now() + 1000; while (performance.now() < end);")
-    sent = len(drives(server))
-    assert 4 < sent < 28  # every 30 ms, and not for the whole second
+    server.asked.clear()
+    page.run("const end = performance.now() + 1500; while (performance.now() < end);")
+    assert 4 < len(drives(server)) < 35  # every 30 ms, but not until the end
     assert page.data("handle-state") == "held"
     let_go(page, server)
 
@@ -277,6 +278,7 @@ def test_refused_handle_is_told(page: Browser, server: ScriptedServer) -> None:
     server.say({"type": "handle", "state": "none", "why": "the master has ended"})
     page.wait(lambda: page.text("handle-state") == "the master has ended", "the reason")
     server.say({"type": "handle", "state": "yours", "why": None})
+    page.wait(lambda: page.data("handle-state") == "yours", "the handle")
     hold(page)
     assert page.text("handle-state").startswith("yours")
     let_go(page, server)
@@ -301,8 +303,10 @@ def test_link_sliders_ask_once_and_show_answer(page: Browser, server: ScriptedSe
 
     server.answer = answer
     page.wait(lambda: not page.run("return document.getElementById('delay_ms').disabled"), "the slider")
-    page.choose("delay_ms", "30")
-    page.choose("delay_ms", "45")
+    page.run(
+        "const e = document.getElementById('delay_ms');"
+        "for (const value of [30, 45]) { e.value = value; e.dispatchEvent(new Event('change')); }"
+    )
     page.wait(lambda: page.data("answer") == "accepted", "the answer")
     changes = [asked for asked in server.asked if asked["type"] == "change"]
     assert changes == [{"type": "change", "delay_ms": 45, "token": "secret"}]
@@ -394,7 +398,8 @@ def test_clock_of_server_is_measured(page: Browser, server: ScriptedServer) -> N
     )
     server.say(session.hello(**DRIVEN))
     page.wait(lambda: page.run("return document.body.dataset.clockOffset || ''"), "the pong")
-    assert float(page.run("return document.body.dataset.clockOffset")) == pytest.approx(5000.0, abs=100.0)
+    offset, rtt = page.run("return [document.body.dataset.clockOffset, document.body.dataset.serverRtt].map(Number)")
+    assert offset == pytest.approx(5000.0 - rtt / 2.0, abs=0.1)
 
 
 def test_handle_is_drawn_with_newest_row(page: Browser, server: ScriptedServer) -> None:
