@@ -12,7 +12,8 @@ TIMES ?= 10
 
 .PHONY: system demo test compiled test-compiled hunt lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
-system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
+system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
+	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
 	ldconfig -p | grep -q libEGL.so.1 || apt-get install -y -q --no-install-recommends libegl1
@@ -95,7 +96,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra monitor --extra camera --extra docs \
+		--extra monitor --extra camera --extra gamepad --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 
 clean:
