@@ -173,3 +173,42 @@ def test_a_periodic_blackout_repeats_from_its_start() -> None:
         made.send(b"x", number, 10.0 + number * 0.01 + 0.005)
     arrived = [tag for _, tag in made.receive(100.0)]
     assert arrived == [number for number in range(200) if number < 100 or number % 20 >= 5]
+
+
+def test_changed_link_keeps_what_is_under_way_and_its_order() -> None:
+    made = link(delay_s=0.1)
+    made.send(b"", 0, 0.0)
+    made.change(Emulation(delay_s=0.01))
+    made.send(b"", 1, 0.02)
+    assert made.receive(0.0999) == []
+    assert [tag for _, tag in made.receive(0.1)] == [0, 1]
+    made.send(b"", 2, 0.2)
+    made.change(Emulation(delay_s=0.5, loss=1.0))
+    made.send(b"", 3, 0.2)
+    assert [tag for _, tag in made.receive(0.215)] == [2]
+    made.change(Emulation())
+    made.send(b"", 4, 0.3)
+    assert [tag for _, tag in made.receive(0.3)] == [4], "nothing is left of what was there before"
+    assert (made.counters.sent, made.counters.delivered, made.counters.lost) == (5, 4, 1)
+
+
+@examples(60)
+@given(st.lists(st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.05)), min_size=1, max_size=20))
+def test_changes_lose_and_reorder_nothing(delays: list[tuple[float, float]]) -> None:
+    made, arrived = link(), []
+    for number, (delay, jitter) in enumerate(delays):
+        now = 0.01 * number
+        made.change(Emulation(delay_s=delay, jitter_s=jitter))
+        made.send(b"", number, now)
+        arrived += [tag for _, tag in made.receive(now)]
+    arrived += [tag for _, tag in made.receive(1e9)]
+    assert arrived == list(range(len(delays)))
+
+
+def test_run_of_losses_ends_where_the_loss_does() -> None:
+    made = link(loss=0.5, burst=1000.0)
+    while fates(made, 1)[0]:
+        pass
+    made.change(Emulation(burst=1000.0))
+    made.change(Emulation(loss=1e-9, burst=1000.0))
+    assert all(fates(made, 50))

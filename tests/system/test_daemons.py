@@ -447,7 +447,7 @@ def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) ->
     dead = subprocess.Popen(["true"])
     dead.wait()
     names = [f"weberlink-{pid}-{side}" for pid in (dead.pid, os.getpid()) for side in ("master.ring", "slave.ask")]
-    names.insert(0, f"weberlink-{dead.pid}.key")
+    names[:0] = [f"weberlink-{dead.pid}.key", f"weberlink-{dead.pid}.pointer"]
     fresh = tmp_path / f"weberlink-{dead.pid}-slave.json"
     other = tmp_path / "weberlink-mine.ring"
     for path in (*(tmp_path / name for name in names), fresh, other):
@@ -455,4 +455,4 @@ def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) ->
         if path != fresh:
             os.utime(path, (0, 0))
     sweep([tmp_path])
-    assert {path.name for path in tmp_path.iterdir()} == {*names[3:], fresh.name, other.name}
+    assert {path.name for path in tmp_path.iterdir()} == {*names[4:], fresh.name, other.name}

@@ -28,7 +28,10 @@ from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.geometry.vector import distance
 from weberlink.system import description
+from weberlink.system.composition.link import build_link
+from weberlink.system.configuration.model import DirectionFaults
 from weberlink.system.control_socket import ControlSocket, LiveChangeError, ask, path_beside
+from weberlink.system.live_link import LiveLink
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.ring import default_path
 
@@ -153,25 +156,32 @@ def test_a_running_daemon_answers_on_its_control_socket() -> None:
 
 
 class Unchanging:
-    """A side that has settings, and takes no others."""
+    """A side that has settings, takes no others, and notes how it was stopped."""
 
     def __init__(self) -> None:
         self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda *_: None)
+        self.stops: list[str] = []
+
+    def stop(self, now: float, reason: str) -> None:
+        self.stops.append(reason)
+
+    def emergency(self, now: float) -> None:
+        self.stops.append("emergency")
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None:
         return self.tuning.complaint(change)
 
 
 @contextmanager
-def daemon(ring: Path) -> Iterator[None]:
+def daemon(ring: Path, link: LiveLink | None = None) -> Iterator[Unchanging]:
     """A control socket in a thread, as that of a daemon."""
-    loop = asyncio.new_event_loop()
-    control = ControlSocket(ring, Unchanging())
+    loop, side = asyncio.new_event_loop(), Unchanging()
+    control = ControlSocket(ring, side, link)
     control.open(loop)
     thread = Thread(target=loop.run_forever)
     thread.start()
     try:
-        yield
+        yield side
     finally:
         loop.call_soon_threadsafe(loop.stop)
         thread.join()
@@ -189,6 +199,65 @@ def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
         told = json.loads(asker.recv(5000))
         assert (told["accepted"], told["why"]) == (False, "a question is a JSON object")
         assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh", "scheme": "none"}
+
+
+@pytest.mark.parametrize(
+    ("request_", "stops", "complaint"),
+    [
+        ({"stop": "the page was closed"}, ["the page was closed"], None),
+        ({"emergency": True}, ["emergency"], None),
+        ({"emergency": True, "weber": 0.2}, ["emergency"], None),
+        ({"emergency": False}, [], "emergency must be true, not False"),
+        ({"stop": ""}, [], "1 to 100 printable characters"),
+        ({"stop": "x" * 101}, [], "1 to 100 printable characters"),
+        ({"stop": "a\nb"}, [], "1 to 100 printable characters"),
+        ({"stop": True}, [], "1 to 100 printable characters"),
+        ({"stop": "enough", "weber": 0.2}, [], "ask for stop alone"),
+        ({"delay_ms": 5}, [], "add emulate: {} under link"),
+        ({"weber": 0.2}, [], "control.live_changes is off"),
+    ],
+)
+def test_stop_is_done_or_refused_with_a_reason(
+    tmp_path: Path, request_: dict[str, Any], stops: list[str], complaint: str | None
+) -> None:
+    with daemon(tmp_path / "x.ring") as side:
+        answer = ask(tmp_path / "x.ring", request_, PATIENCE)
+        assert (answer["accepted"], answer["link"], side.stops) == (complaint is None, None, stops)
+        assert complaint is None or complaint in answer["why"]
+
+
+@pytest.mark.parametrize(
+    ("request_", "complaint"),
+    [
+        ({"delay_ms": 20}, None),
+        ({"jitter_ms": 2.5, "loss": 0.3}, None),
+        ({"delay_ms": -1}, "delay_ms: should be greater than or equal to 0, not -1"),
+        ({"jitter_ms": 10_001}, "jitter_ms: should be less than or equal to 10000, not 10001"),
+        ({"loss": True}, "loss: should be a valid number, not True"),
+        ({"delay_ms": "5"}, "delay_ms: should be a valid number, not '5'"),
+        ({"loss": 0.9}, "loss must be at most burst / (1 + burst)"),
+        ({"loss": 0.1, "burst": 2}, "burst is no setting of the link"),
+        ({"loss": 0.1, "weber": 0.2}, "weber is no setting of the link"),
+    ],
+)
+def test_emulated_link_changes_within_the_bounds_of_the_file(
+    tmp_path: Path, request_: dict[str, Any], complaint: str | None
+) -> None:
+    file = {"delay_ms": 1.0, "jitter_ms": 0.0, "loss": 0.1}
+    faults = DirectionFaults(**file, burst=3)
+    link = LiveLink(faults, build_link(faults, lambda: 0.5, 0.0))
+    with daemon(tmp_path / "x.ring", link):
+        answer = ask(tmp_path / "x.ring", request_, PATIENCE)
+        assert answer["accepted"] == (complaint is None)
+        assert answer["link"] == (file | request_ if complaint is None else file)
+        assert complaint is None or complaint in answer["why"]
+
+
+def test_fixed_link_is_not_changed(tmp_path: Path) -> None:
+    link = LiveLink(DirectionFaults(), build_link(DirectionFaults(), lambda: 0.5, 0.0), "fixed by the file")
+    with daemon(tmp_path / "x.ring", link):
+        answer = ask(tmp_path / "x.ring", {"loss": 0.5}, PATIENCE)
+        assert (answer["accepted"], answer["why"], answer["link"]["loss"]) == (False, "fixed by the file", 0.0)
 
 
 @needs_root

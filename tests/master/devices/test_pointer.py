@@ -63,9 +63,9 @@ def test_target_outside_the_workspace_is_at_its_edge() -> None:
 
 
 def test_release_clears_the_button_and_stops_the_hand() -> None:
-    seen = readings(lambda time: (LEFT, time < 0.155), 1.0)
+    seen = readings(lambda time: (LEFT, time < 0.105), 1.0)
     released = next(i for i, reading in enumerate(seen) if i > 50 and not reading.buttons)
-    assert 0.155 <= released * TICK <= 0.155 + 1 / 60 + TICK
+    assert 0.105 <= released * TICK <= 0.105 + 1 / 60 + TICK
     assert speeds([reading.position for reading in seen[released - 2 : released]])[0] > 0.2, "it was on its way"
     assert distance(seen[released].position, seen[-1].position) < 0.02
     assert speeds([reading.position for reading in seen[-100:]])[0] < 1e-4

@@ -1,0 +1,139 @@
+"""A pointer in a whole session: it feels a dome, jumps, lets go, in virtual time and live."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.master.devices.targets import Path, Targets
+from tests.system.systems import configuration
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.pointer import PointerDevice
+from weberlink.system.scenes import SCENES
+from weberlink.system.scoring.energy import Records
+from weberlink.system.scoring.session import SessionScore
+from weberlink.system.simulate import build_simulation, simulate
+
+WALL, HAND = 1500.0, 150.0
+"""Stiffness of the scenes and of the hand [N/m]."""
+SPEED, REACH = 0.5, 0.04
+"""Bounds of the intended position: [m/s], and [m] from the handle."""
+RAMP_S = 0.05
+CENTRE, RADIUS = np.array([0.0, 0.0, -0.025]), 0.04
+EASY = ("master.device.scripted=false", "control.scheme=none")
+
+
+class Course:
+    """The records of a run, without the fade at its end."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Records, Records]] = []
+
+    def add(self, master: Records, slave: Records) -> None:
+        self._parts.append((master, slave))
+
+    @property
+    def master(self) -> Records:
+        return np.concatenate([master for master, _ in self._parts])[:-100]
+
+    @property
+    def slave(self) -> Records:
+        return np.concatenate([slave for _, slave in self._parts])[:-100]
+
+
+def run(path: Path, seconds: float, *overrides: str, score: SessionScore | None = None) -> Course:
+    """A session of configs/try.yaml that is led along a path, with targets as those of a browser."""
+    source, course = Targets(path, 60.0, jitter=0.3), Course()
+    loaded = configuration(*EASY, *overrides, file="try.yaml", device=lambda *of: PointerDevice(*of, source))
+    build_simulation(loaded).run(seconds, [course, *([] if score is None else [score])])
+    return course
+
+
+def lengths(vectors: Any) -> Any:
+    return np.linalg.norm(vectors, axis=1)
+
+
+def depths(positions: Any) -> Any:
+    """Below the surface of the dome on the table [m]."""
+    return np.maximum(-positions[:, 2], RADIUS - lengths(positions - CENTRE))
+
+
+def over_the_dome(time: float) -> tuple[Vector, bool]:
+    """To and fro, one centimetre below the table's surface from 0.5 s on."""
+    return (0.05 * float(np.sin(1.5 * time)), 0.01 * float(np.cos(2.0 * time)), -0.01 if time > 0.5 else 0.04), True
+
+
+def test_handle_slides_over_the_dome_and_stays_out() -> None:
+    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
+    course = run(over_the_dome, 6.0, score=score)
+    sliding = course.master[1500:]
+    positions, depth = sliding["position"], depths(sliding["position"])
+    targets = np.array([over_the_dome((tick + 1) * 1e-3)[0] for tick in sliding["tick"]])
+    assert (depth <= HAND * lengths(targets - positions) / WALL + 5e-4).all(), "the springs of hand and wall"
+    assert depth.max() < HAND * REACH / WALL
+    assert np.ptp(positions[:, 2]) > 0.01, "up and down the dome, 15 mm high"
+    assert (lengths(sliding["output"]) > 0.1).all(), "in contact all the time"
+    force = score.summary()["force"]
+    assert force["coding"]["violation_fraction"] == 0.0
+    assert force["violation_fraction"] < 0.05, "felt, with two ticks of delay"
+    assert force["packets_per_s"] < 50.0
+
+
+def test_pointer_inside_a_wall_leaves_the_handle_at_it() -> None:
+    course = run(lambda _: ((0.05, 0.05, -0.06), True), 3.0)
+    rest = course.master[-500:]
+    assert depths(rest["position"]).max() == pytest.approx(HAND * REACH / WALL, rel=0.01)
+    assert lengths(rest["output"]).max() == pytest.approx(HAND * REACH, rel=0.11)
+    assert np.ptp(rest["position"], axis=0).max() < 1e-6, "it is still"
+
+
+@pytest.mark.parametrize("delay_ms", [0, 20])
+def test_jumping_pointer_changes_the_force_at_bounded_rate(delay_ms: int) -> None:
+    """Between 60 mm above and 60 mm below a wall. The step of an update is within the deadband."""
+    course = run(
+        lambda time: ((0.05, 0.05, 0.06 if time % 1.0 < 0.5 else -0.06), True), 3.5, f"link.emulate.delay_ms={delay_ms}"
+    )
+    jumping = course.master[1000:]  # beside the dome
+    felt = jumping["output"]
+    rate = lengths(felt[5:] - felt[:-5]) / 5e-3
+    assert lengths(felt).max() > 3.0
+    assert rate.max() <= 1.1 * WALL * SPEED
+    assert depths(jumping["position"]).max() <= 2.0 * HAND * REACH / WALL
+
+
+@pytest.mark.parametrize(("goes_silent", "limit"), [(False, 0.1), (True, 0.1 + RAMP_S + 0.02)])
+def test_released_handle_has_no_force_and_the_robot_holds(goes_silent: bool, limit: float) -> None:
+    def pressed(time: float) -> tuple[Vector, bool] | None:
+        return ((0.05, 0.05, -0.03), True) if time < 2.0 else None if goes_silent else ((0.05, 0.05, -0.03), False)
+
+    course = run(pressed, 3.0)
+    master, slave = course.master, course.slave
+    assert lengths(master["output"])[1900] > 2.0
+    after = master["at"] > 2.0 + limit
+    assert (master["output"][after] == 0.0).all()
+    assert (master["buttons"][after] == 0).all()
+    held = slave["output"][slave["at"] > 2.0 + limit]
+    assert (held == held[0]).all()
+    assert abs(held[0][2]) < 5e-3, "where it was"
+    rest = master["position"][after]
+    assert lengths(rest - rest[-1]).max() < 5e-3, "so does the hand"
+
+
+def test_handle_taken_again_goes_on_without_a_jump() -> None:
+    def again(time: float) -> tuple[Vector, bool]:
+        return ((0.05, 0.05, -0.03), True) if time < 1.5 else ((0.05, -0.05, 0.0), time > 2.0)
+
+    course = run(again, 3.5)
+    speed = lengths(np.diff(course.master["position"][1900:], axis=0)) / 1e-3
+    assert speed.max() <= SPEED * (1 + 1e-9)
+    assert lengths(course.master["position"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
+    assert lengths(course.slave["output"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_every_scene_to_try_is_felt(name: str) -> None:
+    loaded = configuration(*SCENES[name].overrides, file="try.yaml")
+    summary, trace = simulate(loaded, 4.0)
+    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
+    assert summary["force"]["packets"] > 2
+    assert 0.5 < lengths(trace.trace.force_n).max() < 10.0
