@@ -1,6 +1,6 @@
 """A whole run: every measurement in order, its document, table and figures."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,10 +31,11 @@ from benchmarks.report import budget_report, report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
 from weberlink.protocol.keys import generate
-from weberlink.studies.result import StudyResult
+from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
+from weberlink.system.interruption import Interruption
 
 PARTS = len(RATES_HZ) + 5
 Progress = Callable[[int, int, str], None]
@@ -116,12 +117,14 @@ def run(
         if only_budget:
             return measure_budget(arrangement, progress)
         findings = measure(arrangement, progress)
+    if not isinstance(findings, Findings):
+        return partial(arrangement, findings)
     compared = None if earlier is None or baseline is None else (earlier, baseline.name)
     return assemble(arrangement, findings, compared)
 
 
-def measure(arrangement: Arrangement, progress: Progress) -> Findings:
-    """Measure one part after the other.
+def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str, Any]:
+    """Measure one part after the other; the parts by name, if Ctrl-C comes before the last one is done.
 
     Raises:
         BenchError: if a measurement fails.
@@ -130,23 +133,51 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
     began = monotonic()
     facts, taken = host(), stolen()  # before the run, so that its own load does not count
     rights = _rights(arrangement)
-    rates: dict[float, Lateness] = {}
-    for done, rate_hz in enumerate(RATES_HZ):
-        progress(done, PARTS, f"lateness at {rate_hz / 1e3:g} kHz")
-        rates[rate_hz] = lateness.measure(arrangement, rate_hz, rights)
-    progress(PARTS - 5, PARTS, "latency of an update")
-    trips = latency.measure(arrangement, rights)
-    progress(PARTS - 4, PARTS, "run time of an update")
-    update = update_cost.measure(arrangement, rights)
-    progress(PARTS - 3, PARTS, "cost of a tick")
-    tick = budget_.measure(arrangement, rights)
-    progress(PARTS - 2, PARTS, "codec")
-    codec = codec_speed.measure(quick=arrangement.quick)
-    progress(PARTS - 1, PARTS, "start-up")
-    start = start_up.measure(arrangement)
-    progress(PARTS, PARTS, "")
+    steps: dict[str, tuple[str, Callable[[], Any]]] = {
+        f"lateness {rate_hz:g} Hz": (
+            f"lateness at {rate_hz / 1e3:g} kHz",
+            lambda rate_hz=rate_hz: lateness.measure(arrangement, rate_hz, rights),
+        )
+        for rate_hz in RATES_HZ
+    } | {
+        "latency": ("latency of an update", lambda: latency.measure(arrangement, rights)),
+        "update_cost": ("run time of an update", lambda: update_cost.measure(arrangement, rights)),
+        "budget": ("cost of a tick", lambda: budget_.measure(arrangement, rights)),
+        "codec": ("codec", lambda: codec_speed.measure(quick=arrangement.quick)),
+        "start_up": ("start-up", lambda: start_up.measure(arrangement)),
+    }
+    found: dict[str, Any] = {}
+
+    def one_by_one() -> Iterator[None]:
+        for done, (name, (what, step)) in enumerate(steps.items()):
+            progress(done, len(steps), what)
+            found[name] = step()
+            yield
+        progress(len(steps), len(steps), "")
+
+    for _ in Interruption().pieces(one_by_one()):
+        pass
+    if len(found) < len(steps):
+        return found
     share = taken.share_until(stolen())
-    return Findings(rates, trips, update, tick, codec, start, rights, facts, monotonic() - began, share)
+    rates = {rate_hz: found[f"lateness {rate_hz:g} Hz"] for rate_hz in RATES_HZ}
+    return Findings(
+        rates, found["latency"], found["update_cost"], found["budget"], found["codec"], found["start_up"],
+        rights, facts, monotonic() - began, share,
+    )  # fmt: skip
+
+
+def partial(arrangement: Arrangement, found: Mapping[str, Any]) -> StudyResult:
+    """The parts that were measured until Ctrl-C. They have no targets, which are about the whole run."""
+    facts = environment()
+    document = {
+        "kind": f"{baseline_.KIND} partial",
+        **_circumstances(arrangement, _rights(arrangement)),
+        "parts": {name: part.as_json() for name, part in found.items()},
+        "environment": facts,
+    }
+    words = "\n".join(["measured:", *(f"  {name}" for name in found), footer(facts)])
+    return StudyResult(document, words, None, interrupted=how_much(len(found), PARTS, "parts"))
 
 
 def measure_budget(arrangement: Arrangement, progress: Progress) -> StudyResult:

@@ -11,12 +11,13 @@ from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, R
 from weberlink.codec.deadband.isotropic import ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
-from weberlink.registry import Registry
+from weberlink.registry import Registry, check_overrides
 
 
 def _check(name: str, entry: Any) -> None:
     if not (isinstance(entry, type) and issubclass(entry, Deadband) and entry.name == name):
         raise ValueError(f"deadband {name!r}: its entry point must name a subclass of Deadband called {name!r}")
+    check_overrides(f"deadband {name}", entry, Deadband, "configured", "bound", "error")
 
 
 _HERE = "weberlink.codec.deadband"

@@ -16,6 +16,9 @@ DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.device
 COMPUTED = frozenset({"operator", "pointer", "replay"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
+SCRIPTED = frozenset({"operator", "replay"})
+"""Drivers that a program moves; no person feels anything with them."""
+
 drivers = DEVICES.places
 
 

@@ -34,7 +34,6 @@ class DeviceSpec:
         watchdog_s: Time after which the board itself removes the force when its host stops [s]; None if it never does.
             0 for a computed device, whose force ends with the program.
         note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
-        noise_m: Noise of the position while the hand is still, RMS on each axis [m]; 0 where it is not known.
     """
 
     name: str
@@ -49,7 +48,6 @@ class DeviceSpec:
     torque_n_m: float = 0.0
     watchdog_s: float | None = None
     note: str = ""
-    noise_m: float = 0.0
 
 
 class DeviceReading(NamedTuple):

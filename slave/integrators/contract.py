@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import NamedTuple, Protocol, cast
 
 from weberlink.geometry.vector import Vector
+from weberlink.registry import check_contract, resolve
 from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
@@ -70,6 +70,15 @@ class IntegrationScheme:
     gains_nothing: bool = False
 
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
-        """The integrator for `body`; without a scene it moves freely."""
-        module, _, attribute = self.where.partition(":")
-        return cast(IntegratorClass, getattr(import_module(module), attribute))(body, scene or Scene([]))
+        """The integrator for `body`; without a scene it moves freely.
+
+        Raises:
+            ValueError: it cannot be imported, or is no integrator.
+        """
+        try:
+            make = cast(IntegratorClass, resolve(self.where))
+        except (ImportError, AttributeError) as error:
+            raise ValueError(f"integrator {self.where} cannot be imported: {error}") from None
+        integrator = make(body, scene or Scene([]))
+        check_contract("integrator", integrator, Integrator)
+        return integrator

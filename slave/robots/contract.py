@@ -31,7 +31,6 @@ class RobotSpec:
         force_sensing: Whether `RobotReading.force` is measured; otherwise it is zero.
         lag_s: Nominal age of a reading, for a robot that runs at its own rate [s].
         force_error: Uncertainty of the force: newtons, and a share of the force; (0, 0) for an exact one.
-        force_noise_n: Noise of the force at rest, RMS on each axis [N]; 0 where it is not known.
         torque_n_m: Largest torque that it measures or withstands [N m]; 0 if its tool cannot be turned.
         watchdog_s: Time after which the robot itself stops when its host does [s]; None for never, and for a computed
             robot.
@@ -50,7 +49,6 @@ class RobotSpec:
     torque_n_m: float = 0.0
     watchdog_s: float | None = None
     note: str = ""
-    force_noise_n: float = 0.0
 
 
 class RobotReading(NamedTuple):

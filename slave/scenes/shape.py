@@ -6,7 +6,7 @@ from typing import Annotated, Protocol
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from weberlink.geometry.vector import Vector
-from weberlink.registry import Registry
+from weberlink.registry import Registry, check_overrides
 
 Tangent = tuple[float, Vector]
 """Signed distance [m] from a point to a surface near it (negative inside the solid), and the outward unit normal."""
@@ -70,6 +70,7 @@ UnitVector = Annotated[Vector, AfterValidator(unit)]
 def _check(name: str, entry: object) -> None:
     if not (isinstance(entry, type) and issubclass(entry, SceneShapeSettings)):
         raise ValueError(f"weberlink.shapes: {name} is not a SceneShapeSettings")  # noqa: TRY004 - wrong name
+    check_overrides(f"shape {name}", entry, SceneShapeSettings, "solid")
 
 
 SHAPES: Registry[type[SceneShapeSettings]] = Registry(

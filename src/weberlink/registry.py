@@ -116,3 +116,40 @@ def resolve(place: str) -> Any:
     """
     module, _, attribute = place.partition(":")
     return getattr(import_module(module), attribute)
+
+
+def check_contract(what: str, made: object, contract: type) -> None:
+    """See that an object, or a class, has all that a protocol names.
+
+    Args:
+        what: kind and name, for the message, such as "device acme".
+        made: the object.
+        contract: the protocol.
+
+    Raises:
+        ValueError: naming what is missing.
+    """
+    missing = [name for name in members(contract) if not hasattr(made, name)]
+    if missing:
+        of = made if isinstance(made, type) else type(made)
+        raise ValueError(
+            f"{what}: {of.__module__}:{of.__qualname__} has no {', '.join(missing)}; its contract is "
+            f"{contract.__module__}.{contract.__qualname__}"
+        )
+
+
+def members(contract: type) -> list[str]:
+    """Names of the attributes and methods of a protocol, without those that begin with an underscore."""
+    own = (each for each in reversed(contract.__mro__) if getattr(each, "_is_protocol", False))
+    return list(dict.fromkeys(name for each in own for name in vars(each) if not name.startswith("_")))
+
+
+def check_overrides(what: str, entry: type, base: type, *names: str) -> None:
+    """See that a class overrides what its base leaves open; raises ValueError naming what it does not."""
+    before = entry.__mro__[: entry.__mro__.index(base)]
+    missing = [name for name in names if not any(name in vars(each) for each in before)]
+    if missing:
+        raise ValueError(
+            f"{what}: {entry.__module__}:{entry.__qualname__} does not override {', '.join(missing)}; its contract is "
+            f"{base.__module__}.{base.__qualname__}"
+        )

@@ -15,6 +15,7 @@ ENTRY_POINTS = """[weberlink.control_schemes]
 half = toy_scheme:HALF
 none = toy_scheme:HALF
 broken = toy_scheme:MISSING
+loose = toy_scheme:LOOSE
 """
 TOY = """
 from weberlink.control.direct import DirectMaster
@@ -25,6 +26,10 @@ class HalfMaster(DirectMaster):
     def render(self, force):
         return tuple(0.5 * value for value in force)
 
+class Loose:
+    def __init__(self, settings): ...
+
+LOOSE = Scheme("toy_scheme:Loose", "weberlink.control.direct:DirectSlave", carries_credit=False, does="nothing")
 HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.direct:DirectSlave", carries_credit=False, does="half force")
 """
 RUN = """
@@ -41,17 +46,18 @@ simulation = build_simulation(configuration)
 masters = [simulation.step()[0] for _ in range(2500)]
 told = [(record.decoded_z, record.output_z, record.control) for record in masters if record.ramping == 0]
 told = [entry for entry in told if 0.5 < abs(entry[0]) < 5.0]
-try:
-    try_out(load(Path(sys.argv[1]), ["control.scheme=broken"]))
-    error = ""
-except ConfigurationError as fault:
-    error = str(fault)
+errors = {}
+for name in ("broken", "loose"):
+    try:
+        try_out(load(Path(sys.argv[1]), [f"control.scheme={name}"]))
+    except ConfigurationError as fault:
+        errors[name] = str(fault)
 json.dump({
     "schemes": list(SCHEMES),
     "ratios": sorted({round(output / decoded, 3) for decoded, output, _ in told}),
     "codes": sorted({code for *_, code in told}),
     "described": [line for line in describe(configuration) if "half force" in line],
-    "error": error,
+    "errors": errors,
 }, sys.stdout)
 """
 
@@ -76,7 +82,7 @@ def test_an_installed_scheme_renders_the_force_of_a_session(found: dict[str, obj
 
 
 def test_its_place_after_the_built_in_ones_is_recorded(found: dict[str, object]) -> None:
-    assert found["schemes"] == ["none", "tdpa", "mmt", "auto", "broken", "half"]
+    assert found["schemes"] == ["none", "tdpa", "mmt", "auto", "broken", "half", "loose"]
     assert found["codes"] == [5]
 
 
@@ -85,6 +91,7 @@ def test_check_describes_an_installed_scheme(found: dict[str, object]) -> None:
 
 
 def test_a_broken_scheme_is_a_configuration_error(found: dict[str, object]) -> None:
-    error = found["error"]
-    assert isinstance(error, str)
-    assert error.startswith(f"{CONFIGURATION}: control.scheme: control scheme broken")
+    errors = found["errors"]
+    assert isinstance(errors, dict)
+    assert errors["broken"].startswith(f"{CONFIGURATION}: control.scheme: control scheme broken")
+    assert "control scheme loose: toy_scheme:Loose has no active" in errors["loose"]

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from tests.system.processes import ROOT, until
-from weberlink.studies.parallel import map_until_stopped
+from weberlink.studies.parallel import parallel_map
 
 ASKS = """
 import sys
@@ -66,7 +66,7 @@ def square_until_two(number: int) -> int:
 
 def test_ctrl_c_keeps_what_is_done() -> None:
     told: list[tuple[int, int]] = []
-    assert map_until_stopped(square_until_two, range(5), 1, progress=lambda *counts: told.append(counts)) == {
+    assert parallel_map(square_until_two, range(5), 1, progress=lambda *counts: told.append(counts)) == {
         0: 0,
         1: 1,
         2: 4,

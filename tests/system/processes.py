@@ -161,6 +161,11 @@ class Program:
         """Of the launcher."""
         return self._process.pid
 
+    def next_error(self) -> str:
+        """The next line on standard error; empty at its end."""
+        assert self._process.stderr is not None
+        return self._process.stderr.readline()
+
     def children(self) -> dict[int, bytes]:
         """Its child processes that live, and their command lines."""
         found = {}

@@ -51,7 +51,7 @@ def test_a_minimal_file_is_complete(tmp_path: Path) -> None:
         ("master: {device: {driver: operator, tremour_m: 0}}", "device.tremour_m: unknown key; did you mean tremor_m?"),
         ("master: {device: {driver: operator, tremor_m: -1}}", "master.device.tremor_m"),
         ("slave: {robot: {driver: simulated, mass_kg: 0}}", "slave.robot.mass_kg"),
-        ("slave: {scene: [{shape: plane}]}", "slave.scene.0.plane.stiffness_n_m: is missing"),
+        ("slave: {scene: [{shape: plane}]}", "slave.scene.0.stiffness_n_m: is missing"),
         ("slave: {scene: [{shape: torus}]}", "slave.scene.0"),
         (
             "slave: {scene: [{shape: plane, stiffness_n_m: 500, frictoin: {static: 1, dynamic: 1}}]}",
@@ -86,7 +86,8 @@ def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "link: is missing"),
+        ("", "is empty; start from one of the files of configs/"),
+        ("axes: x", "link: is missing"),
         ("- 1", "must be a mapping"),
         ("link: [", "not YAML"),
         ("link: {}\nlink: {}", "is given twice"),

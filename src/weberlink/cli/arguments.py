@@ -78,29 +78,30 @@ Plots = Annotated[
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
-Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study; takes minutes.")]
+Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 
 
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, wrong arguments in one line, Ctrl-C in one line with status 130."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - of the base class
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
         topics: dict[str, list[tuple[str, str]]] = {}
-        width = formatter.width - 6 - max(map(len, self.commands))
+        longest = max(map(len, self.commands))
         for name, command in self.commands.items():
             topic = getattr(command, "rich_help_panel", None) or "Commands"
-            topics.setdefault(topic, []).append((name.ljust(max(map(len, self.commands))), short_help(command, width)))
+            text = command.get_short_help_str(formatter.width - longest - 6)
+            topics.setdefault(topic, []).append((name.ljust(longest), text))
         for topic, rows in topics.items():
             with formatter.section(topic):
                 formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args[0] in self.commands or args[0].startswith("-"):
-            return super().resolve_command(ctx, args)
-        nearest = get_close_matches(args[0], self.commands, n=1)
-        meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
-        ctx.fail(f"there is no command {args[0]!r}; {meant} {', '.join(self.commands)}")
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            nearest = get_close_matches(args[0], self.commands, n=1)
+            meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
+            ctx.fail(f"there is no command {args[0]!r}; {meant} {', '.join(self.commands)}")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -136,16 +137,10 @@ def one_line(error: Exception, format_message: Callable[[], str]) -> str:
     """A usage error in one line; for an unknown option, with the options that there are."""
     context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
     if context is None or name is None:
-        return " ".join(format_message().split())
+        return " ".join(format_message().replace(": Input should", ": should").split())
     known = [option for parameter in context.command.get_params(context) for option in parameter.opts]
     options = [option for option in known if option.startswith("--")]
     nearest = get_close_matches(name, options, n=1)
     meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
     command = context.command_path.removeprefix("weberlink").strip() or "weberlink"
     return f"{command} has no option {name}; {meant} {', '.join(options)}"
-
-
-def short_help(command: Any, width: int) -> str:
-    """The first sentence of a command's help, if it fits."""
-    text: str = command.get_short_help_str(width)
-    return text

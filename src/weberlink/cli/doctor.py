@@ -20,7 +20,10 @@ def doctor(
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
-    """Check this machine for real-time problems and suggest fixes; with FILE, check what it needs."""
+    """Check this machine for real time, and suggest fixes.
+
+    With FILE, it checks what that needs. Takes some seconds.
+    """
     from weberlink.apps.doctor import Grade, Needs, examine  # noqa: PLC0415 - each command imports what it needs
     from weberlink.system.configuration import load  # noqa: PLC0415
 
@@ -36,4 +39,3 @@ def doctor(
         found = examine(needs)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
-

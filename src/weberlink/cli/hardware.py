@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.arguments import Json, CommandGroup
+from weberlink.cli.arguments import CommandGroup, Json
 from weberlink.cli.output import errors, fail, write
 from weberlink.system.order import FAILED
 
@@ -82,4 +82,3 @@ def emulate(
     with errors():
         status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)
     raise typer.Exit(status)
-

@@ -35,7 +35,10 @@ def monitor(
         ),
     ] = None,
 ) -> None:
-    """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
+    """Show running sessions in a browser, until Ctrl-C.
+
+    The same address has figures for Prometheus.
+    """
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
 
     with errors():
@@ -89,4 +92,3 @@ def _terms(path: Path | None, *, needed: bool) -> Any:
         return telemetry_terms(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
-

@@ -9,7 +9,18 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.arguments import File, Full, Json, OptionalFile, Plots, Set, Workers, file_target, finite, folder_target
+from weberlink.cli.arguments import (
+    File,
+    Full,
+    Json,
+    OptionalFile,
+    Plots,
+    Set,
+    Workers,
+    file_target,
+    finite,
+    folder_target,
+)
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED, MISCONFIGURED
@@ -87,7 +98,11 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Code recorded signals: packets, error and run time."""
+    """Code recorded signals: packets, error and run time.
+
+    Takes some seconds for a recording of a minute, and minutes for all shipped ones at all Weber factors. Ctrl-C ends
+    it with the rows so far.
+    """
     from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
 
     try:
@@ -104,7 +119,10 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
 
 
 def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
-    """Measure error against run time: integrators and codec."""
+    """Measure error against run time: integrators and codec.
+
+    Takes half a minute on two idle cores; with --full many minutes. Ctrl-C ends it with the problems so far.
+    """
     from weberlink.studies.precision.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
@@ -146,7 +164,10 @@ def bench(
     plots: Plots = None,
     set_: Set = None,
 ) -> None:
-    """Measure real-time figures beside this machine's limits."""
+    """Measure real-time figures beside this machine's limits.
+
+    Takes three minutes, or half a minute with --quick. Ctrl-C ends it with the parts so far.
+    """
     clone = Path(__file__).resolve().parents[3]  # of an editable install; `benchmarks` is not part of the package
     sys.path.append(str(clone))
     try:
@@ -190,9 +211,9 @@ def experiment(
 ) -> None:
     """Conduct the paper's study: one person rates blind trials.
 
-    An interrupted study continues where it stopped.
+    Takes a person about 10 minutes, and --simulate about one. An interrupted study continues where it stopped.
     """
-    from weberlink.studies.experiment.command import ExperimentRequest  # noqa: PLC0415
+    from weberlink.studies.experiment.command import ExperimentRequest, check_device  # noqa: PLC0415
     from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
     from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
 
@@ -200,6 +221,8 @@ def experiment(
     request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
     # A progress bar would reveal the conditions to the subject.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
+    with errors():
+        check_device(request)
     with errors(), shown as progress:
         try:
             words = conduct(
@@ -231,7 +254,10 @@ def ratings(
     ] = None,
     plots: Plots = None,
 ) -> None:
-    """Analyse ratings: means, tests, packets at equal quality."""
+    """Analyse ratings: means, tests, packets at equal quality.
+
+    Takes some seconds.
+    """
     from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
 
     with errors():
@@ -251,7 +277,10 @@ def paper(
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Compare the paper's claims with measurements."""
+    """Compare the paper's claims with measurements.
+
+    Takes some minutes on two idle cores. Ctrl-C ends it with the observations so far, of which it judges no claim.
+    """
     from weberlink.studies.paper.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
@@ -276,10 +305,12 @@ def adaptive(
         ),
     ] = None,
 ) -> None:
-    """Measure the adaptive predictor against the hybrid."""
+    """Measure the adaptive predictor against the hybrid.
+
+    Takes seven minutes on two idle cores, or one with --quick. Ctrl-C ends it with the signals so far.
+    """
     from weberlink.studies.adaptive.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
         result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
     publish(result, json_out, docs)
-

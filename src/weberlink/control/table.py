@@ -83,7 +83,10 @@ def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
 
 
 def _build(name: str, place: str, settings: SchemeParameters) -> Control:
-    control = resolve(place)(settings)
+    try:
+        control = resolve(place)(settings)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"control scheme {name}: {place} cannot be imported: {error}") from None
     if control.active not in SCHEMES:
         raise ValueError(f"control scheme {name}: {place}.active is {control.active!r}, which is not a scheme")
     return cast(Control, control)

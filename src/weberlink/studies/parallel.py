@@ -32,7 +32,7 @@ def parallel_map(
         tasks: must be picklable.
         workers: processes; None for one per processor, 1 for this process alone.
         cost: relative run time of a task. The longest tasks start first.
-        progress: called at the start and after every task.
+        progress: called after every task.
         interruption: notes Ctrl-C; None for one of its own.
 
     Raises:
@@ -46,7 +46,6 @@ def gather(
 ) -> dict[int, Result]:
     """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
     results: dict[int, Result] = {}
-    progress(0, count)
     for index, result in (interruption or Interruption()).pieces(pairs):
         results[index] = result
         progress(len(results), count)

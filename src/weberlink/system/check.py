@@ -5,7 +5,7 @@ The parts are built as the daemons build them; nothing is opened or sent.
 
 import os
 from collections.abc import Iterator
-from math import cos, pi, sin, sqrt
+from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
 from typing import Protocol, runtime_checkable
@@ -20,12 +20,11 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
-from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.channels import channels, streams
 from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
-from weberlink.system.composition.trial import lacks
+from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import Configuration, System
 from weberlink.system.configuration.model import (
     PERCEPTUAL_WEBER_LIMIT,
@@ -36,8 +35,6 @@ from weberlink.system.configuration.model import (
 )
 
 UDP_IP_BYTES = 28
-NOISE_PEAK = 3.0
-"""Noise rarely exceeds this multiple of its standard deviation."""
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 
@@ -56,6 +53,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
         ConfigurationError: a part cannot be built as the file asks.
     """
     system = configuration.system
+    notes = try_out(configuration)
     device = None if configuration.device is None else build_device(configuration)
     robot = None if configuration.robot is None else build_robot(configuration)
     forward, backward = channels(system)
@@ -86,9 +84,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     stiffness = None if device is None else device.spec.stiffness_n_m
     for warning in (
         *_warnings(system, stiffness),
-        *_noisy(system, device, robot),
-        *lacks(system, device, robot),
-        *beyond(configuration, device, robot),
+        *notes,
     ):
         yield f"warning   {warning}"
 
@@ -96,11 +92,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
 def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
     if device is not None:
-        yield (
-            f"master    device {system.master.device.driver}{_detail(device)}, "
-            f"force at most {system.master.limits.force_n:g} N"
-            + ("" if system.codec.rotation is None else f", torque at most {system.master.limits.torque_nm:g} N m")
-        )
+        yield (f"master    device {system.master.device.driver}{_detail(device)}, {_displayed(system, device)}")
         if system.master.mapping is not None:
             yield f"          mapped: {_mapping(system.master.mapping)}"
     if robot is not None:
@@ -111,6 +103,16 @@ def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterat
         extras = [name for name in ("friction", "damping_n_s_m", "motion") if getattr(thing, name) is not None]
         with_extras = f" with {', '.join(extras)}" if extras else ""
         yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
+
+
+def _displayed(system: System, device: Device) -> str:
+    """The largest force and torque on the hand: the smaller of the limits of the file and of the device."""
+    limits, spec = system.master.limits, device.spec
+    scale = 1.0 if system.master.mapping is None else system.master.mapping.force_scale
+    force = min(limits.force_n, spec.force_n * scale) if spec.force_feedback else 0.0
+    if system.codec.rotation is None:
+        return f"force at most {force:g} N"
+    return f"force at most {force:g} N, torque at most {min(limits.torque_nm, spec.torque_n_m * scale):g} N m"
 
 
 def _detail(part: Device | Robot) -> str:
@@ -261,25 +263,6 @@ def _lookahead_warnings(system: System) -> Iterator[str]:
         )
     if system.control.scheme == "mmt" and force.lookahead_ms > 0.0:
         yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
-
-
-def _noisy(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
-    """Deadbands at rest within the noise of a sensor, where its driver knows that.
-
-    The held sample has noise too: the difference of two samples of noise s on n axes exceeds 3 sqrt(2 n) s rarely.
-    """
-    peaks = NOISE_PEAK * sqrt(2.0 * len(system.axes))
-    for key, floor, unit, noise in (
-        ("force.floor_n", system.codec.force.floor_n, "N", 0.0 if robot is None else robot.spec.force_noise_n),
-        ("position.bound_m", system.codec.position.bound_m, "m", 0.0 if device is None else device.spec.noise_m),
-    ):
-        channel = system.codec.force if unit == "N" else system.codec.position
-        if floor < peaks * noise:
-            bounded = "" if channel.max_updates_per_s is not None else ", or bound the rate with max_updates_per_s"
-            yield (
-                f"codec.{key} {floor:g}: within the noise of the sensor, {noise:.2g} {unit} rms on each axis, which is "
-                f"sent at rest; use at least {peaks * noise:.2g}{bounded}"
-            )
 
 
 def _fits_a_surface(system: System) -> bool:

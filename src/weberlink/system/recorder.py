@@ -54,13 +54,11 @@ def check_target(path: Path) -> None:
     """
     need("mcap", "recording", "--record")
     try:
-        if path.is_file():
-            raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
         check_file(path)
-    except OSError as error:  # for example a name that is too long
-        raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
     except TargetError as error:
         raise ConfigurationError(f"--record: {error}") from None
+    if path.exists():
+        raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
 
 
 def recording_ended(path: Path | str, outcome: str) -> str:

@@ -193,9 +193,15 @@ command.run = noted
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c_ends_it_silently(workers: int, tmp_path: Path) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, folder=tmp_path)
-    assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
+def test_ctrl_c_keeps_finished_rows(workers: int, tmp_path: Path) -> None:
+    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, "--json", "-", folder=tmp_path)
+    document = json.loads(ended.stdout)
+    assert (ended.returncode, document["interrupted"]) == (130, True)
+    assert 0 < len(document["rows"]) < 5 * len(MANY.split(","))
+    done = len({row["weber"] for row in document["rows"]})
+    assert ended.stderr == (
+        f"weberlink: interrupted: {done} of {len(MANY.split(','))} tasks are done, and in the JSON above\n"
+    )
 
 
 # --- table and figures
@@ -292,13 +298,13 @@ def test_rows_of_a_cluster_are_those_of_this_machine(two_workers: Cluster, trace
 def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
     tasks = [((0.1, "shared"), number) for number in range(6)]
     answers = cluster_map(slowly, tasks, two_workers.address)
-    assert [number for _, number in answers] == list(range(6))
-    assert {pid for pid, _ in answers} == {worker.pid for worker in two_workers.workers}
+    assert [number for _, number in answers.values()] == list(range(6))
+    assert {pid for pid, _ in answers.values()} == {worker.pid for worker in two_workers.workers}
 
 
 def test_ctrl_c_takes_its_work_from_the_cluster(two_workers: Cluster, traces: list[Path], tmp_path: Path) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, folder=tmp_path)
-    assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
+    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, "--json", "-", folder=tmp_path)
+    assert (ended.returncode, json.loads(ended.stdout)["interrupted"]) == (130, True)
     assert rows_from(traces[0], "--predictor", "zoh", "--dask", two_workers.address)
 
 
@@ -314,7 +320,7 @@ def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster) -> Non
     """The last test that uses the shared cluster, since it ends it."""
     tasks = [((0.1, "shared"), number) for number in range(8)]
     answers = cluster_map(slowly, tasks, two_workers.address, progress=lambda *_: two_workers.workers[0].kill())
-    assert [number for _, number in answers] == list(range(8))
+    assert [number for _, number in answers.values()] == list(range(8))
     assert loss(two_workers, two_workers.workers[1]) == "no worker is left"
     address = two_workers.address
     ended = process(OPERATOR, "--dask", address, program=patience(1.0) + MAIN)

@@ -144,7 +144,7 @@ def test_a_row_is_json() -> None:
 def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
     tasks = STUDY.tasks(TRACES)
     assert [coded_samples(task) for task in tasks] == [450.0, 450.0, 600.0, 600.0]
-    rows = STUDY.ordered([rows_of(pickle.loads(pickle.dumps(task))) for task in tasks])
+    rows = STUDY.ordered({index: rows_of(pickle.loads(pickle.dumps(task))) for index, task in enumerate(tasks)})
     assert [(row.trace, row.predictor, row.weber) for row in rows] == [
         (trace, predictor, weber)
         for trace in ("wall", "walk")

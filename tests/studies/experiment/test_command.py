@@ -14,10 +14,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.system.packages import install
 from tests.system.processes import ENGAGED, Program, until
 from tests.system.systems import CONFIGS, raw, steps
 from weberlink.cli import app
 from weberlink.geometry.vector import ZERO, distance
+from weberlink.protocol.keys import generate
 from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import RATED, read
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, order
@@ -211,8 +213,7 @@ def test_damaged_and_unwritable_ledgers_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "simulated-001.jsonl").write_text("{}\n")
     line = complaint(simulated(tmp_path, "--subject", 1))
     assert line.startswith(f"weberlink: {tmp_path / 'simulated-001.jsonl'}:1: damaged: ")
-    line = complaint(simulated(FILE), status=1)
-    assert "cannot be written" in line
+    assert complaint(simulated(FILE)) == f"weberlink: --out: {FILE} is not a folder; give another place"
 
 
 # --- experiment, live
@@ -250,13 +251,33 @@ def _ports() -> list[str]:
     return [f'link.listen="127.0.0.1:{port}"', f'link.slave="127.0.0.1:{port}"']
 
 
+def test_scripted_operator_is_no_subject(tmp_path: Path) -> None:
+    line = complaint(command("experiment", FILE, "--out", tmp_path / "out"))
+    assert "a program moves operator" in line
+    assert "add --simulate" in line
+    assert not (tmp_path / "out").exists()
+
+
+HELD = '''
+from weberlink.master.devices.operator import OperatorDevice
+
+class Held(OperatorDevice):
+    """Stands for a device that a person holds."""
+'''
+
+
 @pytest.mark.realtime
-def test_ctrl_c_in_a_live_trial_leaves_nothing(tmp_path: Path) -> None:
+def test_ctrl_c_in_a_live_trial_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = pty.openpty()
+    (site := tmp_path / "site").mkdir()
+    install(site, "held", {"held": HELD}, "[weberlink.devices]\nheld = held:Held")
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    generate(key := tmp_path / "trial.key")
+    secured = ("--set", "link.security=psk", "--set", f"link.key_file={key}", "--set", "master.device.driver=held")
     path = tmp_path / "subject-001.jsonl"
     try:
         with Program(
-            "experiment", FILE, "--out", tmp_path, "--duration", 30, "--no-record", terminal=theirs
+            "experiment", FILE, *secured, "--out", tmp_path, "--duration", 30, "--no-record", terminal=theirs
         ) as program:
             shown = _read_until(ours, b"Enter to start: ")
             os.write(ours, b"\n")

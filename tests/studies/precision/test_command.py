@@ -11,9 +11,9 @@ from weberlink.studies.precision.command import codec, combined
 
 
 def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
-    told: list[tuple[str, int, int]] = []
+    told: list[tuple[int, int, str]] = []
     section = codec(["scene-plane"], 1.5, "made here", lambda *what: told.append(what), recorded_ticks=1500)
-    assert told == [("signal of scene-plane", 0, 1), ("coding", 1, 1)]
+    assert told == [(0, 1, "signal of scene-plane"), (1, 1, "coding")]
     assert section.document["signal_s"]["scene-plane"] == pytest.approx(1.5, abs=0.1)
     assert {row["trace"] for row in section.document["rows"]} == {"operator", "scene-plane"}
     whole = combined(

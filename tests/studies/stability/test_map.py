@@ -152,7 +152,7 @@ def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
     assert repr(compute(surveyed, [], 2, lambda *_: None)) == repr((alone[0], []))
     assert [cell for cell, _ in alone[1]] == mapped
     result = assemble(*alone, full=False, of=7, run_time=1.0)
-    assert result.problem == ""
+    assert result.interrupted == ""
     document = json.loads(json.dumps(result.document, allow_nan=False))
     assert [cell["bounded"] for cell in document["cells"]][:3] == [True, False, False]
     assert [wall["mass_kg"] for wall in document["walls"]] == [0.1, 0.001]
@@ -167,8 +167,7 @@ def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
 def test_a_map_that_was_stopped_says_so(tmp_path: Path) -> None:
     judged = [(SystemCell("walls"), CellVerdict("settled"))]
     result = assemble([], judged, full=False, of=5, run_time=1.0)
-    assert result.problem == "stopped before the end: the results are partial, 1 of 5 pieces"
-    assert result.document["partial"] is True
+    assert result.interrupted == "1 of 5 pieces"
     result.draw(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["stability_map.png"]
     assemble([], [], full=False, of=5, run_time=1.0).draw(tmp_path)

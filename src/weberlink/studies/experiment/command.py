@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+from weberlink.master.devices import SCRIPTED
 from weberlink.studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink.studies.experiment.ledger import RESUMED, Ledger, LedgerError, SubjectProgress, path_of, subjects
 from weberlink.studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink.studies.experiment.subjects import Person, SimulatedSubject
 from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner, differences
-from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration import MASTER, ConfigurationError, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.recorder import check_target
@@ -87,6 +88,20 @@ def run(
             return _conduct(request, ledger, progress, signals, ports, source, screen, report)
     except LedgerError as error:
         raise ConfigurationError(str(error)) from None
+
+
+def check_device(request: ExperimentRequest) -> None:
+    """See that a person can feel the trials.
+
+    Raises:
+        ConfigurationError: the file is wrong, or a program moves its device.
+    """
+    driver = load(request.file, request.overrides, [MASTER]).system.master.device.driver
+    if not request.simulate and driver in SCRIPTED:
+        raise ConfigurationError(
+            f"{request.file}: master.device.driver: a program moves {driver}, so no person would feel the trials; name "
+            "the driver of a device (weberlink devices), or add --simulate to let a program rate"
+        )
 
 
 def _conduct(

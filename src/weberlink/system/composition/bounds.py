@@ -29,6 +29,7 @@ def beyond(configuration: Configuration, device: Device | None, robot: Robot | N
     """
     system = configuration.system
     if device is not None:
+        yield from _limits(system, device)
         yield from _walls(system, device)
     yield from _delayed(configuration, robot)
     if robot is None:
@@ -42,6 +43,21 @@ def beyond(configuration: Configuration, device: Device | None, robot: Robot | N
     yield from _commands(system, robot.spec.stiffness_n_m)
     if device is not None:
         yield from _contact(configuration, device, robot.spec.stiffness_n_m)
+
+
+def _limits(system: System, device: Device) -> Iterator[str]:
+    """Limits of the file above those of the device, which therefore protect nobody."""
+    limits, spec = system.master.limits, device.spec
+    scale = 1.0 if system.master.mapping is None else system.master.mapping.force_scale
+    for name, unit, limit, most in (
+        ("force_n", "N", limits.force_n, spec.force_n * scale),
+        ("torque_nm", "N m", limits.torque_nm, spec.torque_n_m * scale),
+    ):
+        if name in limits.model_fields_set and 0.0 < most * ROUNDING < limit:
+            yield (
+                f"master.limits.{name} {limit:g}: {spec.name} displays at most {most:.3g} {unit}, so this limit does "
+                f"nothing; use at most {most:.3g}"
+            )
 
 
 def _contact(configuration: Configuration, device: Device, stiffness: float) -> Iterator[str]:

@@ -15,6 +15,7 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
+from weberlink.registry import check_contract
 from weberlink.system.composition.channels import force_deadband
 from weberlink.system.configuration import Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
@@ -158,12 +159,30 @@ def build_control(
     return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
 
 
-def construct(where: str, driver: Any, *arguments: Any) -> Any:
-    """A driver from its options; what it cannot accept is an error of its place in the file."""
+def construct(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:
+    """A driver from its options; what it cannot accept is an error of its place in the file.
+
+    Args:
+        where: its place in the file.
+        driver: the class.
+        arguments: for it.
+        contract: a protocol that its object must satisfy; the driver may be of another distribution.
+
+    Raises:
+        ConfigurationError: it takes other arguments or refuses them, or lacks a method.
+    """
     try:
-        return driver(*arguments)
+        made = driver(*arguments)
+        if contract is not None:
+            check_contract(where, made, contract)
     except ValueError as error:
-        raise ConfigurationError(f"{where}: {error}") from None
+        text = str(error)
+        raise ConfigurationError(text if text.startswith(f"{where}:") else f"{where}: {text}") from None
+    except TypeError as error:
+        if driver.__module__.startswith("weberlink."):
+            raise
+        raise ConfigurationError(f"{where}: {driver.__module__}:{driver.__qualname__}: {error}") from None
+    return made
 
 
 def check_axes(where: str, axes: str, system: System) -> None:

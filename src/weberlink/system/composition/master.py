@@ -116,7 +116,7 @@ def build_device(configuration: Configuration) -> Device:
     """
     system, part = configuration.system, configuration.device
     assert part is not None
-    device: Device = construct("master.device", part.driver, part.options, system.tick_period)
+    device: Device = construct("master.device", part.driver, part.options, system.tick_period, contract=Device)
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = _mapped(system, device)

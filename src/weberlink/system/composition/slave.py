@@ -120,7 +120,7 @@ def build_robot(configuration: Configuration) -> Robot:
     options = part.options
     if getattr(options, STATED, 0.0) is None:
         options = options.model_copy(update={STATED: coupling(configuration)})
-    robot: Robot = construct("slave.robot", part.driver, options, _scene(system), system.tick_period)
+    robot: Robot = construct("slave.robot", part.driver, options, _scene(system), system.tick_period, contract=Robot)
     check_axes("slave.robot", robot.spec.axes, system)
     force = streams(system)[1][0].value_quantizer.limit
     if robot.spec.force_n > force:

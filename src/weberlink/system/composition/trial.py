@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 
+from weberlink.control.contract import MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
+from weberlink.registry import check_contract, resolve
 from weberlink.slave.robots.contract import Robot
 from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.link import build_security, construct, located
@@ -48,11 +50,15 @@ def try_out(configuration: Configuration) -> list[str]:
 
 @located
 def _check_scheme(configuration: Configuration) -> None:
-    """See that the control scheme can be imported, where another distribution brings it."""
+    """See that the control scheme can be imported and has its methods, where another distribution brings it."""
     name = configuration.system.control.scheme
+    if name in SCHEMES.built_in:
+        return
     try:
-        construct("control.scheme", SCHEMES.load, name)
-    except ImportError as error:
+        scheme = construct("control.scheme", SCHEMES.load, name)
+        for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
+            construct("control.scheme", check_contract, f"control scheme {name}", resolve(place), contract)
+    except (ImportError, AttributeError) as error:
         raise ConfigurationError(f"control.scheme: {name} cannot be imported: {error}") from None
 
 

@@ -56,7 +56,7 @@ def settings_of(shape: str) -> type[ShapeSettings]:
 
 
 def _settings(data: Any) -> Any:
-    """The settings of the shape that is named; errors have the shape in their location, as those of a tagged union."""
+    """The settings of the shape that is named; errors have it in their location, as a tagged union has."""
     if not (isinstance(data, Mapping) and isinstance(data.get("shape"), str)):
         return data
     shape = DEADBANDS.check_known(data["shape"])

@@ -46,17 +46,21 @@ def _read(text: str) -> Any:
 
 
 def parse(path: Path) -> dict[str, Any]:
-    """The mapping in a file; empty for an empty file.
+    """The mapping in a file.
 
     Raises:
-        ConfigurationError: there is no such file, it holds no mapping, or a key is given twice.
+        ConfigurationError: there is no such file, it is empty or holds no mapping, or a key is given twice.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ConfigurationError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}") from None
+    except IsADirectoryError:
+        raise ConfigurationError(f"{path}: cannot be read: it is a folder; give the name of a file") from None
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{path}: cannot be read: it is not text; give a YAML file") from None
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
     try:
         content = _read(text)
     except yaml.MarkedYAMLError as error:
@@ -66,7 +70,7 @@ def parse(path: Path) -> dict[str, Any]:
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: not YAML: {error}") from None
     if content is None:
-        content = {}
+        raise ConfigurationError(f"{path}: is empty; start from one of the files of configs/")
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: must be a mapping with keys like link, codec, master, slave")
     return content

@@ -1,5 +1,7 @@
 """Configuration errors in one line: field path, what was expected, and the nearest known key."""
 
+import re
+from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -11,39 +13,73 @@ class ConfigurationError(ValueError):
     """A file, a field or an argument is wrong; the text is one line: where, and what was expected."""
 
 
+_EXPECTED = {
+    "tuple_type": "should be a list",
+    "list_type": "should be a list",
+    "model_type": "should be a mapping of keys",
+    "model_attributes_type": "should be a mapping of keys",
+    "dict_type": "should be a mapping of keys",
+    "path_type": "should be a path",
+    "string_type": "should be text",
+    "float_type": "should be a number",
+    "float_parsing": "should be a number",
+    "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "bool_type": "should be true or false",
+    "bool_parsing": "should be true or false",
+    "union_tag_not_found": "shape is missing",
+}
+"""What a value should be, by the type of error of pydantic, whose own words name its classes."""
+
+
 def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, ...]) -> str:
-    """Describe the first error in one line."""
-    first = error.errors(include_url=False)[0]
-    location = tuple(str(part) for part in first["loc"])
+    """Describe the first error in one line; a wrong key comes before the missing one that it may stand for."""
+    errors = error.errors(include_url=False)
+    unknown = (
+        each for each in errors if each["type"] == "extra_forbidden" and each["loc"][:-1] == errors[0]["loc"][:-1]
+    )
+    first = next(unknown, errors[0]) if errors[0]["type"] == "missing" else errors[0]
+    location, known = _place(model, tuple(str(part) for part in first["loc"]))
     path = ".".join((*where, *location)) or "the file"
     if first["type"] == "extra_forbidden":
-        return f"{path}: unknown key{_nearest(location, model)}"
+        return f"{path}: unknown key{_nearest(location[-1], known)}"
     if not location and first["type"] == "value_error":  # of several fields; the message names them
         return _expectation(first)
     return f"{path}: {_expectation(first)}"
 
 
-def _nearest(location: tuple[str, ...], model: type[BaseModel]) -> str:
-    known = _keys_at(model, location[:-1])
-    close = get_close_matches(location[-1], known, n=1, cutoff=0.5)
+def one_of(known: Sequence[str], given: object) -> str:
+    """What a value that is none of several names should be; with the nearest of them."""
+    nearest = get_close_matches(str(given), known, n=1)
+    listed = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}" if len(known) > 1 else repr(known[0])
+    return f"should be {listed}, not {given!r}" + (f"; did you mean {nearest[0]}?" if nearest else "")
+
+
+def _nearest(key: str, known: list[str]) -> str:
+    close = get_close_matches(key, known, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {close[0]}?"
     return f"; known are {', '.join(known)}" if known else ""
 
 
-def _keys_at(model: type[BaseModel], location: tuple[str, ...]) -> list[str]:
-    """The keys of the model at a location, whose parts are keys, indices and tags of unions."""
-    candidates: list[type[BaseModel]] = [model]
+def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """The path of a location as the file has it, and the keys that are known beside its last part.
+
+    The parts of a location are keys, indices and tags of unions; the file has no tags.
+    """
+    candidates, path, known = [model], [], []
     for part in location:
-        below = [
-            child
-            for candidate in candidates
-            if part in candidate.model_fields
-            for child in _models_in(candidate.model_fields[part].annotation)
-        ]
+        known = sorted({name for candidate in candidates for name in candidate.model_fields})
+        having = [candidate for candidate in candidates if part in candidate.model_fields]
         tagged = [candidate for candidate in candidates if part in _tags(candidate)]
-        candidates = below or tagged or candidates
-    return sorted({name for candidate in candidates for name in candidate.model_fields})
+        if tagged and not having:
+            candidates = tagged
+            continue
+        path.append(part)
+        below = [child for each in having for child in _models_in(each.model_fields[part].annotation)]
+        candidates = below or candidates
+    return path, known
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
@@ -64,10 +100,13 @@ def _tags(model: type[BaseModel]) -> set[str]:
 
 def _expectation(error: ErrorDetails) -> str:
     message = error["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    given = error["input"]
     if error["type"] == "missing":
         return "is missing"
     if error["type"] == "value_error":
         return message
-    given = error["input"]
+    if error["type"] == "literal_error":
+        return one_of(re.findall(r"'([^']*)'", error["ctx"]["expected"]), given)
+    message = _EXPECTED.get(error["type"], message)
     shown = "" if isinstance(given, (dict, BaseModel)) else f", not {given!r}"
     return f"{message}{shown}"

@@ -109,6 +109,11 @@ def _part(
         raise ConfigurationError(
             f"{'.'.join(where)}.driver: {settings.driver} needs a package that is not installed: {error.name}"
         ) from None
+    if not (isinstance(getattr(driver, "Options", None), type) and issubclass(driver.Options, BaseModel)):
+        raise ConfigurationError(
+            f"{'.'.join(where)}.driver: {settings.driver} has no Options, a pydantic model of its options; "
+            "see docs/tutorial.md"
+        )
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS
         need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")

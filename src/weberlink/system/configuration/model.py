@@ -3,7 +3,8 @@
 The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -28,6 +29,7 @@ from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
+from weberlink.system.configuration.errors import one_of
 from weberlink.update import MAX_SELECTOR
 
 
@@ -51,10 +53,16 @@ class PredictorFor:
         return handler(schema) | {"enum": list(self._known)}
 
     def _check(self, name: str) -> str:
-        known = self._known
-        if name in known or (name in PREDICTORS and self._suits(PREDICTORS[name])):
+        if name in self._known or (name in PREDICTORS and self._suits(PREDICTORS[name])):
             return name
-        raise ValueError(f"should be {', '.join(map(repr, known[:-1]))} or {known[-1]!r}, not {name!r}")
+        raise ValueError(one_of([*self._known, *self._installed()], name))
+
+    def _installed(self) -> Iterator[str]:
+        """Suitable predictors of other distributions; none that cannot be imported."""
+        for name in PREDICTORS:
+            with suppress(ImportError, ValueError):
+                if name not in PREDICTORS.built_in and self._suits(PREDICTORS[name]):
+                    yield name
 
 
 _BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
@@ -580,6 +588,8 @@ def split_address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
         raise ValueError(f"must be host:port, not {text!r}")
+    if ":" in host and not (host.startswith("[") and host.endswith("]")):
+        raise ValueError(f"must be host:port, an IPv6 address in brackets as [::1]:47000, not {text!r}")
     return host.strip("[]"), int(port)
 
 
