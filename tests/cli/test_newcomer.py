@@ -242,7 +242,16 @@ TRIALS = {
     # Devices and extras.
     "unknown device": Trial(checked("master.device.driver=operater"), 2, "nearest is 'operator'"),
     "device not plugged": Trial(
-        said("loopback", CONFIGS / "phantom-arm.yaml", "--set", "master.device.port=/dev/ttyACM77"), 1, "/dev/ttyACM77"
+        said(
+            "loopback",
+            CONFIGS / "phantom-arm.yaml",
+            "--set",
+            "master.device.port=/dev/ttyACM77",
+            "--set",
+            "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}",
+        ),
+        1,
+        "/dev/ttyACM77: there is no such port",
     ),
     "missing extra": Trial(without_mcap, 2, 'pip install "weberlink[recording]"'),
     "study without a person": Trial(said("experiment", LOOPBACK, "--out", "{}/study"), 2, "add --simulate"),
