@@ -93,7 +93,9 @@ def with_open_key(folder: Path) -> Ended:
     return said("check", LAN, "--set", "link.key_file={}/open.key")(folder)
 
 
-def two_sides(folder: Path, keys: tuple[str, str] = ("a", "a"), further: tuple[str, ...] = ()) -> Ended:
+def two_sides(
+    folder: Path, keys: tuple[str, str] = ("a", "a"), further: tuple[str, ...] = (), seconds: float = 3.0
+) -> Ended:
     """A slave, and a master with another key or another file; how the master ended."""
     for key in set(keys):
         generate(folder / key)
@@ -105,7 +107,7 @@ def two_sides(folder: Path, keys: tuple[str, str] = ("a", "a"), further: tuple[s
 
     with Program("slave", LAN, *arguments(keys[0]), "--duration", 60) as slave:
         slave.telemetry("slave")
-        master = Program("master", LAN, *arguments(keys[1]), *further, "--duration", 3)
+        master = Program("master", LAN, *arguments(keys[1]), *further, "--duration", seconds)
         with master:
             return Ended(*master.finish())
 
@@ -203,9 +205,9 @@ def unwritable_runtime(folder: Path) -> Ended:
 
 
 def without_session(_: Path) -> Ended:
-    """The page of the monitor where nothing runs."""
+    """The page of the monitor for a session that is not there: other trials have sessions of their own."""
     pytest.importorskip("aiohttp")
-    with Program("monitor", "--port", 0) as program:
+    with Program("monitor", "--port", 0, "--session", 2**22 + 1) as program:
         line = program.next_error() + program.next_error()
         program.send(signal.SIGINT)
         status, output, errors = program.finish()
@@ -273,7 +275,9 @@ TRIALS = {
     "wrong address": Trial(checked("link.slave=nowhere"), 2, "must be host:port"),
     "IPv6 without brackets": Trial(checked("link.slave=::1:47000"), 2, "[::1]:47000"),
     "port in use": Trial(on_taken_port, 1, "in use"),
-    "wrong key": Trial(lambda folder: two_sides(folder, keys=("a", "b")), 1, "are the keys the same on both hosts?"),
+    "wrong key": Trial(
+        lambda folder: two_sides(folder, keys=("a", "b"), seconds=10.0), 1, "are the keys the same on both hosts?"
+    ),
     "other configuration there": Trial(
         lambda folder: two_sides(folder, further=("--set", "codec.force.weber=0.2")), 1, "codec.force.weber"
     ),
@@ -322,7 +326,7 @@ def test_interrupted_simulation_keeps_its_report(
     trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     trials["Ctrl-C in a simulation"].result()
-    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_a_simulation*")
+    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_a_simulation0")
     document = json.loads((folder / "out.json").read_text())
     assert (document["interrupted"], document["outcome"]) == (True, "interrupted")
     recording = read_recording(folder / "a.mcap")
@@ -334,5 +338,5 @@ def test_interrupted_session_keeps_its_recording(
     trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     trials["Ctrl-C in the session"].result()
-    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_the_session*")
+    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_the_session0")
     assert read_recording(folder / "a.mcap").complete
