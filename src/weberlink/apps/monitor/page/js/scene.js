@@ -117,16 +117,22 @@ export class View {
     return point(this.store.rings.master, Infinity, "position");
   }
   plane() {
-    return frame(this.camera);
+    return frame(this.#placed());
   }
   hit(at, origin, normal) {
-    return hit(this.camera, this.renderer.domElement, at, new THREE.Vector3(...origin), normal);
+    return hit(this.#placed(), this.renderer.domElement, at, new THREE.Vector3(...origin), normal);
   }
   seen(where) {
-    return seen(this.camera, this.renderer.domElement, where);
+    return seen(this.#placed(), this.renderer.domElement, where);
   }
   pixel(where) {
-    return pixel(this.camera, this.renderer.domElement, where);
+    return pixel(this.#placed(), this.renderer.domElement, where);
+  }
+
+  // The camera where it is now, which may be later than the last drawing.
+  #placed() {
+    this.camera.updateMatrixWorld();
+    return this.camera;
   }
 
   #colour() {
