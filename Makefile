@@ -79,8 +79,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/weberlink adaptive --docs docs/adaptive
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
-	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
-	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures/demo.gif
+	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json

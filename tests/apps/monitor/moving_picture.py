@@ -1,31 +1,50 @@
-"""Record the live page beside the demonstration: `python -m tests.apps.monitor.moving_picture OUT.gif`."""
+"""Pictures of the page for the documentation: `python -m tests.apps.monitor.moving_picture FOLDER`.
+
+A moving one of a visitor who rubs the dome, and one of each of two sizes and two themes.
+"""
 
 import sys
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import sleep
+from time import monotonic, sleep
 
 from PIL import Image
 
-from tests.apps.monitor.browser import browser
-from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import Program
+from tests.apps.monitor.browser import Browser, browser
+from tests.apps.monitor.visits import Visit, visit
 
-FRAMES, EVERY_S, WIDTH, COLOURS = 32, 0.15, 640, 128
+FRAMES, EVERY_S, WIDTH, COLOURS = 32, 0.2, 640, 128
+SIZES = {"desk": (1400, 900), "phone": (390, 844)}
 
 
-def main(out: Path) -> None:
-    with TemporaryDirectory() as folder, browser(Path(folder) / "profile") as page:
+def main(folder: Path) -> None:
+    with TemporaryDirectory() as scratch, browser(Path(scratch) / "profile") as page:
         page.size(1200, 760)
         page.scheme("dark")
-        with Program("loopback") as program, Monitor(Path(folder), "--session", program.pid) as monitor:
-            page.open(f"{monitor.url}/")
-            page.wait(lambda: page.number("duration") > 9.0, "the hand on the dome")
-            frames = []
-            for _ in range(FRAMES):
-                frames.append(page.driver.get_screenshot_as_png())
-                sleep(EVERY_S)
+        with visit(page, Path(scratch)) as visitor:
+            moving(visitor, folder / "demo.gif")
+            for size, (width, height) in SIZES.items():
+                page.size(width, height)
+                for scheme in ("dark", "light"):
+                    page.scheme(scheme)
+                    still(visitor, folder / f"page-{size}-{scheme}.png")
+
+
+def moving(visitor: Visit, out: Path) -> None:
+    frames: list[bytes] = []
+    last = monotonic() + 2.0  # the mouse is at the dome by then
+
+    def take() -> None:
+        nonlocal last
+        if monotonic() - last > EVERY_S and len(frames) < FRAMES:
+            last = monotonic()
+            frames.append(visitor.page.driver.get_screenshot_as_png())
+
+    visitor.grab()
+    while len(frames) < FRAMES:
+        visitor.rub(8.0, take)
+    visitor.release()
     images = [Image.open(BytesIO(frame)).convert("RGB") for frame in frames]
     images = [image.resize((WIDTH, WIDTH * image.height // image.width)) for image in images]
     # The default method gives all its colours to shades of the background; curves and markers would be grey.
@@ -34,6 +53,20 @@ def main(out: Path) -> None:
     pictures[0].save(
         out, save_all=True, append_images=pictures[1:], duration=round(1e3 * EVERY_S), loop=0, optimize=True
     )
+
+
+def still(visitor: Visit, out: Path) -> None:
+    visitor.page.run("scrollTo(0, 0)")
+    sleep(0.5)
+    visitor.grab()
+    visitor.rub(6.0)
+    shrunk(visitor.page, out)
+    visitor.release()
+
+
+def shrunk(page: Browser, out: Path) -> None:
+    image = Image.open(BytesIO(page.driver.get_screenshot_as_png())).convert("RGB")
+    image.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 if __name__ == "__main__":

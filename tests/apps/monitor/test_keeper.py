@@ -49,7 +49,7 @@ class Told:
         self.messages.append(message)
         self._changed.set()
 
-    async def _inherit(self, former: str, name: str) -> None:
+    async def _inherit(self, former: str | None, name: str) -> None:
         self.inherited.append((former, name))
 
     @property

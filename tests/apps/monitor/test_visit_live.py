@@ -206,8 +206,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Visited:
         async with asyncio.timeout(3 * PATIENCE), aiohttp.ClientSession() as client:
             return await visit(client, monitor)
 
-    # Without passivity control, which takes force away where the host delays datagrams.
-    with Monitor(folder, "--set", "control.scheme=none", command="try") as monitor:
+    with Monitor(folder, command="try") as monitor:
         return asyncio.run(run(monitor))
 
 

@@ -94,9 +94,10 @@ class SessionControl:
             self.links[session.name] = link
             self._link_changed(session)
 
-    async def inherit(self, former: str, name: str) -> None:
-        """Apply the settings of a former session to a new one, once it accepts them."""
-        kept, answer = self._in_force(former), refusal("it did not begin")
+    async def inherit(self, former: str | None, name: str, *, first: Mapping[str, Any]) -> None:
+        """Apply the settings of a former session, or the `first` ones, to a new session once it accepts them."""
+        kept = dict(first) if former is None else self._in_force(former)
+        answer = refusal("it did not begin")
         for _ in range(INHERIT_TIMES):
             await asyncio.sleep(INHERIT_AGAIN_S)
             session = self._sessions.get(name)
@@ -109,7 +110,7 @@ class SessionControl:
             answer = await self.apply(session, changed)
             if answer["accepted"]:
                 return
-        self._tell(f"session {name} does not take over the settings of the one before: {answer['why']}")
+        self._tell(f"session {name} does not take over the settings: {answer['why']}")
 
     def _in_force(self, name: str) -> dict[str, Any]:
         """Settings and emulated link of a session: agreed, in force or as configured."""

@@ -42,6 +42,7 @@ class VisitOrder:
         scenes: by name; empty if the file has one scene only.
         scene: the first one.
         duration_s: how long sessions may run in all; None until it is interrupted.
+        settings: live changes that are made to the first session once it runs.
     """
 
     file: str
@@ -49,6 +50,7 @@ class VisitOrder:
     scenes: Mapping[str, SceneChoice] = field(default_factory=dict)
     scene: str | None = None
     duration_s: float | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ class SessionKeeper:
         order: what to run.
         tell: called with lines for the user.
         announce: called with a `keeper` message at every change.
-        inherit: called with the names of the former and of the new session, to apply the settings of the former one.
+        inherit: called with the names of the former session (None if there was none) and of the new one, to apply the
+            settings of the former one, or those of the order.
         program: command that runs `weberlink`.
     """
 
@@ -116,7 +119,7 @@ class SessionKeeper:
         order: VisitOrder,
         tell: Callable[[str], None],
         announce: Callable[[dict[str, Any]], None],
-        inherit: Callable[[str, str], Awaitable[None]],
+        inherit: Callable[[str | None, str], Awaitable[None]],
         program: Sequence[str] = (sys.executable, "-c", _PROGRAM, str(os.getpid())),
     ) -> None:
         self._order = order
@@ -184,7 +187,7 @@ class SessionKeeper:
             child = self._child = await self._launch(scene)
             self.started.append(child.name)
             self._watching = self._task(self._watch(child))
-            if former is not None:
+            if former is not None or self._order.settings:
                 self._task(self._inherit(former, child.name))
 
     def note_running(self, name: str) -> None:

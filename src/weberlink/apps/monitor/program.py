@@ -135,7 +135,9 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
-    watch.keeper = SessionKeeper(visit.order, say, partial(watch.tell_all, MessageKind.KEEPER), watch.control.inherit)
+    announce = partial(watch.tell_all, MessageKind.KEEPER)
+    inherit = partial(watch.control.inherit, first=visit.order.settings)
+    watch.keeper = SessionKeeper(visit.order, say, announce, inherit)
     return watch.keeper
 
 

@@ -17,7 +17,7 @@ export class Room {
   take(message) {
     this.keeper = message;
     if (message.state === "starting") notice(`starting ${this.#title(message.scene)} …`);
-    if (message.state === "running" && this.asked === "start") notice(`${this.#title(message.scene)} is running`, "good");
+    if (message.state === "running") notice(`${this.#title(message.scene)} is running`, "good");
     if (message.state === "failed") notice(`not started: ${message.why ?? "unknown reason"}`, "bad");
     if (message.state !== "starting") this.asked = "";
     this.refresh();
