@@ -42,9 +42,9 @@ def seen(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, A
         own = page.driver.current_window_handle
         page.driver.switch_to.new_window("tab")
         page.driver.get(f"{visitor.monitor.url}/")
-        page.wait(lambda: page.run("return document.getElementById('handle-state').textContent").strip(), "the page")
+        page.wait(lambda: page.data("handle-state") not in ("", "none"), "who drives")
         assert len(master.records)  # the ring holds ten seconds
-        second = page.run("return document.getElementById('handle-state').dataset.value")
+        second = page.data("handle-state")
         page.driver.switch_to.window(own)
         visitor.grab()
         visitor.rub(3.0)

@@ -9,7 +9,7 @@ from time import monotonic, sleep
 from tests.apps.monitor.browser import Browser
 from tests.apps.monitor.monitors import Monitor
 
-ABOVE_PX, DEEP_PX, WIDE_PX = -10.0, 45.0, 45.0
+ABOVE_PX, DEEP_PX, WIDE_PX = -10.0, 110.0, 60.0
 """Way of the mouse from where it grabs: upwards first, then down into the dome, and to both sides."""
 ROUND_S = 4.0
 """Time for a way to one side, to the other, and back."""
@@ -42,8 +42,16 @@ class Visit:
             "return [x, y, width, height]"
         )
         self._at = (left + 0.5 * width, top + 0.4 * height)
+        self.page.wait(self._press, "the handle to be held")
+
+    def _press(self) -> bool:
+        """Press, unless there is no handle yet; returns whether it is held."""
         self._mouse("mouseMoved", 0.0, 0.0, pressed=False)
         self._mouse("mousePressed", 0.0, 0.0)
+        if self.page.run("return document.getElementById('scene').classList.contains('held')"):
+            return True
+        self.release()
+        return False
 
     def move(self, right: float, down: float) -> None:
         """Move the pressed mouse to a place beside where it was pressed [px]."""
