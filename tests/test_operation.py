@@ -94,10 +94,15 @@ def test_a_session_may_ask_for_what_a_file_may_ask_for(name: str) -> None:
     assert all(line.endswith(" rw") for line in settings["DeviceAllow"])
 
 
+DRIVERS_OF_KERNEL = {"event": "input"}
+"""Names in /proc/devices that differ from those of the device files."""
+
+
 @pytest.mark.parametrize("name", SIDES)
 def test_every_kind_of_device_that_the_rules_name_is_allowed(name: str) -> None:
     rules = (ROOT / "configs" / UDEV_RULES).read_text(encoding="utf-8")
-    kinds = {kernel.rstrip("*") for kernel in re.findall(r'^KERNEL=="([^"]+)"', rules, re.M)} - {"cpu_dma_latency"}
+    named = {kernel.rstrip("*") for kernel in re.findall(r'^KERNEL=="([^"]+)"', rules, re.M)} - {"cpu_dma_latency"}
+    kinds = {DRIVERS_OF_KERNEL.get(name_, name_) for name_ in named}
     allowed = {line.split()[0].removeprefix("char-") for line in unit(name)["DeviceAllow"]}
     assert kinds
     assert kinds <= allowed

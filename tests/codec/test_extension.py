@@ -29,8 +29,14 @@ VALID = [
 WRONG = [
     ("codec.force.predictor=damper", "codec.force.predictor: should be 'zoh'"),
     ("codec.force.deadband={shape: constnt}", "nearest is 'constant'"),
-    ("codec.force.deadband={shape: constant, bound_n: 9}", "constant.bound_n: should be less than or equal to 5"),
-    ("codec.force.deadband={shape: constant, width: 1}", "constant.width: unknown key; known are bound_n, shape"),
+    (
+        "codec.force.deadband={shape: constant, bound_n: 9}",
+        "deadband.bound_n: should be less than or equal to 5",
+    ),
+    (
+        "codec.force.deadband={shape: constant, width: 1}",
+        "deadband.width: unknown key; known are bound_n, shape",
+    ),
 ]
 SCRIPT = """
 import json, sys

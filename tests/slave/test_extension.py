@@ -49,6 +49,9 @@ class SlabSettings(CarvableSettings):
 class PegSettings(SceneShapeSettings):
     shape: Literal["toy_peg"]
 
+    def solid(self):
+        return Slab(0.0, -1.0)
+
 
 class Euler:
     def __init__(self, body, scene):

@@ -22,7 +22,7 @@ PACKAGES = {
 """Import names of what an extra installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "recording": ("telemetry.recording", "system.scoring.recorded"),
+    "recording": ("telemetry.recording", "system.scoring.recorded", "apps.ros_export", "apps.monitor.replay"),
     "mujoco": ("slave.robots.mjcf",),
     "plots": ("studies",),
     "dask": ("studies.cluster",),

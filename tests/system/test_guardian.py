@@ -6,7 +6,7 @@ import pytest
 
 from tests.master.devices.benches import armed
 from tests.system.packages import install
-from weberlink.master.devices import BUILT_IN
+from weberlink.master.devices import BUILT_IN, SCRIPTED
 from weberlink.system.composition.master import build_device, check_force_ends
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 
@@ -35,6 +35,14 @@ class Pusher(SimpleNamespace):
             "pusher", "xyz", force_n, 500.0, BOX, 1000.0, force_feedback=options.force, watchdog_s=options.watchdog_s
         )
         super().__init__(spec=spec, guarded=options.guarded)
+
+    def open(self, now): ...
+
+    def latest(self, now): ...
+
+    def command(self, force, now): ...
+
+    def close(self): ...
 """
 FILE = """
 link: {listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session}
@@ -72,7 +80,10 @@ def test_one_that_ends_its_force_or_is_accepted_is_built(file: Path, override: s
     assert build_device(load(file, (override,), sides=[MASTER])).spec.name == "pusher"
 
 
-@pytest.mark.parametrize("name", sorted(set(BUILT_IN) - {"operator", "replay"}))
+WITHOUT_MOTORS = SCRIPTED | {"pointer", "gamepad", "spacemouse"}
+
+
+@pytest.mark.parametrize("name", sorted(set(BUILT_IN) - WITHOUT_MOTORS))
 def test_the_built_in_drivers_of_hardware_end_their_force(name: str) -> None:
     options = {"model": "vintage_phantom"} if name == "polhem_serial" else {}
     device = armed(name, **options)

@@ -46,9 +46,9 @@ def monitor(
         typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
     ] = None,
 ) -> None:
-    """Show running sessions, or a recording, in a browser, until Ctrl-C.
+    """Show running sessions in a browser, or replay a recording.
 
-    The same address has figures for Prometheus.
+    Until Ctrl-C. The same address has figures for Prometheus.
     """
     from weberlink.system.configuration.extras import need  # noqa: PLC0415 - each command imports what it needs
 

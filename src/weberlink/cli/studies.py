@@ -49,7 +49,7 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Convert a recording to tables, or to MCAP for ROS tools."""
+    """Convert a recording to tables or for ROS tools."""
     from weberlink.apps.recordings import ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 

@@ -65,13 +65,20 @@ class Rig:
         self.ticks += count
 
     def ask(self, **request: Any) -> dict[str, Any]:
-        answer = asyncio.run(self.watch.requests.answer(self.page, {"type": "record"} | request))
+        told_ = {"type": "record", "token": self.watch.requests.token} | request
+        answer = asyncio.run(self.watch.requests.answer(self.page, told_))
         assert answer is not None and answer["to"] == "record"
         return answer
 
+    def look(self) -> None:
+        async def look() -> None:
+            self.watch.look(monotonic())
+
+        asyncio.run(look())
+
     def state(self) -> dict[str, Any] | None:
         """The newest state that the page was told since the last call."""
-        self.watch.look(monotonic())
+        self.look()
         states = [message for message in told(self.page) if message["type"] == "recording"]
         return states[-1] if states else None
 
@@ -127,7 +134,7 @@ def test_second_recording_takes_another_name(rig: Rig, tmp_path: Path) -> None:
     mine = tmp_path / "recordings" / "wall.mcap"
     mine.write_text("mine")
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     assert rig.ask(do="start", name="wall")["path"].endswith("/wall-2.mcap")
     rig.ask(do="stop")
     rig.until_state("done")
@@ -136,7 +143,7 @@ def test_second_recording_takes_another_name(rig: Rig, tmp_path: Path) -> None:
 
 def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     path = Path(rig.ask(do="start")["path"])
     until(lambda: (rig.tick(5), path.exists())[1], "the file")
     rig.ring.close()
@@ -148,7 +155,7 @@ def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
 def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
     (tmp_path / "recordings").write_text("a file in its place")
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     answer = rig.ask(do="start")
     assert not answer["accepted"] and "recordings: cannot be written" in answer["why"]
     state = rig.state()
@@ -157,7 +164,7 @@ def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
 
 def test_killed_recorder_is_told_and_leaves_a_file(rig: Rig) -> None:
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     path = Path(rig.ask(do="start")["path"])
     until(lambda: (rig.tick(20), path.exists() and path.stat().st_size > 20_000)[1], "the file to grow")
     rig.desk._recordings["7"].recorder.kill()
@@ -170,7 +177,7 @@ def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path)
     (small_disk / "other").write_bytes(os.urandom(150_000))
     rig.desk._folder = small_disk
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     path = Path(rig.ask(do="start")["path"])
 
     def look() -> dict[str, Any] | None:
@@ -188,12 +195,13 @@ def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path)
 
 def test_page_without_rights_cannot_record(rig: Rig) -> None:
     rig.tick()
-    rig.watch.look(monotonic())
+    rig.look()
     guest = Viewer(None, may_change=False)
     rig.watch.join(guest)
     (hello,) = (message for message in told(guest) if message["type"] == "hello")
     assert hello["records"] is False
-    answer = asyncio.run(rig.watch.requests.answer(guest, {"type": "record", "do": "start"}))
+    request = {"type": "record", "do": "start", "token": rig.watch.requests.token}
+    answer = asyncio.run(rig.watch.requests.answer(guest, request))
     assert answer is not None and not answer["accepted"]
     assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True
 
@@ -204,5 +212,6 @@ def test_remote_session_cannot_be_recorded(tmp_path: Path) -> None:
     watch.put(WatchedSession("remote", HandFeed("slave"), remote=True))
     page = Viewer(None, may_change=True)
     watch.join(page)
-    answer = asyncio.run(watch.requests.answer(page, {"type": "record", "do": "start"}))
+    request = {"type": "record", "do": "start", "token": watch.requests.token}
+    answer = asyncio.run(watch.requests.answer(page, request))
     assert answer is not None and "of this host" in answer["why"]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.apps.monitor.feeds import RATE, description, records
-from tests.apps.monitor.monitors import COMMAND, Monitor
+from tests.apps.monitor.monitors import Monitor
 from tests.apps.monitor.test_watch import told
 from tests.system.processes import ROOT
 from tests.system.systems import CONFIGS
@@ -116,7 +116,8 @@ def play(talk: Talk) -> None:
         watch.join(viewer)
 
         async def ask(**request: Any) -> dict[str, Any]:
-            answer = await watch.requests.answer(viewer, {"type": "replay"} | request)
+            proof = {"type": "replay", "token": watch.requests.token}
+            answer = await watch.requests.answer(viewer, proof | request)
             assert answer is not None and answer["to"] == "replay"
             return answer
 
@@ -143,15 +144,13 @@ async def until_told(watch: SessionWatcher, viewer: Viewer, kind: str, **values:
 def test_replay_begins_with_the_first_page_and_ends() -> None:
     async def talk(watch: SessionWatcher, viewer: Viewer, ask: Any) -> None:
         first = told(viewer)
-        assert [message["type"] for message in first] == ["hello", "figures", "replay"]
+        assert [message["type"] for message in first] == ["hello", "handle", "figures", "replay"]
         assert first[0]["replay"] == {"duration_s": 3.999} and first[0]["session"] == "wall"
         assert (await ask(do="play", speed=8))["accepted"]
         messages = await until_told(watch, viewer, "figures", ended=True)
         ended = next(message for message in messages if message.get("ended"))
         assert ended["figures"]["ticks"]["master"]["count"] == TICKS
-        assert {message["type"] for message in messages} >= {"samples", "felt", "events", "replay", "answer"} - {
-            "answer"
-        }
+        assert {message["type"] for message in messages} >= {"samples", "felt", "events", "replay"}
 
     play(talk)
 
@@ -234,7 +233,11 @@ def test_command_refuses_a_bad_file(tmp_path: Path) -> None:
     path = tmp_path / "bad.mcap"
     path.write_bytes(b"nonsense")
     result = subprocess.run(
-        [sys.executable, "-m", *COMMAND, "--replay", str(path)], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "weberlink", "monitor", "--replay", str(path)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and "--replay: " in result.stderr
 

@@ -66,7 +66,7 @@ def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(scor
 def test_a_recording_has_the_figures_of_the_session(scored, tmp_path: Path) -> None:
     loaded, master, slave, figures = scored
     path = tmp_path / "r.mcap"
-    recording = VirtualRecording(loaded, path)
+    recording = VirtualRecording(loaded, path, print)
     recording.add(master, slave)
     recording.finish()
     found = describe([path]).document["force"]
@@ -102,7 +102,7 @@ def test_a_recording_of_an_unknown_deadband_is_refused(tmp_path: Path, monkeypat
         measures_in({})
     monkeypatch.setattr("weberlink.system.recorder.yaml.safe_dump", lambda *_, **__: "codec: {force: [{}]}")
     path = tmp_path / "r.mcap"
-    recording = VirtualRecording(loaded, path)
+    recording = VirtualRecording(loaded, path, print)
     simulation = build_simulation(loaded)
     seen = list(steps(simulation, 0.2))
     recording.add(as_array([step.master for step in seen]), as_array([step.slave for step in seen]))
