@@ -4,6 +4,7 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from weberlink.geometry.cube import check_home
 from weberlink.geometry.vector import ZERO, Vector
 
 
@@ -169,8 +170,5 @@ class HandDeviceOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_home(self) -> Self:
-        if max(map(abs, self.home_m)) > self.workspace_m:
-            raise ValueError(
-                f"home_m: expected a point within the workspace of +-{self.workspace_m} m, got {self.home_m}"
-            )
+        check_home(self.home_m, self.workspace_m)
         return self

@@ -17,7 +17,7 @@ from time import monotonic_ns
 from typing import NamedTuple, Protocol
 
 from weberlink.geometry.vector import Vector, is_finite
-from weberlink.telemetry.runtime_directory import check, directories, directory
+from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
 
 LAYOUT = Struct("<4sQ?3d")
 """Mark, number, held, x, y, z [m]."""
@@ -102,16 +102,7 @@ class TargetSocket:
         """
         self.close()
         self._path = directory() / f"weberlink-{os.getpid()}.pointer"
-        self._path.unlink(missing_ok=True)  # of a process that had this process id
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        before = os.umask(0o177)
-        try:
-            listener.bind(str(self._path))
-        except BaseException:
-            listener.close()
-            raise
-        finally:
-            os.umask(before)
+        listener = listening_socket(self._path)
         self._socket, self._number = listener, -1
         waiting = select.poll()
         waiting.register(listener.fileno(), select.POLLIN)

@@ -17,6 +17,7 @@ from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from weberlink.geometry.cube import check_home
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product, quaternion, unit_quaternion
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.hardware.fault import HardwareFault
@@ -51,10 +52,7 @@ class RateOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_home(self) -> Self:
-        if max(map(abs, self.home_m)) > self.workspace_m:
-            raise ValueError(
-                f"home_m: expected a point within the workspace of +-{self.workspace_m} m, got {self.home_m}"
-            )
+        check_home(self.home_m, self.workspace_m)
         return self
 
 

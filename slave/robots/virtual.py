@@ -5,6 +5,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.control.contract import LEAST_CONTACT
+from weberlink.geometry.cube import check_home
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.contract import RobotSpec
 
@@ -33,10 +34,7 @@ class VirtualOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_home(self) -> Self:
-        if max(map(abs, self.home_m)) > self.workspace_m:
-            raise ValueError(
-                f"home_m: expected a point within the workspace of +-{self.workspace_m} m, got {self.home_m}"
-            )
+        check_home(self.home_m, self.workspace_m)
         return self
 
 

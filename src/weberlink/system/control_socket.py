@@ -4,7 +4,6 @@ The daemon answers between ticks. Only its own user can ask: the socket is a fil
 """
 
 import json
-import os
 import socket
 import stat
 from collections.abc import Awaitable, Mapping
@@ -14,7 +13,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
 from weberlink.system.bounded_json import parse
-from weberlink.telemetry.runtime_directory import ForeignFileError, check
+from weberlink.telemetry.runtime_directory import ForeignFileError, check, listening_socket
 
 if TYPE_CHECKING:  # who only asks needs no event loop
     import asyncio
@@ -117,17 +116,7 @@ class ControlSocket:
         Raises:
             OSError: there is no room for the socket's file.
         """
-        self._path.unlink(missing_ok=True)  # of a daemon that was killed
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        before = os.umask(0o177)
-        try:
-            listener.setblocking(False)
-            listener.bind(str(self._path))
-        except BaseException:
-            listener.close()
-            raise
-        finally:
-            os.umask(before)
+        listener = listening_socket(self._path)
         self._socket, self._loop = listener, loop
         loop.add_reader(listener.fileno(), self._on_question)
 
