@@ -147,6 +147,7 @@ class OperatorPort:
         """Whether a limiter changed what was displayed in this tick."""
         self._endpoint = endpoint
         self._button = button
+        self._grip_changes = False  # by the button: from a release until the force has faded in again
 
     @property
     def trouble(self) -> str | None:
@@ -171,6 +172,7 @@ class OperatorPort:
         self.buttons = reading.buttons
         if self._button is not None:
             self.enabled = bool(reading.buttons >> self._button & 1)
+            self._grip_changes |= not self.enabled
         return False
 
     def settle(self, now: float) -> None: ...
@@ -200,6 +202,8 @@ class OperatorPort:
         gate = self.gate
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
+        if self._grip_changes:
+            self._grip(values[0] or ZERO, gain)
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
@@ -207,6 +211,12 @@ class OperatorPort:
         self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
         self.slew_ticks += held_back
         self.clipped = clipped
+
+    def _grip(self, force: Vector, gain: float) -> None:
+        """Tell the control what the contact stores in which the operator takes or leaves the handle."""
+        strength = min(hypot(force[0], force[1], force[2]), self.displays[0].limiter.most)
+        self.control.grip(0.5 * strength * strength / self.control.stiffness, gain)
+        self._grip_changes = not self.enabled or gain < 1.0
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
         force = self.displays[0]

@@ -9,9 +9,14 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class ForceLimiter:
-    """Bounds the magnitude of a force or torque and keeps its direction."""
+    """Bounds the magnitude of a force or torque and keeps its direction.
 
-    __slots__ = ("_limit", "clipped")
+    Attributes:
+        most: the largest magnitude [N], or [N m].
+        clipped: whether the newest value was longer.
+    """
+
+    __slots__ = ("clipped", "most")
 
     def __init__(self, limit: float) -> None:
         """Make the limiter.
@@ -21,16 +26,16 @@ class ForceLimiter:
         """
         if not limit > 0.0:
             raise ValueError(f"force limit must be positive, not {limit!r}")
-        self._limit = limit
+        self.most = limit
         self.clipped = False
 
     def limit(self, force: Vector) -> Vector:
         """The force, shortened to the limit if it is longer; `clipped` says whether it was."""
         length = hypot(force[0], force[1], force[2])
-        self.clipped = length > self._limit
+        self.clipped = length > self.most
         if not self.clipped:
             return force
-        factor = self._limit / length
+        factor = self.most / length
         return (force[0] * factor, force[1] * factor, force[2] * factor)
 
 

@@ -35,6 +35,8 @@ class MasterTick(NamedTuple):
     force: Vector
     share: float
     """Share of the rendered force that is displayed."""
+    stored: float | None
+    """Energy that the contact stores [J], while the operator takes or leaves the handle; else None."""
 
 
 class SlaveTick(NamedTuple):
@@ -62,6 +64,7 @@ def master_ticks(
             qualities,
             force,
             st.floats(0.0, 1.0),
+            st.one_of(st.none(), st.floats(0.0, 1e6)),
         ),
         max_size=12,
     )
@@ -91,6 +94,8 @@ def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
         control.observe(tick.position, tick.elapsed, 0.0, tick.peer_credit, tick.quality)
         assert all(map(isfinite, control.command(tick.position)))
         assert control.stiffness > 0.0
+        if tick.stored is not None:
+            control.grip(tick.stored, tick.share)
         force = control.render(tick.force)
         assert all(map(isfinite, force))
         control.displayed((force[0] * tick.share, force[1] * tick.share, force[2] * tick.share))

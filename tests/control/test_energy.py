@@ -9,7 +9,15 @@ from pytest import approx
 from tests.control.vectors import forces, steps, vectors
 from tests.examples import examples
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.energy import LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag, yielding_share
+from weberlink.control.energy import (
+    LONGEST,
+    STRONGEST,
+    CreditPrediction,
+    EnergyTank,
+    GripGrant,
+    LevelDrag,
+    yielding_share,
+)
 from weberlink.control.force_port import LEAST_STEP, ForcePort
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
@@ -184,3 +192,30 @@ def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float,
         speed += force / mass * TICK
         assert abs(speed) <= max(start, swing)
     assert abs(speed) <= max(0.02 * start, LEAST_STEP / damping)
+
+
+@given(
+    begin=st.floats(-1.0, 1.0),
+    ticks=st.lists(st.tuples(st.floats(0.0, 10.0), st.floats(0.0, 1.0), st.floats(-1.0, 1.0)), min_size=1),
+)
+def test_grip_pays_for_what_the_contact_stores_and_no_more(
+    begin: float, ticks: list[tuple[float, float, float]]
+) -> None:
+    grant, level, granted = GripGrant(), begin, 0.0
+    for number, (stored, share, work) in enumerate(ticks):
+        level += work
+        raised = grant.raised(level, stored, share)
+        paid = max(0.0, level) if number == 0 else level  # a debt from before is forgiven
+        granted += raised - paid
+        assert raised >= paid
+        most = max(before for before, _, _ in ticks[: number + 1])
+        assert raised >= min(share * stored, paid + most - (granted - (raised - paid))) - 1e-9
+        assert granted <= most + 1e-9
+        level = raised
+
+
+@given(stored=st.floats(0.0, 10.0))
+def test_hand_that_pressed_itself_is_given_nothing(stored: float) -> None:
+    grant = GripGrant()
+    for share in (0.0, 0.5, 1.0):
+        assert grant.raised(stored, stored, share) == stored

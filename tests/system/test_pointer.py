@@ -7,6 +7,7 @@ import pytest
 
 from tests.master.devices.targets import Path, Targets
 from tests.system.systems import configuration
+from weberlink.control.auto import LARGEST_DEBT
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
 from weberlink.system.scenes import SCENES
@@ -41,9 +42,9 @@ class Course:
         return np.concatenate([slave for _, slave in self._parts])[:-100]
 
 
-def run(path: Path, seconds: float, *overrides: str, score: SessionScore | None = None) -> Course:
+def run(path: Path, seconds: float, *overrides: str, score: SessionScore | None = None, rate: float = 60.0) -> Course:
     """A session of configs/try.yaml that is led along a path, with targets as those of a browser."""
-    source, course = Targets(path, 60.0, jitter=0.3), Course()
+    source, course = Targets(path, rate, jitter=0.3), Course()
     loaded = configuration(*EASY, *overrides, file="try.yaml", device=lambda *of: PointerDevice(*of, source))
     build_simulation(loaded).run(seconds, [course, *([] if score is None else [score])])
     return course
@@ -128,6 +129,36 @@ def test_handle_taken_again_goes_on_without_a_jump() -> None:
     assert speed.max() <= SPEED * (1 + 1e-9)
     assert lengths(course.master["position"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
     assert lengths(course.slave["output"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("scheme", ["none", "auto"])
+@pytest.mark.parametrize(("gap", "every"), [(0.3, 1.0), (0.12, 0.5)])
+def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(scheme: str, gap: float, every: float) -> None:
+    def regripped(time: float) -> tuple[Vector, bool]:
+        return ((0.0, 0.0, 0.03), True) if time < 2.0 else ((0.004, 0.0, -0.005), time < 2.5 or time % every > gap)
+
+    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
+    course = run(regripped, 2.5 + 10.0 * every, f"control.scheme={scheme}", score=score)
+    held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)][2200:]
+    depth = depths(held["position"])
+    assert depth.max() < HAND * REACH / WALL
+    assert np.percentile(depth - lengths(held["output"]) / WALL, 99) < 2e-4, "a deadband of 2.7 N is as deep"
+    assert score.summary()["force"]["violation_fraction"] < RAMP_S / every + 0.01, "the fades alone"
+
+
+@pytest.mark.parametrize("period", [0.004, 0.02, 0.06, 0.1, 0.2])
+def test_chattering_button_gives_no_more_than_each_grip_may(period: float) -> None:
+    def chattering(time: float) -> tuple[Vector, bool]:
+        return (0.004, 0.0, -0.005), time < 2.5 or time % period > 0.5 * period
+
+    master = run(chattering, 6.0, "control.scheme=auto", rate=1000.0).master[2500:]
+    way, force = np.diff(master["position"], axis=0), lengths(master["output"])
+    gained = float((master["output"][:-1] * way).sum())
+    grips = int((np.diff(master["buttons"].astype(int)) == 1).sum())
+    assert grips >= 16
+    assert gained <= grips * (0.5 * force.max() ** 2 / WALL + LARGEST_DEBT * 0.05)
+    assert force.max() <= HAND * REACH * 1.11
+    assert lengths(way).max() <= SPEED * 1e-3
 
 
 @pytest.mark.parametrize("name", list(SCENES))

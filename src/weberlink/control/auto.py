@@ -19,7 +19,7 @@ from math import hypot
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
-from weberlink.control.energy import yielding_share
+from weberlink.control.energy import GripGrant, yielding_share
 from weberlink.control.force_port import ForcePort
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
@@ -115,18 +115,21 @@ class ContactBalance:
     each contact. A debt is kept in contact and forgotten between contacts, slowly: an active loop bounces and makes its
     debt in many contacts, while a tap on a sampled wall returns 1 to 2 mJ too much and the hand damps it. What the
     contact dissipates would hide an active loop, so the balance is at most what the contact stores and some more.
+    If the operator takes the handle within a contact, the balance begins with what that contact stores (`GripGrant`).
     """
 
-    __slots__ = ("_debt", "_force", "_holds_back", "_least", "_most", "_port", "level")
+    __slots__ = ("_debt", "_force", "_grant", "_holds_back", "_least", "_most", "_port", "level")
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._port = ForcePort(settings.tick_period, settings.level)
+        self._grant = GripGrant()
         self._most = MOST_KNOWN * settings.level
         self._debt, self._least = -DEBT * settings.level, -LARGEST_DEBT * settings.level
         self.reset()
 
     def reset(self) -> None:
         self._port.reset()
+        self._grant.reset()
         self._force: Vector = ZERO
         self._holds_back = False
         self.level = 0.0
@@ -135,6 +138,7 @@ class ContactBalance:
     def resume(self) -> None:
         """Begin again after an interruption, without any contact; a debt stays."""
         self._port.reset()
+        self._grant.reset()
         self._force = ZERO
         self._holds_back = False
         self.level = min(self.level, 0.0)
@@ -164,6 +168,10 @@ class ContactBalance:
         if not touches:
             self.level -= self.level * min(1.0, elapsed / FORGET)
 
+    def grip(self, stored: float, share: float) -> None:
+        """See `MasterControl.grip`."""
+        self.level = self._grant.raised(self.level, stored, share)
+
     def forgive(self) -> None:
         """Forget a debt: another scheme keeps its own account."""
         self.level = max(self.level, 0.0)
@@ -188,7 +196,18 @@ class ContactBalance:
 class AutoMaster:
     """The operator's end of all schemes, of which one is displayed, or several while one fades into another."""
 
-    __slots__ = ("_active", "_balance", "_choice", "_mmt", "_schemes", "_shares", "_tdpa", "_touches", "_wanted")
+    __slots__ = (
+        "_active",
+        "_balance",
+        "_choice",
+        "_grip_changes",
+        "_mmt",
+        "_schemes",
+        "_shares",
+        "_tdpa",
+        "_touches",
+        "_wanted",
+    )
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa, self._mmt = TdpaMaster(settings), MmtMaster(settings)
@@ -200,7 +219,7 @@ class AutoMaster:
     def _begin(self) -> None:
         self._active = self._wanted = TDPA
         self._shares = [0.0, 1.0, 0.0]
-        self._touches = False
+        self._touches = self._grip_changes = False
 
     @property
     def active(self) -> str:
@@ -243,6 +262,12 @@ class AutoMaster:
             scheme.resume(peer_credit)
         self._balance.resume()
 
+    def grip(self, stored: float, share: float) -> None:
+        for scheme in self._schemes:
+            scheme.grip(stored, share)
+        self._balance.grip(stored, share)
+        self._grip_changes = True
+
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         for scheme in self._schemes:
             scheme.learn(surface, force, position)
@@ -260,9 +285,10 @@ class AutoMaster:
         if shares[NONE] == 0.0:
             balance.forgive()
         self._fade(elapsed)
-        self._wanted = self._choice.follow(
-            self._active, quality, elapsed, touches=self._touches, in_debt=balance.in_debt
-        )
+        # A hand that lets go is pushed out by the force of the last sample: a debt, but of no active loop.
+        in_debt = balance.in_debt and not self._grip_changes
+        self._grip_changes = False
+        self._wanted = self._choice.follow(self._active, quality, elapsed, touches=self._touches, in_debt=in_debt)
 
     def _fade(self, elapsed: float) -> None:
         """Give the active scheme a larger share of the displayed force."""

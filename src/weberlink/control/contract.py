@@ -109,12 +109,23 @@ class Choosing(Switchable, Protocol):
 class MasterControl(Control, Protocol):
     """The operator's end of a scheme.
 
-    Calls in a tick: `learn` for each update, `observe`, `command`, `render`, `displayed`.
+    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`.
     """
 
     @property
     def stiffness(self) -> float:
         """Stiffness of the contact by the newest model, or that of the robot's coupling if there is none [N/m]."""
+        ...
+
+    def grip(self, stored: float, share: float) -> None:
+        """Take in that the operator takes the handle or lets it go, maybe within a contact.
+
+        Called before `render` while the force fades in after a grip, and from the release on.
+
+        Args:
+            stored: energy that the contact stores at the force of this tick [J].
+            share: of that force which is displayed now, 0..1.
+        """
         ...
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:

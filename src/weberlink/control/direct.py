@@ -41,6 +41,8 @@ class DirectMaster(_Uncontrolled):
     def resume(self, peer_credit: int) -> None:  # noqa: ARG002
         self.reset()
 
+    def grip(self, stored: float, share: float) -> None: ...
+
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
         self.stiffness = self._coupling if surface is None else surface.stiffness
 

@@ -77,6 +77,42 @@ class EnergyTank:
         self.level = max(0.0, self.level)
 
 
+class GripGrant:
+    """Pays for the contact in which the operator takes the handle.
+
+    The robot moves into the contact by its own power then, and the hand that is pushed out has not pressed before. So
+    while the force fades in, the account of the hand is raised to what the contact stores as displayed, as if the hand
+    had pressed it in. In total that is no more than the contact stored at its largest force. A debt from before the
+    grip is forgiven. So the energy for each grip is bounded. A link that returns after silence is no grip.
+    """
+
+    __slots__ = ("_granted", "_is_new", "_most")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new grip."""
+        self._granted = self._most = 0.0
+        self._is_new = True
+
+    def raised(self, level: float, stored: float, share: float) -> float:
+        """The account [J], raised as far as this grip may.
+
+        Args:
+            level: of the account [J].
+            stored: energy that the contact stores [J].
+            share: of its force which is displayed, 0..1.
+        """
+        if self._is_new:
+            self._is_new = False
+            level = max(0.0, level)
+        self._most = max(self._most, stored)
+        gift = max(0.0, min(share * stored - level, self._most - self._granted))
+        self._granted += gift
+        return level + gift
+
+
 class CreditPrediction:
     """Extrapolates the credit of the other side at its last rate, because most ticks bring no datagram.
 

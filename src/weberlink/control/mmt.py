@@ -20,7 +20,7 @@ from math import dist, hypot, inf
 from typing import ClassVar
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import EnergyTank, LevelDrag
+from weberlink.control.energy import EnergyTank, GripGrant, LevelDrag
 from weberlink.control.extent import KnownSurface
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
@@ -56,6 +56,7 @@ class MmtMaster:
         "_drag",
         "_elapsed",
         "_free",
+        "_grant",
         "_known",
         "_lead",
         "_level",
@@ -80,6 +81,7 @@ class MmtMaster:
         self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
         self._mixture = SurfaceMixture()
+        self._grant = GripGrant()
         self._elapsed = self._tick = self._lead = 0.0
         self._forget()
 
@@ -102,6 +104,7 @@ class MmtMaster:
 
     def _forget(self) -> None:
         self._port.reset()
+        self._grant.reset()
         self._mixture.reset()
         self._known: KnownSurface | None = None
         self._free = True
@@ -109,6 +112,9 @@ class MmtMaster:
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
+
+    def grip(self, stored: float, share: float) -> None:
+        self._tank.level = self._grant.raised(self._tank.level, stored, share)
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         known, mixture = self._known, self._mixture

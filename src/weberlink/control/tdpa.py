@@ -23,7 +23,7 @@ from math import dist, hypot
 from typing import ClassVar
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.energy import CreditPrediction, EnergyTank, GripGrant, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import ForceMatching
 from weberlink.control.motion_port import MotionPort
@@ -68,7 +68,7 @@ class _TankedPort:
 class TdpaMaster(_TankedPort):
     """Observer and controller of the operator's port."""
 
-    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_matching", "_port", "_tick")
+    __slots__ = ("_drag", "_elapsed", "_grant", "_in_contact", "_level", "_matching", "_port", "_tick")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
@@ -76,6 +76,7 @@ class TdpaMaster(_TankedPort):
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
         self._matching = ForceMatching(settings.coupling)
+        self._grant = GripGrant()
         self._elapsed = 0.0
         self._tick = 0.0
         self._in_contact = False
@@ -94,8 +95,12 @@ class TdpaMaster(_TankedPort):
 
     def _forget(self) -> None:
         self._port.reset()
+        self._grant.reset()
         self._matching.reset()
         self._in_contact = False
+
+    def grip(self, stored: float, share: float) -> None:
+        self._tank.level = self._grant.raised(self._tank.level, stored, share)
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
         self._matching.learn(surface)
