@@ -4,7 +4,7 @@ from typing import Any
 
 from hypothesis import HealthCheck, settings
 
-COUNT = 60
+COUNT = 40
 """Examples of a test that does not set a number."""
 
 _times = 1

@@ -16,7 +16,7 @@ from tests.system.systems import CONFIGS
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.protocol.keys import generate
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = pytest.mark.realtime
 
 FILE = CONFIGS / "phantom-arm.yaml"
 GROUND = "scene=[{shape: plane, point_m: [0, 0, 0.15], stiffness_n_m: 400}]"
@@ -69,8 +69,8 @@ class Emulated:
 def both(folder: Path) -> Iterator[tuple[Emulated, Emulated, list[object]]]:
     """The device, the arm, and the arguments that lead to them; the device may have force."""
     with ExitStack() as stack:
-        phantom = stack.enter_context(Emulated("polhem_serial", folder, PRESS))
-        arm = stack.enter_context(Emulated("dynamixel", folder, GROUND))
+        made = Emulated("polhem_serial", folder, PRESS), Emulated("dynamixel", folder, GROUND)  # both start at once
+        phantom, arm = map(stack.enter_context, made)
         checked = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
         overrides = [
             f"master.device.port={phantom.port}",

@@ -251,34 +251,28 @@ class TestOfALiveSession:
             assert numbers(found[key]) == pytest.approx(numbers(summary[key]), rel=1e-9, nan_ok=True), key
         assert found["energy"] == pytest.approx(summary["energy"], rel=1e-9, abs=1e-12)
 
-    @pytest.mark.parametrize("fault", ["killed", "full disk"])
-    def test_a_recorder_that_ends_early_costs_the_recording_alone(self, fault, request, tmp_path):
-        folder = tmp_path if fault == "killed" else request.getfixturevalue("small_disk")
-        path = folder / "live.mcap"
-        if fault == "full disk":
-            (folder / "other").write_bytes(bytes(150_000))
+    def test_a_recorder_that_is_killed_costs_the_recording_alone(self, tmp_path):
+        path = tmp_path / "live.mcap"
         with Program("loopback", "--record", path, "--json", "-") as program:
             recorder, telemetry = program.recorder(), program.engaged("slave")
-            if fault == "killed":
-                until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
-                os.kill(recorder, signal.SIGKILL)
+            until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
+            os.kill(recorder, signal.SIGKILL)
             until(lambda: status_of(recorder) == b"Z", "the recorder to end")
             ended_at = int(telemetry.last["tick"])
             until(lambda: telemetry.last["tick"] > ended_at + 100, "the session to go on")
             program.send(signal.SIGTERM)
             status, output, _ = program.finish()
         summary = document(output)
-        assert (status, summary["outcome"]) == (0, "terminated")
-        said = "killed by signal 9" if fault == "killed" else "No space left"
-        assert said in summary["recording"]["outcome"]
+        assert (status, summary["outcome"]) == (1, "terminated")
+        assert "killed by signal 9" in summary["recording"]["outcome"]
+        assert [cause["name"] for cause in summary["verdict"]["causes"] if cause["level"] == "failed"] == ["recording"]
         recording = read_recording(path)
         assert not recording.complete
         assert 100 < len(recording.records["slave"]) < summary["ticks"]["slave"]["count"]
-        if fault == "killed":
-            ticks = recording.records["slave"]["tick"]
-            assert ended_at - 1500 < ticks[-1] <= ended_at + 500
-            assert (np.diff(ticks) >= 1).all()
-            assert info(path)["outcome"] == "cut off"
+        ticks = recording.records["slave"]["tick"]
+        assert ended_at - 1500 < ticks[-1] <= ended_at + 500
+        assert (np.diff(ticks) >= 1).all()
+        assert info(path)["outcome"] == "cut off"
 
     @pytest.mark.parametrize("victim", ["daemon", "command"])
     def test_a_kill_leaves_a_whole_file(self, victim, tmp_path):
@@ -308,7 +302,7 @@ class TestOfALiveSession:
         files = {side: tmp_path / f"{side}.mcap" for side in ("master", "slave")}
         with (
             Program("slave", LOOPBACK, *address, "--record", files["slave"]) as slave,
-            Program("master", LOOPBACK, *address, "--duration", 2, "--record", files["master"]) as master,
+            Program("master", LOOPBACK, *address, "--duration", 1.5, "--record", files["master"]) as master,
         ):
             assert master.finish()[0] == 0
             slave.send(signal.SIGTERM)
@@ -319,7 +313,8 @@ class TestOfALiveSession:
         # On one host the true offset between the clocks is 0, so the join can be checked against it.
         apart = [read_recording(path) for path in files.values()]
         joined = put_together(apart)
-        moved = joined.slave["at"] - apart[1].records["slave"]["at"]
+        own = apart[1].records["slave"]
+        moved = joined.slave["at"] - own["at"][np.isin(own["tick"], joined.slave["tick"])]
         engaged = joined.slave["state"] == ENGAGED
         assert engaged.sum() > 1000
         assert np.abs(moved[engaged]).max() < 0.02

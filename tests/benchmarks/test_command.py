@@ -1,5 +1,6 @@
 """The command as its user runs it."""
 
+import signal
 import socket
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 from benchmarks import programs
 from benchmarks.budget import PARTS
 from benchmarks.percentiles import NAMES
-from tests.system.processes import Program, document
+from tests.system.processes import Program, document, until
 from weberlink.cli import app
 from weberlink.system.configuration import SIDES
 
@@ -46,6 +47,17 @@ def test_a_failed_measurement_has_status_1() -> None:
     assert (status, said) == (1, "")
     assert f"weberlink: the slave ended before the session began: UDP {address} is in use" in complaints
     assert "Traceback" not in complaints
+
+
+@pytest.mark.realtime
+def test_ctrl_c_ends_with_the_parts_so_far() -> None:
+    with Program("bench", "--quick", "--json", "-") as program:
+        until(lambda: any(b"system.daemon" in command for command in program.children().values()), "a daemon")
+        program.send(signal.SIGINT)
+        status, said, complaints = program.finish()
+    assert status == 130
+    assert document(said)["kind"] == "weberlink bench partial"
+    assert complaints == "weberlink: interrupted: 0 of 8 parts are done, and in the JSON above\n"
 
 
 @pytest.mark.hunt  # half a minute alone on the machine

@@ -49,6 +49,7 @@ def test_an_echo_that_does_not_start_is_an_error(capfd: pytest.CaptureFixture[st
 
 def test_without_programs_the_limits_are_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(latency, "WARM_UP_S", 0.05)
     limit = lateness.limit(200.0, 0.2, BARE)
     assert limit.name == lateness.BARE_TIMER
     assert 2 <= len(limit.lateness_us) <= 80  # of two processes; after a stall, one for several deadlines

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.compiled import replaces_methods
@@ -126,13 +126,16 @@ whiles = st.floats(0.2, 2.0)
 
 
 @given(st.lists(st.tuples(delays, whiles), min_size=2, max_size=5))
+@example([(0.19375907818962398, 1.342271931654218), (0.08, 1.0)])
 @examples(8)
-def test_without_loss_both_sides_use_the_same_scheme_at_every_tick(course: list[tuple[float, float]]) -> None:
+def test_without_loss_both_sides_change_at_the_same_tick(course: list[tuple[float, float]]) -> None:
+    """If the delay changes between the two ways of a measurement, the clocks err by half the difference of the ways."""
     pair = Pair()
     for rtt, seconds in course:
         pair.link(rtt)
         pair.run(seconds)
-    assert pair.differences() == []
+    error = max(0.25 * abs(after - before) for (before, _), (after, _) in pairwise(course))
+    assert max(pair.differences(), default=0.0) <= (error + 1.0 / RATE if error > 0.0 else 0.0)
     assert {moment.master.control for moment in pair.moments} == {moment.slave.control for moment in pair.moments}
 
 
@@ -150,7 +153,7 @@ def test_without_loss_both_sides_use_the_same_scheme_at_every_tick(course: list[
         max_size=5,
     )
 )
-@examples(12)
+@examples(8)
 def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(course: list[tuple[Any, ...]]) -> None:
     """With loss, silences, new sessions, and changes by users of both sides. In the end both use what was set last."""
     pair = Pair()

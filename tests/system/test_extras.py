@@ -1,5 +1,6 @@
 """Optional packages: what each part of the project may import, and how a missing one is reported."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -29,22 +30,36 @@ PLACES = {
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""
-    import sys
+    import json, os, sys
     from importlib import import_module
 
     class Hidden:
+        packages = ()
+
         def find_spec(self, name, path=None, target=None):
-            if name.partition(".")[0] in hidden:
+            if name.partition(".")[0] in self.packages:
                 raise ModuleNotFoundError(f"No module named {name!r}")
 
-    hidden, modules = sys.argv[1].split(), sys.argv[2:]
+    def look(packages, modules):
+        Hidden.packages, failed = packages, []
+        for name in modules:
+            try:
+                import_module(name)
+            except ModuleNotFoundError as error:
+                failed.append(f"{name}: {error}")
+        print(json.dumps(failed), flush=True)
+
+    first, *others = json.loads(sys.argv[1])
     sys.meta_path.insert(0, Hidden())
-    for name in modules:
-        try:
-            import_module(name)
-        except ModuleNotFoundError as error:
-            print(f"{name}: {error}")
+    look(*first)
+    for other in others:
+        if (child := os.fork()) == 0:
+            look(*other)
+            os._exit(0)
+        if os.waitpid(child, 0)[1]:
+            sys.exit("a process failed")
 """)
+"""Imports each group of modules without some packages; those after the first in processes forked from the first."""
 
 
 def modules() -> list[str]:
@@ -65,12 +80,30 @@ def extras_of(name: str) -> frozenset[str]:
     return frozenset(extra for extra in PLACES if is_in(name, extra))
 
 
-@pytest.mark.parametrize("extras", sorted({extras_of(name) for name in modules()}, key=sorted), ids=sorted)
-def test_modules_import_with_the_extras_of_their_place_alone(extras: frozenset[str]) -> None:
-    names = [name for name in modules() if extras_of(name) == extras]
-    hidden = " ".join(package for extra in set(PACKAGES) - extras for package in PACKAGES[extra])
-    run = subprocess.run([sys.executable, "-c", IMPORT, hidden, *names], capture_output=True, text=True, check=True)
-    assert run.stdout == ""
+GROUPS = sorted({extras_of(name) for name in modules()}, key=sorted)
+"""The first has no extra."""
+
+
+@pytest.fixture(scope="module")
+def failures() -> dict[frozenset[str], list[str]]:
+    """What cannot be imported of the modules that may use these extras."""
+    arguments = [
+        (
+            [package for extra in set(PACKAGES) - extras for package in PACKAGES[extra]],
+            [name for name in modules() if extras_of(name) == extras],
+        )
+        for extras in GROUPS
+    ]
+    command = [sys.executable, "-c", IMPORT, json.dumps(arguments)]
+    run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return dict(zip(GROUPS, map(json.loads, run.stdout.splitlines()), strict=True))
+
+
+@pytest.mark.parametrize("extras", GROUPS, ids=sorted)
+def test_modules_import_with_the_extras_of_their_place_alone(
+    failures: dict[frozenset[str], list[str]], extras: frozenset[str]
+) -> None:
+    assert failures[extras] == []
 
 
 def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:

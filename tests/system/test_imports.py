@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -43,17 +42,25 @@ from weberlink.system.composition.link import build_security
 from weberlink.system.configuration import load
 from weberlink.system.configuration.model import split_address
 
-file, side, *overrides = sys.argv[1:]
-configuration = load(Path(file), overrides, sides=[side])
-common = {"security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0}
-if side == "master":
-    from weberlink.system.composition.master import build_master
-    build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
-else:
-    from weberlink.system.composition.slave import build_slave
-    build_slave(configuration, **common)
-json.dump(sorted(sys.modules), sys.stdout)
+def build(file, side, *overrides):
+    configuration = load(Path(file), overrides, sides=[side])
+    common = {"security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0}
+    if side == "master":
+        from weberlink.system.composition.master import build_master
+        build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
+    else:
+        from weberlink.system.composition.slave import build_slave
+        build_slave(configuration, **common)
+    print(json.dumps(sorted(sys.modules)), flush=True)
+
+for arguments in json.loads(sys.argv[1]):
+    if (child := os.fork()) == 0:
+        build(*arguments)
+        os._exit(0)
+    if os.waitpid(child, 0)[1]:
+        sys.exit(f"{arguments} failed")
 """
+"""Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {"weberlink.cli", "weberlink.apps", "weberlink.studies", "weberlink.system.launcher", "matplotlib", "scipy"}
 WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
 HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}
@@ -69,23 +76,18 @@ def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def modules(key: Path) -> dict[tuple[str, str], frozenset[str]]:
     """Modules of a process that has built one side of a file."""
-
-    def imported(case: tuple[str, str]) -> frozenset[str]:
-        name, side = case
-        ended = subprocess.run(
-            [sys.executable, "-c", BUILD, str(CONFIGS / name), side, f"link.key_file={key}"],
-            cwd=CONFIGS.parent,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        assert (ended.returncode, ended.stderr) == (0, "")
-        return frozenset(json.loads(ended.stdout))
-
     cases = [(name, side) for name in FILES for side in SIDES]
-    with ThreadPoolExecutor(2) as pool:
-        return dict(zip(cases, pool.map(imported, cases), strict=True))
+    arguments = [(str(CONFIGS / name), side, f"link.key_file={key}") for name, side in cases]
+    ended = subprocess.run(
+        [sys.executable, "-c", BUILD, json.dumps(arguments)],
+        cwd=CONFIGS.parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
+    return {case: frozenset(json.loads(line)) for case, line in zip(cases, ended.stdout.splitlines(), strict=True)}
 
 
 def expected(name: str, side: str, key: Path) -> dict[str, bool]:

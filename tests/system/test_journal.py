@@ -386,7 +386,7 @@ def test_standard_output_whose_reader_has_stopped_holds_up_nothing() -> None:
 @pytest.mark.realtime
 def test_log_of_a_session_agrees_with_its_report(tmp_path: Path) -> None:
     path = tmp_path / "report.json"
-    with Program("loopback", "--duration", 1, "--log", "-", "--json", path) as session:
+    with Program("loopback", "--duration", 0.5, "--log", "-", "--json", path) as session:
         status, output, errors = session.finish()
     assert (status, errors) == (0, "")
     lines = [json.loads(line) for line in output.splitlines()]  # nothing else is on standard output

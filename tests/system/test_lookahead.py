@@ -66,7 +66,7 @@ def test_a_sample_would_be_stale_within_the_silence_limit() -> None:
 @pytest.mark.realtime
 def test_a_live_session_runs_with_it() -> None:
     overrides = [word for each in (*BOTH, "codec.force.predictor=adaptive") for word in ("--set", each)]
-    with Program("loopback", "--duration", 2, "--json", "-", *PATIENT, *overrides) as program:
+    with Program("loopback", "--duration", 1.2, "--json", "-", *PATIENT, *overrides) as program:
         status, output, _ = program.finish()
     summary = document(output)
     assert (status, summary["outcome"]) == (0, "completed")

@@ -18,7 +18,7 @@ from weberlink.system.simulate import simulate
 
 FILE = "rotation.yaml"
 MOST = 5.0
-SECONDS = 8.0
+SECONDS = 5.0
 CHANNELS = {
     "force": "force",
     "position": "position",

@@ -14,7 +14,7 @@ def test_a_live_session_turns_the_tool_is_reported_and_its_recording_says_the_sa
     pytest.importorskip("mcap")
     out, recording = tmp_path / "out.json", tmp_path / "session.mcap"
     with Program(
-        "loopback", CONFIGS / "rotation.yaml", "--duration", 4, "--json", out, "--record", recording
+        "loopback", CONFIGS / "rotation.yaml", "--duration", 2.5, "--json", out, "--record", recording
     ) as program:
         status, output, errors = program.finish()
     assert (status, errors) == (0, "")

@@ -31,7 +31,7 @@ from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import simulate
 from weberlink.system.verdict import LOST_S, verdict
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.ring import default_path
+from weberlink.telemetry.ring import default_path, process_started
 
 PAGE = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
 LOOPBACK = CONFIGS / "loopback.yaml"
@@ -168,10 +168,16 @@ def loopback(act: Callable[[Program], None], *options: object) -> Row:
 
 
 def kill_daemon(_: Path) -> Reports:
-    def act(program: Program) -> None:
-        os.kill(program.engaged("slave").pid, signal.SIGKILL)
-
-    return {"`kill -9` of one daemon of `loopback`": loopback(act)}
+    """The other daemon ends in order: without force, and nothing is left."""
+    with Program("loopback", *CALM) as program:
+        master, slave = (program.engaged(side) for side in ("master", "slave"))
+        os.kill(slave.pid, signal.SIGKILL)
+        row = report(program.finish())
+        assert all(": note: " in line for line in row.errors.splitlines() if line.startswith("weberlink")), row.errors
+        until(lambda: not any(process_started(each.pid) for each in (master, slave)), "the end of both daemons")
+        assert program.rings() == []
+        assert not master.last["output"].any()
+    return {"`kill -9` of one daemon of `loopback`": row}
 
 
 def stop_daemon(_: Path) -> Reports:

@@ -123,7 +123,7 @@ def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
     for side, figures in sides.items():
         if figures["ended"] == "waiting":
             yield from _never(summary, side, figures["waited_s"])
-        elif figures["ended"] == "unconnected" and figures["last_s"] >= LOST_S:
+        elif figures["ended"] == "unconnected" and figures["last_s"] >= LOST_S and not _has_left(summary, side):
             text = f"the {_PEERS[side]} was lost: not heard for the last {figures['last_s']:.1f} s"
             yield Cause(FAILURE, "lost", text)
     longest = max(sides.values(), key=lambda figures: figures["unconnected_s"], default=None)
@@ -136,6 +136,12 @@ def _connection(summary: Mapping[str, Any]) -> Iterator[Cause]:
         farewell = _peer(summary, MASTER).get("farewell")
         why = f" ({farewell})" if farewell else ""
         yield Cause(DEGRADED, "away", f"the slave left{why}, {away:.1f} s without it")
+
+
+def _has_left(summary: Mapping[str, Any], side: str) -> bool:
+    """Whether the peer of a side ended in order, so that only its farewell was lost: known of the master alone."""
+    ended = "outcome" in summary and not str(summary["outcome"]).startswith(FAILED_OUTCOME)
+    return ended and side == SLAVE and summary["connection"].get(MASTER) is not None
 
 
 def _peer(summary: Mapping[str, Any], side: str) -> Mapping[str, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.apps.doctor.machines import HOST, STRETCH, graded, look, machine
-from weberlink.apps.doctor import Finding, Grade, Needs
+from weberlink.apps.doctor import Finding, Grade, Machine, Needs
 from weberlink.apps.doctor.host import awake_is_better, host
 from weberlink.apps.doctor.host_trial import PAIRS, HostRequest, HostTrial, run_host_trial, trial
 
@@ -88,7 +88,7 @@ def test_the_processors_of_the_file_are_measured(tmp_path: Path) -> None:
 
 def test_real_trial_measures_or_says_why_not() -> None:
     before = os.sched_getscheduler(0), os.sched_getaffinity(0)
-    result = run_host_trial(HostRequest(1, sorted(os.sched_getaffinity(0)), 1000.0))
+    result = Machine().host_trial(HostRequest(1, sorted(os.sched_getaffinity(0)), 1000.0))
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
     if result.failure is not None:
         assert "SCHED_FIFO 1 not permitted" in result.failure

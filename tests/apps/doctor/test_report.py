@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner
 
-from tests.apps.doctor.machines import FILES, graded, machine
+from tests.apps.doctor.machines import FILES, HOST, graded, machine
 from tests.examples import examples
 from tests.system.systems import CONFIGS
 from weberlink.apps.doctor import DoctorReport, Finding, Grade, Machine, Needs, examine
@@ -99,6 +99,13 @@ def test_long_finding_is_wrapped_at_words(tmp_path: Path) -> None:
     assert max(map(len, lines)) <= 80
 
 
+@pytest.fixture
+def soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial of the host takes seconds; its own tests make a real one."""
+    monkeypatch.setattr(Machine, "host_trial", lambda _machine, _request: HOST)
+
+
+@pytest.mark.usefixtures("soon_seen_host")
 def test_report_of_this_machine_fits_80_columns(tmp_path: Path) -> None:
     generate(tmp_path / "weberlink.key")
     found = examine(Needs.of(load(CONFIGS / "lan.yaml", [f"link.key_file={tmp_path / 'weberlink.key'}"])), Machine())
@@ -108,6 +115,7 @@ def test_report_of_this_machine_fits_80_columns(tmp_path: Path) -> None:
         assert len(line) <= 80 or line.startswith(" " * 10 + "-> ") or str(tmp_path) in line, line
 
 
+@pytest.mark.usefixtures("soon_seen_host")
 def test_command_writes_json_and_fails_on_problems(tmp_path: Path) -> None:
     out = tmp_path / "doctor.json"
     ended = CliRunner().invoke(app, ["doctor", str(CONFIGS / "lan.yaml"), "--side", "master", "--json", str(out)])
@@ -122,6 +130,7 @@ def test_command_writes_json_and_fails_on_problems(tmp_path: Path) -> None:
     assert re.search(rf"^{len(problems)} problem", ended.output, re.M)
 
 
+@pytest.mark.usefixtures("soon_seen_host")
 def test_json_is_alone_on_standard_output() -> None:
     ended = CliRunner().invoke(app, ["doctor", "--json", "-"])
     document = json.loads(ended.stdout)

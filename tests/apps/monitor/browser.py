@@ -112,6 +112,10 @@ class Browser:
         self._read()
         return list(self._console)
 
+    def forget_console(self) -> None:
+        self._read()
+        self._console.clear()
+
     def hosts(self) -> set[str]:
         """With whom the page wished to speak: host and port."""
         self._read()

@@ -57,6 +57,10 @@ class ScriptedServer:
         """How many are connected."""
         return len(self.viewers)
 
+    @property
+    def serves(self) -> bool:
+        return self._runner is not None
+
     def start(self) -> None:
         """Serve, on the same port as before if there was one."""
         self._wait(self._start())

@@ -154,30 +154,32 @@ async def asked(url: str, session: str) -> dict[tuple[Any, ...], float]:
         return await metrics(client, url, session)
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     last = final(watched.page)
     assert last["seen_from_start"]
     expected = {key: watched.report[key] for key in last["figures"]}
     assert set(watched.report) - set(expected) == {
-        "faults",
+        "addresses",
         "drops",
-        "host",
-        "realtime",
-        "outcome",
         "environment",
+        "host",
         "lookahead_ms",
+        "outcome",
+        "peers",
+        "realtime",
+        "verdict",
     }
     assert_same(last["figures"], expected)
     assert last["faults"] == watched.report["faults"]
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_late_page_ends_with_the_same_figures(watched: Watched) -> None:
     assert final(watched.late)["figures"] == final(watched.page)["figures"]
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_page_gets_ordered_rows_and_every_send(watched: Watched) -> None:
     for messages in (watched.page, watched.late):
         assert messages[0]["type"] == "hello" and messages[0]["session"] == watched.session
@@ -190,7 +192,7 @@ def test_page_gets_ordered_rows_and_every_send(watched: Watched) -> None:
         assert sent == watched.report[channel]["packets"]
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_greeting_describes_the_session(watched: Watched) -> None:
     hello = [message for message in watched.page if message["type"] == "hello"][-1]
     assert hello["present"] == ["master", "slave"]
@@ -201,7 +203,7 @@ def test_greeting_describes_the_session(watched: Watched) -> None:
     assert hello["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_metrics_equal_the_report(watched: Watched) -> None:
     told, report = watched.metrics, watched.report
     for side in ("master", "slave"):
@@ -230,7 +232,7 @@ def test_metrics_equal_the_report(watched: Watched) -> None:
     assert told["weberlink_session_live",] == 0 and told["weberlink_session_seen_from_start",] == 1
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
     last = final(watched.remote)
     assert last["seen_from_start"]
@@ -241,7 +243,7 @@ def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
     assert answer["accepted"] is False
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_monitor_has_lower_priority_than_daemons(watched: Watched) -> None:
     assert watched.niceness >= 5
 
@@ -296,7 +298,7 @@ def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path
             assert monitor.finish()[0] == 0
 
 
-@pytest.mark.realtime(alone=True)
+@pytest.mark.realtime
 def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
     """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
     address = f"127.0.0.1:{free_port()}"

@@ -11,6 +11,7 @@ import pytest
 from tests.apps.monitor import synthetic_session as session
 from tests.apps.monitor.browser import Browser, believed, browser
 from tests.apps.monitor.scripted_server import Message, ScriptedServer
+from tests.apps.monitor.scripted_visit import unasked, visit
 
 UNKNOWN = "\N{EN DASH}"
 PANELS = ["force", "felt", "position", "packets", "delay", "ticks", "energy", "timeline"]
@@ -45,20 +46,16 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield one
 
 
-@pytest.fixture
-def server(page: Browser) -> Iterator[ScriptedServer]:
+@pytest.fixture(scope="module")
+def served() -> Iterator[ScriptedServer]:
     with ScriptedServer() as one:
         yield one
-        page.driver.get("about:blank")
 
 
-def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
-    """Open the page, which is told these when it connects, and wait until it has drawn them."""
-    server.greeting = list(messages)
-    page.open(server.address)
-    page.wait(lambda: server.pages > 0, "the page to connect")
-    if messages:
-        page.wait(lambda: page.picked("session") == messages[0]["session"], "the greeting to be shown")
+@pytest.fixture
+def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
+    with unasked(page, served) as one:
+        yield one
 
 
 def told(begin: float = 0.0, end: float = 6.0) -> list[Message]:
@@ -74,7 +71,7 @@ def clean(page: Browser, server: ScriptedServer) -> None:
 
 
 def test_session_is_shown_in_every_panel(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server, session.hello(), *told(), session.figures(REPORT))
+    visit(page, server, session.hello(), *told(), session.figures(REPORT), anew=True)
     page.wait(lambda: page.data("state") == "engaged", "the state")
     page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
     assert page.text("state") == "engaged"
@@ -126,7 +123,7 @@ def test_6_dof_session_has_torque_and_orientation(page: Browser, server: Scripte
 
 
 def test_deadband_is_green_and_packets_are_marks(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server, session.hello(), *told())
+    visit(page, server, session.hello(), *told(), anew=True)  # the charts are empty before
 
     def shares(chart: str) -> tuple[float, float]:
         """Shares of a chart that are green and pink."""
@@ -163,7 +160,7 @@ def test_figures_equal_the_report_exactly(page: Browser, server: ScriptedServer)
 
 
 def test_predicted_surface_is_drawn_and_named(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server, session.hello(scene=session.EVERY_SHAPE), *told())
+    visit(page, server, session.hello(scene=session.EVERY_SHAPE), *told(), anew=True)
     page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
     page.wait(lambda: page.data("model") == "sphere", "the model")
     assert "radius 50.0 mm" in page.text("model")
@@ -254,7 +251,7 @@ def test_single_side_shows_its_data(page: Browser, server: ScriptedServer) -> No
     visit(page, server, alone, session.samples("slave", 0.0, 3.0))
     page.wait(lambda: page.text("state-detail") == "slave only", "the side")
     assert isnan(page.number("felt-deadbands-now"))
-    assert "both sides" in page.text("chart-felt")
+    page.wait(lambda: "both sides" in page.text("chart-felt"), "the note in the chart")
     assert page.number("rtt-now") > 0.0
     clean(page, server)
 
@@ -328,7 +325,7 @@ def test_page_reconnects_to_the_monitor(page: Browser, server: ScriptedServer) -
 
 
 def test_waiting_for_a_session_is_shown(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server)
+    visit(page, server, anew=True)
     page.wait(lambda: page.text("state-detail") == "waiting for a session to begin", "the state")
     assert page.picked("session") == "none"
     clean(page, server)
@@ -336,7 +333,7 @@ def test_waiting_for_a_session_is_shown(page: Browser, server: ScriptedServer) -
 
 def test_another_session_can_be_selected(page: Browser, server: ScriptedServer) -> None:
     server.sessions = [{"session": "5678", "live": True}, {"session": "1234", "live": True}]
-    visit(page, server, session.hello(session="5678"), *told(0.0, 0.5))
+    visit(page, server, session.hello(session="5678"), *told(0.0, 0.5), anew=True)
     page.wait(lambda: page.run("return document.getElementById('session').length") == 2, "both sessions")
     assert server.followed[-1] is None
     page.choose("session", "1234")
@@ -364,6 +361,7 @@ def test_drawing_can_be_paused_and_windowed(page: Browser, server: ScriptedServe
     page.click('[data-window="20"]')
     page.wait(lambda: chart() != five, "the other window")
     assert page.run("return document.querySelector('[data-window=\"20\"]').getAttribute('aria-pressed')") == "true"
+    page.click('[data-window="5"]')
     clean(page, server)
 
 

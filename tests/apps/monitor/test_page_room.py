@@ -16,6 +16,7 @@ from tests.apps.monitor import axe
 from tests.apps.monitor import synthetic_session as session
 from tests.apps.monitor.browser import Browser, browser
 from tests.apps.monitor.scripted_server import Message, ScriptedServer
+from tests.apps.monitor.scripted_visit import unasked, visit
 
 TOKEN = "t0ken"
 DESK, PHONE = (1400, 900), (390, 844)
@@ -26,12 +27,13 @@ SLOWER = 6
 """How many times slower than the machine a page may be."""
 MOST_EVENTS = 200
 SENT_AT = """
+// The page hands a message for its WebSocket to a thread.
 window.sent = {down: [], socket: [], http: []};
 addEventListener("pointerdown", (event) => window.sent.down.push(event.timeStamp), true);
-const {send} = WebSocket.prototype;
-WebSocket.prototype.send = function (text) {
-  if (text.includes("emergency")) window.sent.socket.push(performance.now());
-  return send.call(this, text);
+const {postMessage} = Worker.prototype;
+Worker.prototype.postMessage = function (order) {
+  if (order.text?.includes("emergency")) window.sent.socket.push(performance.now());
+  return postMessage.call(this, order);
 };
 const {fetch} = window;
 window.fetch = (...request) => {
@@ -54,13 +56,18 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield one
 
 
-@pytest.fixture
-def server(page: Browser) -> Iterator[ScriptedServer]:
-    page.size(*DESK)
+@pytest.fixture(scope="module")
+def served() -> Iterator[ScriptedServer]:
     with ScriptedServer() as one:
+        yield one
+
+
+@pytest.fixture
+def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
+    page.size(*DESK)
+    with unasked(page, served) as one:
         one.answer = lambda asked: {"type": "answer", "accepted": True, "to": asked["type"]}
         yield one
-        page.driver.get("about:blank")
 
 
 def hello(**other: Any) -> Message:
@@ -89,14 +96,6 @@ def events(*texts: str, level: str = "info", first: int = 0) -> Message:
         for k, text in enumerate(texts, first)
     ]
     return {"type": "events", "session": "1234", "events": listed}
-
-
-def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
-    server.greeting = list(messages)
-    page.open(server.address)
-    page.wait(lambda: server.pages > 0, "the page to connect")
-    if messages and messages[0]["session"]:
-        page.wait(lambda: page.picked("session") == messages[0]["session"], "the greeting to be shown")
 
 
 def asked(page: Browser, server: ScriptedServer, count: int) -> list[Message]:
@@ -358,7 +357,7 @@ def test_page_without_token_disables_what_changes(page: Browser, server: Scripte
 
 
 def test_start_help_until_a_session(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server)
+    visit(page, server, anew=True)
     page.wait(lambda: "weberlink try" in page.text("start-help"), "the help")
     assert "weberlink loopback" in page.text("start-help")
     assert page.text("state") == "no session"
@@ -417,7 +416,7 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer, size: tuple[in
     link = {"delay_ms": 20, "jitter_ms": 0, "loss": 0.02}
     everything = hello(replay={"duration_s": 60.0}, drivable=True, workspace_m=0.06, link=link)
     free: Message = {"type": "handle", "state": "free", "why": None}
-    visit(page, server, everything, *told(), figures(ALARM, LOST), events("connected"), on, free)
+    visit(page, server, everything, *told(), figures(ALARM, LOST), events("connected"), on, free, anew=True)
     page.wait(lambda: page.text("recording") != "" and LOST["text"] in page.text("alarms"), "all of it")
     try:
         for scheme in ("light", "dark"):

@@ -1,6 +1,7 @@
 """A running session that a page records with a mark, and the replay of that file on another page."""
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -16,7 +17,6 @@ from tests.system.processes import PATIENCE, PATIENT, Program, document
 from weberlink.cli import app
 from weberlink.telemetry.recording.reader import read_recording
 
-LENGTH_S = 6
 Message = dict[str, Any]
 
 
@@ -79,9 +79,9 @@ async def replay(url: str, session: str) -> list[Message]:
 @pytest.mark.realtime
 def test_recorded_part_of_a_session_replays_with_its_figures(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
-    run = ("--duration", LENGTH_S, "--json", "-", *PATIENT)
-    with Monitor(tmp_path, "--recordings", folder) as monitor, Program("loopback", *run) as program:
+    with Monitor(tmp_path, "--recordings", folder) as monitor, Program("loopback", "--json", "-", *PATIENT) as program:
         done = asyncio.run(record(monitor.url, str(program.pid)))
+        program.send(signal.SIGTERM)
         status, output, errors = program.finish()
         assert status == 0, errors
     path = folder / "touch.mcap"

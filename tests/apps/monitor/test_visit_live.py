@@ -20,7 +20,7 @@ from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
 ABOVE, PRESSED = (0.03, 0.03, 0.02), (0.03, 0.03, -0.02)
-STEPS = 20
+STEPS = 12
 MOVED_M = 50e-6
 """A handle that has moved farther follows its target; it is at rest before."""
 Message = dict[str, Any]
@@ -127,7 +127,7 @@ def force(records: Any) -> Any:
 async def latency(page: Page, master: Telemetry, side: float) -> float:
     """Time from a message with another target until the handle moves [ms]."""
     at_rest = master.last["position"][0]  # or still on its way to the other side
-    sent = await page.drive((0.03 + side, 0.03, 0.02), 0.25)
+    sent = await page.drive((0.03 + side, 0.03, 0.02), 0.2)
     after = since(master, sent)
     return 1e3 * (first(after, np.sign(side) * (after["position"][:, 0] - at_rest) > MOVED_M) - sent)
 
@@ -229,8 +229,8 @@ def test_one_visitor_drives_and_others_watch(visited: Visited) -> None:
 def test_handle_follows_the_pointer(visited: Visited) -> None:
     latencies = np.array(visited.latencies_ms)
     assert np.isfinite(latencies).sum() > 0.8 * STEPS  # a step that a stall of the host hid has none
-    assert np.nanmedian(latencies) < 100.0
-    assert visited.rows_per_s > 10.0
+    assert np.nanmedian(latencies) < 50.0
+    assert visited.rows_per_s > 25.0
 
 
 @pytest.mark.realtime(alone=True)
@@ -238,7 +238,7 @@ def test_wall_stops_the_handle_and_packets_are_counted(visited: Visited) -> None
     pressed = visited.pressed
     assert pressed["force"] > 1.0 and pressed["packets"] > 0
     assert pressed["depth"] > -0.01  # the pointer is 20 mm deep
-    assert pressed["apart"] < 0.003
+    assert pressed["apart"] < 0.001
 
 
 @pytest.mark.realtime(alone=True)
@@ -259,7 +259,7 @@ def test_settings_and_link_are_changed_and_kept(visited: Visited) -> None:
 def test_emergency_stop_ends_both_sides_at_once(visited: Visited) -> None:
     status, answer = visited.stopped
     assert (status, answer["accepted"]) == (200, True)
-    assert visited.emergency_ms["force"] < 250.0
+    assert visited.emergency_ms["force"] < 100.0
     assert "emergency stop" in visited.said and visited.status == 1
     assert visited.said.count("weberlink try  ") == 1  # one report
 

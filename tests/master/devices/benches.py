@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
+from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
-from tests.master.devices.hid_bench import NAMED, outer_bench
 from tests.master.devices.targets import Targets
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
@@ -111,9 +111,9 @@ def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
 
 @contextmanager
 def polhem_hid(folder: Path) -> Iterator[Bench]:
-    if os.environ.get(NAMED) != "polhem_hid":
+    if ADDRESS not in os.environ:
         pytest.skip("in the process that test_hid_contract starts")
-    with outer_bench() as (path, ask):
+    with outer_bench("polhem_hid") as (path, ask):
         device = armed("polhem_hid", port=path)
         faults: dict[str, Callable[[], None]] = {fault: partial(ask, fault) for fault in HID_FAULTS}
         try:
@@ -125,9 +125,9 @@ def polhem_hid(folder: Path) -> Iterator[Bench]:
 @contextmanager
 def seen_by_the_kernel(name: str) -> Iterator[Bench]:
     """A rate-controlled device in the process that test_hid_contract starts; it has no motors."""
-    if os.environ.get(NAMED) != name:
+    if ADDRESS not in os.environ:
         pytest.skip("in the process that test_hid_contract starts")
-    with outer_bench() as (path, ask):
+    with outer_bench(name) as (path, ask):
         driver = load(name)
         device = driver(driver.Options(port=path), TICK)
         try:

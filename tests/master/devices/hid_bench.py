@@ -20,27 +20,23 @@ from weberlink.master.emulators import load as load_emulator
 
 ADDRESS = "WEBERLINK_TEST_HID_BENCH"
 """Variable that says where the outer process listens; where it is missing there is none."""
-NAMED = "WEBERLINK_TEST_HID_NAME"
-"""Variable with the name of the device that it has."""
 
+END = ""
+"""In place of a name."""
 FAULTS = ("unplug", "silent", "late", "restart")
 """Not garbled: USB has a checksum of its own, and a report that is wrong does not arrive."""
 
 
 class HidBenches:
-    """The outer process: a device for whoever connects, for as long as the connection lasts.
+    """The outer process: the device that whoever connects names, for as long as the connection lasts.
 
     Args:
         testbed: that the inner process was started into.
-        name: of the emulator.
         address: of the socket to make.
-        options: of the emulator.
     """
 
-    def __init__(self, testbed: Testbed, name: str, address: Path, **options: Any) -> None:
+    def __init__(self, testbed: Testbed, address: Path) -> None:
         self._testbed = testbed
-        self._emulator_class = load_emulator(name)
-        self._options = options
         self._listener = Listener(str(address), "AF_UNIX")
         self._thread = Thread(target=self._listen)
 
@@ -50,19 +46,20 @@ class HidBenches:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         with Client(self._listener.address, "AF_UNIX") as last:
-            last.send("end")
+            last.send(END)
         self._thread.join()
         self._listener.close()
 
     def _listen(self) -> None:
         while True:
             with self._listener.accept() as connection:
-                if connection.recv() == "end":
+                if (name := connection.recv()) == END:
                     return
-                self._serve(connection)
+                self._serve(name, connection)
 
-    def _serve(self, connection: Connection) -> None:
-        emulator: Any = self._emulator_class(self._emulator_class.Options(**self._options))
+    def _serve(self, name: str, connection: Connection) -> None:
+        emulator_class = load_emulator(name)
+        emulator: Any = emulator_class(emulator_class.Options())
         with plugged_into(self._testbed, emulator) as node:
 
             def displayed() -> float:
@@ -86,10 +83,10 @@ class HidBenches:
 
 
 @contextmanager
-def outer_bench() -> Iterator[tuple[str, Callable[[str], Any]]]:
+def outer_bench(name: str) -> Iterator[tuple[str, Callable[[str], Any]]]:
     """In the inner process: path of a fresh device, and how to ask the outer one for a fault or a figure."""
     with Client(os.environ[ADDRESS], "AF_UNIX") as connection:
-        connection.send("begin")
+        connection.send(name)
         path = connection.recv()
 
         def ask(what: str) -> Any:

@@ -109,7 +109,7 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
                 above=(0.20, 0.02, floor + 0.04),
                 below=(0.20, 0.02, floor - 0.02),
                 tolerance_m=0.012,
-                settle_ticks=800,
+                settle_ticks=500,
                 driven=lambda: max(map(abs, emulator.currents)),
                 faults=faults,
             )

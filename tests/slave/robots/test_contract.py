@@ -135,7 +135,7 @@ def test_fault_stops_robot_with_reason(name: str, fault: str, tmp_path: Path) ->
             robot.latest(bench.tick())
 
 
-def approach(bench: Bench, goal: Vector, speed: float = 0.1) -> Vector:
+def approach(bench: Bench, goal: Vector, speed: float = 0.2) -> Vector:
     """Lead it to a place at this speed [m/s], and wait; gives where it came to."""
     robot = bench.robot
     start = robot.latest(bench.tick()).position

@@ -34,6 +34,8 @@ OPERATOR = CONFIGS / "traces" / "operator.csv"
 MAIN = "from weberlink.cli import main; main()"
 MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
 """Weber factors for minutes of work."""
+SHARED = ("--predictor", "zoh,hybrid", "--weber", "0.05,0.2")
+"""Work for several processes."""
 
 
 def write(path: Path, ticks: int, seed: int) -> Path:
@@ -74,6 +76,12 @@ def rows_from(*arguments: object) -> list[dict[str, Any]]:
     for row in rows:
         del row["tick_us"]
     return rows
+
+
+@pytest.fixture(scope="module")
+def alone(traces: list[Path]) -> list[dict[str, Any]]:
+    """The rows of `SHARED`, from one process."""
+    return rows_from(*traces, *SHARED, "--workers", 1)
 
 
 def complaint(ended: subprocess.CompletedProcess[str] | Result, status: int) -> str:
@@ -197,12 +205,9 @@ def test_wrong_units_are_one_line(units: str, said: str, tmp_path: Path) -> None
     assert said in result.stderr
 
 
-def test_rows_do_not_depend_on_the_number_of_processes(traces: list[Path]) -> None:
-    alone, shared = (
-        rows_from(*traces, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--workers", n) for n in (1, 2)
-    )
+def test_rows_do_not_depend_on_the_number_of_processes(traces: list[Path], alone: list[dict[str, Any]]) -> None:
     assert len(alone) == 12
-    assert shared == alone
+    assert rows_from(*traces, *SHARED, "--workers", 2) == alone
 
 
 def test_progress_is_reported_after_every_task(traces: list[Path]) -> None:
@@ -376,9 +381,10 @@ def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield started
 
 
-def test_rows_of_a_cluster_are_those_of_this_machine(two_workers: Cluster, traces: list[Path]) -> None:
-    arguments = (*traces, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2")
-    assert rows_from(*arguments, "--dask", two_workers.address) == rows_from(*arguments, "--workers", 1)
+def test_rows_of_a_cluster_are_those_of_this_machine(
+    two_workers: Cluster, traces: list[Path], alone: list[dict[str, Any]]
+) -> None:
+    assert rows_from(*traces, *SHARED, "--dask", two_workers.address) == alone
 
 
 def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
@@ -436,7 +442,7 @@ for address in {NOWHERE!r}:
     except SystemExit as ended:
         assert ended.code == 2
 """
-    ended = process(OPERATOR, program=patience(0.5) + each)
+    ended = process(OPERATOR, program=patience(0.2) + each)
     assert (ended.returncode, ended.stdout) == (0, "")
     for address, said in zip(NOWHERE, ended.stderr.splitlines(), strict=True):
         assert said.startswith(f"weberlink: --dask: {address}: no scheduler answers there (")
@@ -444,9 +450,17 @@ for address in {NOWHERE!r}:
 
 
 def test_only_a_cluster_needs_distributed(traces: list[Path]) -> None:
-    without = f"import sys; sys.modules['distributed'] = None; {MAIN}"
-    refused = process(traces[0], "--dask", "tcp://127.0.0.1:1", program=without)
-    assert complaint(refused, 2) == (
-        'weberlink: --dask: needs distributed; install it with: pip install "weberlink[dask]"'
-    )
-    assert process(traces[0], "--predictor", "zoh", program=without).returncode == 0
+    twice = """
+import sys
+sys.modules["distributed"] = None
+from weberlink.cli import app
+for further, status in ((["--dask", "tcp://127.0.0.1:1"], 2), (["--json", "-"], 0)):
+    try:
+        app([*sys.argv[1:], *further], prog_name="weberlink")
+    except SystemExit as ended:
+        assert ended.code == status
+"""
+    ended = process(traces[0], "--predictor", "zoh", program=twice)
+    assert ended.returncode == 0
+    assert ended.stderr == 'weberlink: --dask: needs distributed; install it with: pip install "weberlink[dask]"\n'
+    assert len(json.loads(ended.stdout)["rows"]) == 1

@@ -29,7 +29,7 @@ from weberlink.system.configuration import load
 from weberlink.system.simulate import build_simulation
 
 FILE = CONFIGS / "loopback.yaml"
-SHORT = 0.6
+SHORT = 0.5
 """Length of a trial [s]: enough to touch something for who begins on the surface."""
 ON_SURFACE = "master.device.home_m=[-0.03, -0.02, -0.001]"
 
@@ -128,7 +128,7 @@ def test_a_changed_configuration_is_refused(study: Path) -> None:
     line = complaint(command("experiment", FILE, "--simulate", "--out", study, "--subject", 1, "--duration", 3))
     assert "master.device.home_m" in line
     line = complaint(simulated(study, "--subject", 1, "--duration", 3))
-    assert "was begun with trials of 0.6 s" in line
+    assert "was begun with trials of 0.5 s" in line
 
 
 def test_paths_and_addresses_are_no_change(study: Path, tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_a_person_rates_leaves_and_continues(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
     screens = []
     patient = ("link.silence_ms=2000",)  # a trial that a stall of the host disturbs would rightly come again
-    for typed, end in (("\n" * 6 + "\n4\n\n2\n", "continue with: "), ("\n3\n", "continue with: ")):
+    for typed, end in (("\n" * 6 + "\n4\n", "continue with: "), ("\n3\n", "continue with: ")):
         screen = io.StringIO()
         request = ExperimentRequest(FILE, patient, tmp_path, 1, 0, SHORT, simulate=False, record=True)
         words = run(request, ports=_ports, source=io.StringIO(typed), screen=screen, report=lambda done, of: None)
@@ -233,14 +233,14 @@ def test_a_person_rates_leaves_and_continues(tmp_path: Path) -> None:
         screens.append(screen.getvalue())
     progress = read(tmp_path / "subject-001.jsonl")
     assert progress is not None
-    assert [event["rating"] for event in progress.rated.values()] == [4, 2, 3]
+    assert [event["rating"] for event in progress.rated.values()] == [4, 3]
     for number, event in progress.rated.items():
         figures = event["figures"]
         assert figures["outcome"] == "completed"
         assert figures["samples"] > 0
         assert (tmp_path / event["recording"]).stat().st_size > 1000
         assert event["recording"] == f"subject-001/trial-{number:02d}.mcap"
-    assert "28 trials" in screens[1]
+    assert "29 trials" in screens[1]
     assert not any(word in screen for screen in screens for word in ("zoh", "linear", "plane", "sphere", "hybrid"))
 
 
@@ -360,7 +360,7 @@ def test_a_folder_with_both_kinds_needs_a_choice(study: Path, tmp_path: Path) ->
     result = command("ratings", tmp_path, "--only", "people")
     assert result.exit_code == 0
     assert "SIMULATED" not in result.stdout
-    assert result.stdout.startswith("1 subject with 30 trials of 0.6 s")
+    assert result.stdout.startswith("1 subject with 30 trials of 0.5 s")
     assert command("ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
     assert "--only: expected people or simulated" in complaint(command("ratings", tmp_path, "--only", "all"))
     assert "no such folder" in complaint(command("ratings", tmp_path / "none"))

@@ -96,10 +96,10 @@ def assert_whole(records, count=None):
 def test_every_record_of_both_sides_is_there(session):
     recorder = session.recorder()
     for side in SIDES:
-        session.daemon(side, 2000)
+        session.daemon(side, 1000)
     status, told = finish(recorder)
     assert (status, told["outcome"]) == (0, "complete")
-    assert told["records"] == dict.fromkeys(SIDES, 2000)
+    assert told["records"] == dict.fromkeys(SIDES, 1000)
     assert told["lost"] == dict.fromkeys(SIDES, 0)
     assert told["path"] == str(session.out)
     assert told["bytes"] == session.out.stat().st_size
@@ -107,7 +107,7 @@ def test_every_record_of_both_sides_is_there(session):
     recording = read_recording(session.out)
     assert (recording.complete, recording.facts) == (True, FACTS)
     for side in SIDES:
-        assert_whole(recording.records[side], 2000)
+        assert_whole(recording.records[side], 1000)
         assert recording.origins[side].rate_hz == 1000.0
     master, slave = recording.origins.values()
     assert (master.wall_s, master.monotonic_s) == (slave.wall_s, slave.monotonic_s)
@@ -190,7 +190,7 @@ def test_a_killed_daemon_costs_none_of_its_records(session):
 
 
 def test_it_outlives_whoever_started_it(session):
-    session.daemon("slave", 1500)
+    daemon = session.daemon("slave", 0)
     order = RecordingOrder({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
     parent = subprocess.Popen(
         [sys.executable, "-c", "import subprocess, sys, time\n"
@@ -204,10 +204,15 @@ def test_it_outlives_whoever_started_it(session):
         pid = int(parent.stdout.readline())
         until(lambda: has_written(session.out), "the recording to grow")
         parent.kill()
-    until(lambda: ended(pid), "the recorder to end")
-    recording = read_recording(session.out)
-    assert recording.complete
-    assert_whole(recording.records["slave"], 1500)
+    before = session.out.stat().st_size
+    until(lambda: has_written(session.out, before), "the recording to grow further")
+    with RingReader(session.ring("slave")) as ring:
+        daemon.kill()
+        daemon.wait()
+        until(lambda: ended(pid), "the recorder to end")
+        recording = read_recording(session.out)
+        assert recording.complete
+        assert_whole(recording.records["slave"], ring.written)
 
 
 def ended(pid):
@@ -256,12 +261,15 @@ def test_records_that_were_overwritten_are_counted(session):
 
 
 def test_a_side_that_never_began_does_not_hold_it_up(session):
-    session.daemon("slave", 1500)
-    status, told = finish(session.recorder())
+    daemon = session.daemon("slave", 0)
+    recorder = session.recorder()
+    until(lambda: has_written(session.out), "the recording to grow")
+    daemon.kill()
+    status, told = finish(recorder)
     assert (status, told["outcome"]) == (1, "the master never began")
     recording = read_recording(session.out)
     assert (list(recording.records), recording.complete) == (["slave"], False)
-    assert_whole(recording.records["slave"], 1500)
+    assert_whole(recording.records["slave"], told["records"]["slave"])
 
 
 def catches(pid, number):
@@ -301,9 +309,11 @@ def test_a_file_that_is_there_is_left_alone(session):
 
 
 def test_nobody_has_to_listen(session):
-    session.daemon("slave", 1500)
+    daemon = session.daemon("slave", 0)
     recorder = session.recorder(["slave"])
     recorder.stdout.close()
+    until(lambda: has_written(session.out), "the recording to grow")
+    daemon.kill()
     assert recorder.wait(PATIENCE) == 0
     assert read_recording(session.out).complete
 
@@ -312,7 +322,7 @@ def test_a_full_disk_ends_the_recording_and_no_daemon(session, small_disk):
     daemon = session.daemon("slave", 0)
     out = small_disk / "session.mcap"
     # Noise that does not compress would be there sooner; this is what the disk leaves beside it.
-    (small_disk / "other").write_bytes(os.urandom(150_000))
+    (small_disk / "other").write_bytes(os.urandom(200_000))
     status, told = finish(session.recorder(["slave"], out=str(out)))
     assert (status, told["outcome"]) == (1, "No space left on device")
     assert daemon.poll() is None

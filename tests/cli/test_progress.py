@@ -1,0 +1,29 @@
+"""What a long command shows on a terminal while it works."""
+
+import re
+
+import pytest
+
+from tests.system.systems import CONFIGS
+from tests.terminals import WIDTH, on_terminal
+
+
+@pytest.mark.parametrize(
+    ("arguments", "total"),
+    [
+        (("simulate", CONFIGS / "loopback.yaml", "--duration", 8), 8.0),
+        (("evaluate", CONFIGS / "traces" / "operator.csv", "--predictor", "zoh,linear"), None),
+    ],
+    ids=["simulate", "evaluate"],
+)
+def test_long_command_shows_its_progress(arguments: tuple[object, ...], total: float | None) -> None:
+    status, lines = on_terminal(*arguments)
+    assert status == 0
+    assert max(map(len, lines)) <= WIDTH
+    found = [re.search(r"━ ([\d.]+)/([\d.]+) ", line) for line in lines]
+    told = [(float(seen[1]), float(seen[2])) for seen in found if seen]
+    assert told
+    assert told == sorted(told)
+    assert len({of for _, of in told}) == 1
+    assert total is None or told[0][1] == total
+    assert not any("None" in line for line in lines)
