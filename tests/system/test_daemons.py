@@ -162,7 +162,9 @@ def test_force_is_zero_within_the_limit_when_the_slave_dies_and_fades_in_with_th
     alone, safe, back = parted(felt.records, measured)
     check_let_go(alone, safe, killed.records)
     check_fade_in(back, measured.records)
-    assert (status, errors) == (0, "")
+    assert status == 0
+    told = errors.splitlines()  # if the new slave took longer than a second to start
+    assert all(line.startswith("weberlink: the slave was lost: not heard for the last ") for line in told)
     assert set(faults_of(document(output))["master"]) == {"silence"}
     assert document(killed_with[1])["outcome"] == "failed: slave killed by signal 9"
     assert killed_with[0] == 1

@@ -131,14 +131,15 @@ def test_handle_taken_again_goes_on_without_a_jump() -> None:
     assert lengths(course.slave["output"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
 
 
-@pytest.mark.parametrize("scheme", ["none", "auto"])
-@pytest.mark.parametrize(("gap", "every"), [(0.3, 1.0), (0.12, 0.5)])
-def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(scheme: str, gap: float, every: float) -> None:
+@pytest.mark.parametrize("gap", [0.12, 0.3])
+def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(gap: float) -> None:
+    every = 0.5
+
     def regripped(time: float) -> tuple[Vector, bool]:
         return ((0.0, 0.0, 0.03), True) if time < 2.0 else ((0.004, 0.0, -0.005), time < 2.5 or time % every > gap)
 
     score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
-    course = run(regripped, 2.5 + 10.0 * every, f"control.scheme={scheme}", score=score)
+    course = run(regripped, 2.5 + 10.0 * every, "control.scheme=auto", score=score)
     held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)][2200:]
     depth = depths(held["position"])
     assert depth.max() < HAND * REACH / WALL
@@ -146,16 +147,16 @@ def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(scheme: str
     assert score.summary()["force"]["violation_fraction"] < RAMP_S / every + 0.01, "the fades alone"
 
 
-@pytest.mark.parametrize("period", [0.004, 0.02, 0.06, 0.1, 0.2])
+@pytest.mark.parametrize("period", [0.02, 0.1, 0.2])
 def test_chattering_button_gives_no_more_than_each_grip_may(period: float) -> None:
     def chattering(time: float) -> tuple[Vector, bool]:
-        return (0.004, 0.0, -0.005), time < 2.5 or time % period > 0.5 * period
+        return (0.004, 0.0, -0.005), time < 1.5 or time % period > 0.5 * period
 
-    master = run(chattering, 6.0, "control.scheme=auto", rate=1000.0).master[2500:]
+    master = run(chattering, 4.0, "control.scheme=auto", rate=1000.0).master[1500:]
     way, force = np.diff(master["position"], axis=0), lengths(master["output"])
     gained = float((master["output"][:-1] * way).sum())
     grips = int((np.diff(master["buttons"].astype(int)) == 1).sum())
-    assert grips >= 16
+    assert grips >= 10
     assert gained <= grips * (0.5 * force.max() ** 2 / WALL + LARGEST_DEBT * 0.05)
     assert force.max() <= HAND * REACH * 1.11
     assert lengths(way).max() <= SPEED * 1e-3

@@ -263,9 +263,10 @@ VIRTUAL: dict[str, Callable[[Path], Row]] = {
 
 
 def same(said: Row, written: Row) -> None:
-    """The word, every cause of the page, and the status; numbers may differ, and the host may add causes."""
+    """The word, every cause of the page, and the status; numbers may differ, and the host may add causes and stalls."""
 
     def shape(line: str) -> str:
+        line = line.replace("the master once and the slave once", "the master once")
         return re.sub(r"(?:127\.0\.0\.1:)?\d+(?:\.\d+)?", "#", line)
 
     word, _, causes = written.line.partition(" because ")

@@ -79,8 +79,15 @@ class Daemon:
                 stdout=subprocess.PIPE,
                 start_new_session=True,
             )
-        finally:
+        except BaseException:
             pthread_sigmask(SIG_SETMASK, held_back)
+            raise
+        try:
+            pthread_sigmask(SIG_SETMASK, held_back)
+        except BaseException:  # Ctrl-C since: nobody has this object, so nobody else ends the process
+            self._process.kill()
+            self._process.communicate()
+            raise
 
     @property
     def pid(self) -> int:
