@@ -21,7 +21,7 @@ CENTER, RADIUS, STIFFNESS = np.array((0.0, 0.0, -0.025)), 0.04, 1500.0
 """The dome of configs/try.yaml."""
 RAMP_S = 0.05
 """Time in which the force fades in and out."""
-REGRIPS = 4
+REGRIPS = 3
 """Times that the visitor lets go of the handle within the dome and takes it again."""
 
 
@@ -40,7 +40,7 @@ def seen(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, A
     with visit(page, folder, "--json", out) as visitor:
         master, slave = (Telemetry(default_path(f"{visitor.session}-{side}")) for side in ("master", "slave"))
         visitor.grab()
-        visitor.rub(4.0)
+        visitor.rub(3.5)
         records = master.records
         for _ in range(REGRIPS):
             visitor.release()
@@ -60,12 +60,12 @@ def seen(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, A
         second = page.data("handle-state")
         page.driver.switch_to.window(own)
         visitor.grab()
-        visitor.rub(2.0)
+        visitor.rub(1.8)
         left = monotonic()
         page.driver.close()  # the page goes away while it holds
         page.driver.switch_to.window(page.driver.window_handles[0])
         closed = monotonic()
-        sleep(1.0)
+        sleep(0.5)
         after = master.records
         for telemetry in (master, slave):
             telemetry.close()
