@@ -86,8 +86,8 @@ def _order(
         fail(f"--scene {scene}: no such scene; there are {', '.join(SCENES)}", MISCONFIGURED)
     path = str(files("weberlink.configs") / "try.yaml")
     script = [f"master.device.scripted={str(scripted).lower()}"]
-    # The file has `auto`, so that all schemes can be chosen. After a grip in contact it chooses passivity control,
-    # which makes walls soft; a visitor without delay is to feel them as they are.
+    # The file has `auto`, so that all schemes can be chosen. On a busy machine it takes jitter of the ticks for that
+    # of a link and chooses passivity control, which softens walls; a visitor without delay is to feel them as they are.
     settings = {} if any(each.startswith("control.") for each in overrides) else {"scheme": "none"}
     return VisitOrder(path, (*script, *overrides), SCENES, first, duration, settings)
 
