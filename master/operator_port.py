@@ -13,6 +13,11 @@ from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
 
+GRIP_S = 0.1
+"""Time with full force after which a grip is settled [s]: the hand has come to rest, and the contact's stiffness is known,
+which takes some samples of its force."""
+
+
 class HandPosition:
     """The position of the device [m], and what is sent of it: the command of the control scheme.
 
@@ -147,7 +152,7 @@ class OperatorPort:
         """Whether a limiter changed what was displayed in this tick."""
         self._endpoint = endpoint
         self._button = button
-        self._grip_changes = False  # by the button: from a release until the force has faded in again
+        self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
 
     @property
     def trouble(self) -> str | None:
@@ -172,7 +177,8 @@ class OperatorPort:
         self.buttons = reading.buttons
         if self._button is not None:
             self.enabled = bool(reading.buttons >> self._button & 1)
-            self._grip_changes |= not self.enabled
+            if not self.enabled:
+                self._settles_for = GRIP_S
         return False
 
     def settle(self, now: float) -> None: ...
@@ -202,8 +208,10 @@ class OperatorPort:
         gate = self.gate
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
-        if self._grip_changes:
+        if self._settles_for > 0.0:
             self._grip(values[0] or ZERO, gain)
+            if gain == 1.0:
+                self._settles_for -= step
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
@@ -216,7 +224,6 @@ class OperatorPort:
         """Tell the control what the contact stores in which the operator takes or leaves the handle."""
         strength = min(hypot(force[0], force[1], force[2]), self.displays[0].limiter.most)
         self.control.grip(0.5 * strength * strength / self.control.stiffness, gain)
-        self._grip_changes = not self.enabled or gain < 1.0
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
         force = self.displays[0]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.control.teleoperation import Quality
-from tests.control.vectors import largest_step
+from tests.control.vectors import forces, largest_step, steps
 from tests.control.walls import Wall
 from tests.examples import examples
 from weberlink.control.auto import (
@@ -19,10 +19,11 @@ from weberlink.control.auto import (
     AutoMaster,
     AutoSlave,
     ContactBalance,
+    slid,
 )
 from weberlink.control.contract import SchemeParameters
 from weberlink.control.force_port import STEEPEST
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 
 TICK = 1e-3
 NONE, TDPA, MMT = ORDER
@@ -226,3 +227,11 @@ def test_a_balance_begins_with_each_contact_and_is_bounded_by_what_a_contact_sto
     balance.displayed(ZERO)
     balance.book((0.0, 0.0, 0.0), TICK, touches=False, stiffness=500.0)
     assert balance.level == 0.0
+
+
+@given(force=forces, way=steps)
+def test_way_along_the_force_is_no_sliding(force: Vector, way: Vector) -> None:
+    squared = dot(force, force)
+    assert 0.0 <= slid(force, squared, way) <= norm(force) * norm(way) * (1.0 + 1e-9)
+    along = scale(force, 1e-6)
+    assert slid(force, squared, along) == 0.0

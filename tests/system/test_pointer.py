@@ -147,6 +147,24 @@ def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(gap: float)
     assert score.summary()["force"]["violation_fraction"] < RAMP_S / every + 0.01, "the fades alone"
 
 
+@pytest.mark.parametrize("gap", [-1.0, 0.3])
+def test_hand_pulled_deep_slides_around_the_dome_and_stays_out(gap: float) -> None:
+    """The spring pulls with its largest force, along the edge of dome and table too, for longer than a debt lasts."""
+
+    def around(time: float) -> tuple[Vector, bool]:
+        if time < 1.5:
+            return (0.0, 0.0, 0.03), True
+        return (0.035 * float(np.sin(0.5 * np.pi * time)), 0.0, max(-0.06, 0.15 - 0.08 * time)), time % 4.0 > gap
+
+    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
+    course = run(around, 12.0, "control.scheme=auto", score=score)
+    held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)]
+    depth = depths(held["position"])
+    assert depth.max() < 6e-3
+    assert np.percentile(depth - lengths(held["output"]) / WALL, 99) < 5e-4
+    assert score.summary()["force"]["violation_fraction"] < 0.06
+
+
 @pytest.mark.parametrize("period", [0.02, 0.1, 0.2])
 def test_chattering_button_gives_no_more_than_each_grip_may(period: float) -> None:
     def chattering(time: float) -> tuple[Vector, bool]:

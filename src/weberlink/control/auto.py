@@ -15,7 +15,7 @@ each scheme of the operator's end bounds the energy that leaves its port whateve
 their tanks, `none` by the guard of `ContactBalance`.
 """
 
-from math import hypot
+from math import hypot, sqrt
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
@@ -48,6 +48,10 @@ GUARDED_SHARE = 0.3
 """Largest part of the energy left until then that the guard lets out in one tick, as predicted."""
 FORGET = 0.2
 """Time constant with which a debt is forgotten between contacts [s]: longer than a hand takes to bounce back."""
+SLIDING = 0.1
+"""Largest error of the direction of a decoded force, as a share of the force: the usual Weber factor."""
+NEGLIGIBLE = 1e-9
+"""Square of the sine of an angle between force and way that is none: rounding would be taken for sliding."""
 MOST_KNOWN = 3.0
 """Energy that a contact may return beyond what its known stiffness stores, as a multiple of the level."""
 
@@ -116,6 +120,10 @@ class ContactBalance:
     debt in many contacts, while a tap on a sampled wall returns 1 to 2 mJ too much and the hand damps it. What the
     contact dissipates would hide an active loop, so the balance is at most what the contact stores and some more.
     If the operator takes the handle within a contact, the balance begins with what that contact stores (`GripGrant`).
+
+    A decoded force may err by the deadband in its direction too. On a hand that slides, that error does work which is
+    no sign of an active loop: an active loop moves the hand along the force. So `SLIDING` times the force times the way
+    across it is given back, as long as the balance is below what the contact stores.
     """
 
     __slots__ = ("_debt", "_force", "_grant", "_holds_back", "_least", "_most", "_port", "level")
@@ -162,11 +170,17 @@ class ContactBalance:
             touches: whether the robot touched something in it; the guard may hold all of that force back.
             stiffness: of the contact [N/m].
         """
-        x, y, z = self._force
-        most = self._most + 0.5 * (x * x + y * y + z * z) / stiffness if touches else 0.0
-        self.level = min(self.level + self._port.move(position), most)
+        x, y, z = force = self._force
+        squared = x * x + y * y + z * z
+        level = self.level + self._port.move(position)
         if not touches:
-            self.level -= self.level * min(1.0, elapsed / FORGET)
+            level = min(level, 0.0)
+            self.level = level - level * min(1.0, elapsed / FORGET)
+            return
+        stored = 0.5 * squared / stiffness
+        if level < stored:
+            level = min(stored, level + SLIDING * slid(force, squared, self._port.way))
+        self.level = min(level, self._most + stored)
 
     def grip(self, stored: float, share: float) -> None:
         """See `MasterControl.grip`."""
@@ -191,6 +205,14 @@ class ContactBalance:
         """Take in the force that is displayed until the next call of `book` [N]."""
         self._force = force
         self._port.hold(force)
+
+
+def slid(force: Vector, squared: float, way: Vector) -> float:
+    """A force [N], of this square, times the length of the way across it [J]."""
+    along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
+    whole = squared * (way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    across = whole - along * along
+    return sqrt(across) if across > NEGLIGIBLE * whole else 0.0
 
 
 class AutoMaster:

@@ -120,7 +120,8 @@ class MasterControl(Control, Protocol):
     def grip(self, stored: float, share: float) -> None:
         """Take in that the operator takes the handle or lets it go, maybe within a contact.
 
-        Called before `render` while the force fades in after a grip, and from the release on.
+        Called before `render` from a release on until the next grip is settled: the force has faded in, and the
+        stiffness of a contact is known.
 
         Args:
             stored: energy that the contact stores at the force of this tick [J].
