@@ -12,10 +12,9 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
-
 GRIP_S = 0.1
-"""Time with full force after which a grip is settled [s]: the hand has come to rest, and the contact's stiffness is known,
-which takes some samples of its force."""
+"""Time with full force after which a grip is settled [s]: the hand has come to rest, and the stiffness of a contact is
+known, which takes some samples of its force."""
 
 
 class HandPosition:
