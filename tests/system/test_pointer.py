@@ -20,6 +20,8 @@ WALL, HAND = 1500.0, 150.0
 SPEED, REACH = 0.5, 0.04
 """Bounds of the intended position: [m/s], and [m] from the handle."""
 RAMP_S = 0.05
+LEVEL = 0.05
+"""Energy of a full tank, as configured by default [J]."""
 CENTRE, RADIUS = np.array([0.0, 0.0, -0.025]), 0.04
 EASY = ("master.device.scripted=false", "control.scheme=none")
 
@@ -175,7 +177,7 @@ def test_chattering_button_gives_no_more_than_each_grip_may(period: float) -> No
     gained = float((master["output"][:-1] * way).sum())
     grips = int((np.diff(master["buttons"].astype(int)) == 1).sum())
     assert grips >= 10
-    assert gained <= grips * (0.5 * force.max() ** 2 / WALL + LARGEST_DEBT * 0.05)
+    assert gained <= grips * (0.5 * force.max() ** 2 / WALL + LARGEST_DEBT * LEVEL)
     assert force.max() <= HAND * REACH * 1.11
     assert lengths(way).max() <= SPEED * 1e-3
 

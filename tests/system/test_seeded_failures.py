@@ -233,11 +233,12 @@ def virtual(*overrides: str, file: str = "loopback.yaml", duration: float = 4.0)
     return of(simulate(configuration(*overrides, file=file), duration)[0])
 
 
-def cut(for_s: float) -> Row:
-    """The link carries nothing to the slave from 2 s on."""
+def cut(for_s: float, *, to_slave: bool = True) -> Row:
+    """The link carries nothing in one direction from 2 s on; a run of 6 s, which the master ends in order."""
     loaded = configuration()
     score = SessionScore(loaded.system.rate_hz, *banks(loaded.system))
-    simulation(loaded, ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()).run(6.0, [score])
+    links = ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()
+    simulation(loaded, *(links if to_slave else links[::-1])).run(6.0, [score])
     summary = score.summary() | {"outcome": "completed"}
     return of(summary | {"status": verdict(summary).status})
 
@@ -284,6 +285,13 @@ def test_the_page_has_the_failures() -> None:
 @pytest.mark.parametrize("done", VIRTUAL)
 def test_report_in_virtual_time_is_as_written(done: str, tmp_path: Path) -> None:
     same(VIRTUAL[done](tmp_path), ROWS[done])
+
+
+@pytest.mark.parametrize("to_slave", [True, False])
+def test_link_cut_in_one_direction_to_the_end_is_a_lost_peer(to_slave: bool) -> None:
+    said = cut(60.0, to_slave=to_slave)
+    assert said.status == 1
+    assert said.line.startswith("failed because the slave was lost")
 
 
 LIVE_ROWS = sorted(set(ROWS) - set(VIRTUAL))
