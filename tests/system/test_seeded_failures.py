@@ -13,6 +13,7 @@ from pathlib import Path
 from time import sleep
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.apps.test_hardware import Emulated
@@ -72,6 +73,12 @@ def state(program: Program, side: str) -> int:
     """Of the newest record; unlike `Telemetry`, it may be asked for after any time."""
     with RingReader(default_path(f"{program.pid}-{side}")) as ring:
         return int(ring.read()["state"][-1])
+
+
+def waited(program: Program, side: str, seconds: float) -> None:
+    """Until a side has recorded for so long; not counted from its start, after which a busy host may hold it up."""
+    calling = program.telemetry(side)
+    until(lambda: np.ptp(calling.records["at"]) > seconds if len(calling.records) else False, f"the {side} to wait")
 
 
 def stop(program: Program) -> Row:
@@ -136,15 +143,13 @@ def another_key(folder: Path) -> Reports:
     with pair.program("slave") as slave, pair.program("master", key=wrong) as master:
         called = slave.telemetry("slave")
         until(lambda: called.last["datagrams_dropped"] >= 3, "calls without proof")
-        calling = master.telemetry("master")
-        until(lambda: calling.last["tick"] > 250 * 3.8, "the master to wait")
+        waited(master, "master", 3.8)
         return {"another key; the master": stop(master), "another key; the slave": stop(slave)}
 
 
 def no_slave(folder: Path) -> Reports:
     with Pair(folder, "alone").program("master") as master:
-        calling = master.telemetry("master")
-        until(lambda: calling.last["tick"] > 250 * 1.5, "the master to wait")
+        waited(master, "master", 1.5)
         return {"no slave at the address; the master": stop(master)}
 
 
@@ -267,7 +272,7 @@ def same(said: Row, written: Row) -> None:
     """The word, every cause of the page, and the status; numbers may differ, and the host may add causes and stalls."""
 
     def shape(line: str) -> str:
-        line = line.replace("the master once and the slave once", "the master once")
+        line = re.sub(r"the master [^,;]*,", "the master once,", line)
         return re.sub(r"(?:127\.0\.0\.1:)?\d+(?:\.\d+)?", "#", line)
 
     word, _, causes = written.line.partition(" because ")
@@ -299,8 +304,10 @@ LIVE_ROWS = sorted(set(ROWS) - set(VIRTUAL))
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Reports:
-    folder = tmp_path_factory.mktemp("failures")
+    return sessions(tmp_path_factory.mktemp("failures"))
 
+
+def sessions(folder: Path) -> Reports:
     def made(make: Callable[[Path], Reports]) -> Reports:
         try:
             return make(folder)
@@ -311,21 +318,29 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Reports:
         return {done: row for reports in pool.map(made, LIVE) for done, row in reports.items()}
 
 
-@pytest.mark.realtime
-def test_every_live_row_of_the_page_is_made(live: Reports) -> None:
-    assert sorted(live.items()) == sorted((done, live.get(done)) for done in LIVE_ROWS)
+@pytest.fixture
+def made(request: pytest.FixtureRequest, live: Reports, tmp_path: Path) -> Reports:
+    """The rows; made anew if the host stalled while they were made and one of them is not as written."""
+    if getattr(request.node, "execution_count", 1) > 1:
+        live.update(sessions(tmp_path))
+    return live
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
+def test_every_live_row_of_the_page_is_made(made: Reports) -> None:
+    assert sorted(made.items()) == sorted((done, made.get(done)) for done in LIVE_ROWS)
+
+
+@pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("done", LIVE_ROWS)
-def test_live_report_is_as_written(done: str, live: Reports) -> None:
-    same(live[done], ROWS[done])
+def test_live_report_is_as_written(done: str, made: Reports) -> None:
+    same(made[done], ROWS[done])
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("side", ["master", "slave"])
-def test_another_key_is_told_at_once_on_both_sides(side: str, live: Reports) -> None:
+def test_another_key_is_told_at_once_on_both_sides(side: str, made: Reports) -> None:
     told = re.findall(
-        r"^weberlink: .*are the keys the same on both hosts\?$", live[f"another key; the {side}"].errors, re.M
+        r"^weberlink: .*are the keys the same on both hosts\?$", made[f"another key; the {side}"].errors, re.M
     )
     assert len(told) == 1
