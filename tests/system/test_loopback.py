@@ -155,6 +155,16 @@ def test_daemons_that_poll_leave_room_for_others_and_end_by_a_signal() -> None:
     assert faults_of(summary) == {"master": {}, "slave": {}}
 
 
+def test_a_signal_while_the_daemons_start_is_an_orderly_end() -> None:
+    with Program("loopback", "--json", "-") as program:
+        until(lambda: len(program.daemons()) == 2, "two daemons")
+        program.send(signal.SIGTERM)
+        status, output, errors = program.finish()
+        assert document(output)["outcome"] == "terminated"
+        assert (status, errors) == (0, "")
+        assert_nothing_left(program, [])
+
+
 def test_daemons_whose_launcher_is_killed_stop_by_themselves_and_in_order() -> None:
     """However many threads it had: the kernel tells the daemons of the death of each."""
     with Program("loopback") as program:

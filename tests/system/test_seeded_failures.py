@@ -34,6 +34,7 @@ from weberlink.system.verdict import LOST_S, verdict
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path, process_started
 
+TIMES = r"(?:once|\d+ times)"
 PAGE = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
 LOOPBACK = CONFIGS / "loopback.yaml"
 CALM = ("--set", "rate_hz=250", "--set", "link.silence_ms=500", "--json", "-")
@@ -272,7 +273,7 @@ def same(said: Row, written: Row) -> None:
     """The word, every cause of the page, and the status; numbers may differ, and the host may add causes and stalls."""
 
     def shape(line: str) -> str:
-        line = re.sub(r"the master [^,;]*,", "the master once,", line)
+        line = re.sub(rf"the (?:master|slave) {TIMES}(?: and the slave {TIMES})?,", "a process,", line)
         return re.sub(r"(?:127\.0\.0\.1:)?\d+(?:\.\d+)?", "#", line)
 
     word, _, causes = written.line.partition(" because ")
