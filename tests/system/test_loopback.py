@@ -182,6 +182,7 @@ def test_daemons_whose_launcher_is_killed_stop_by_themselves_and_in_order() -> N
     assert errors == ""
 
 
+@pytest.mark.realtime(alone=True)
 def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
     """A daemon that was stopped for longer than the limit finds the datagrams of its peer in the socket."""
     with Program("loopback", "--json", "-") as program:
