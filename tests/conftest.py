@@ -2,8 +2,9 @@
 
 A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
 alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
-`realtime(alone=True)`, which measure time, run alone. A live test that fails while the host itself stood still is run
-again, which the summary counts as a rerun. Tests marked `hunt` explore; they run with `--hunt` only.
+`realtime(alone=True)`, which measure time, run alone. A live test that fails is run again, alone, if other tests ran
+beside it or if the host itself stood still; the summary counts that as a rerun. Tests marked `hunt` explore; they run
+with `--hunt` only.
 """
 
 import fcntl
@@ -11,7 +12,6 @@ import gc
 import os
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,12 @@ from tests.host_stalls import HostStalls, now
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-RERUNS = 2
-"""How often a live test is run again at most; each time only after a stall of the host."""
+RERUNS = 3
+"""How often a live test is run again at most; but for the first time only after a stall of the host."""
 BEGAN = pytest.StashKey[float]()
 """When the present attempt of a test began, on the clock of the stalls."""
+MACHINE = pytest.StashKey["Machine"]()
+"""The hold of a test on the machine, where it is shared with other workers."""
 LONG_FIRST = ("system", "studies", "apps", "cli", "protocol", "telemetry", "control")
 """Folders with slow files start first, so that no worker is left alone with one of them at the end."""
 
@@ -83,15 +85,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         watcher = HostStalls()
         session.config.add_cleanup(watcher.end)
         for item in live:
-            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=partial(stood_still, item, watcher)))
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=partial(was_disturbed, item, watcher)))
     gc.collect()
     gc.freeze()
 
 
-def stood_still(item: pytest.Item, watcher: HostStalls) -> bool:
-    """Whether the host stalled during the present attempt of a live test."""
-    began, item.stash[BEGAN] = item.stash[BEGAN], now()
-    return watcher.has_stalled(began)
+def was_disturbed(item: pytest.Item, watcher: HostStalls) -> bool:
+    """Whether other tests ran, or the host stalled, during the present attempt of a live test."""
+    machine = item.stash.get(MACHINE, None)
+    return (machine is not None and not machine.is_alone) or watcher.has_stalled(item.stash[BEGAN])
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -104,27 +106,43 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
-        item.stash[BEGAN] = now()
         return (yield)
     # The temporary folder of a worker is in that of the run.
-    with held(Path(item.config.option.basetemp).parent / "machine", alone=is_alone(item)):
-        item.stash[BEGAN] = now()
-        return (yield)
-
-
-@contextmanager
-def held(path: Path, *, alone: bool) -> Iterator[None]:
-    """Hold the machine, shared with other workers or `alone`, by a lock on a file.
-
-    It is unlocked explicitly: a process that a test left behind may hold a copy of the descriptor.
-    """
-    descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    item.stash[MACHINE] = machine = Machine(Path(item.config.option.basetemp).parent / "machine")
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        yield
+        machine.hold(alone=is_alone(item))
+        return (yield)
     finally:
-        fcntl.flock(descriptor, fcntl.LOCK_UN)
-        os.close(descriptor)
+        machine.let_go()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Begin an attempt; every one but the first is alone."""
+    if is_rerun(item) and MACHINE in item.stash:
+        item.stash[MACHINE].hold(alone=True)
+    item.stash[BEGAN] = now()
+
+
+def is_rerun(item: pytest.Item) -> bool:
+    return getattr(item, "execution_count", 1) > 1
+
+
+class Machine:
+    """The machine, shared with other workers or held alone, by a lock on a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self.is_alone = False
+
+    def hold(self, *, alone: bool) -> None:
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        self.is_alone = alone
+
+    def let_go(self) -> None:
+        """Unlock explicitly: a process that a test left behind may hold a copy of the descriptor."""
+        fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+        os.close(self._descriptor)
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.conftest import is_rerun
 from tests.system.processes import PATIENT, ROOT, Program, free_port, until
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
@@ -44,7 +45,9 @@ class Ended(NamedTuple):
     errors: str
 
 
-Trials = dict[str, Future[Ended]]
+Trials = dict[str, tuple[Path, Future[Ended]]]
+"""Folder and end of each."""
+Outcome = Callable[[str], tuple[Path, Ended]]
 
 
 class Trial(NamedTuple):
@@ -305,17 +308,30 @@ TRIALS = {
 
 
 @pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trials]:
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trials]:
     """All trials, under way."""
     with ThreadPoolExecutor(AT_ONCE) as pool:
         folders = {name: tmp_path_factory.mktemp(name.replace(" ", "_")) for name in TRIALS}
         first = sorted(TRIALS, key=lambda name: name not in LONGEST)
-        yield {name: pool.submit(TRIALS[name].run, folders[name]) for name in first}
+        yield {name: (folders[name], pool.submit(TRIALS[name].run, folders[name])) for name in first}
+
+
+@pytest.fixture
+def outcome(request: pytest.FixtureRequest, begun: Trials, tmp_path: Path) -> Outcome:
+    """Folder and end of a trial, which is made anew in a rerun."""
+
+    def of(name: str) -> tuple[Path, Ended]:
+        if is_rerun(request.node):
+            return tmp_path, TRIALS[name].run(tmp_path)
+        folder, ended = begun[name]
+        return folder, ended.result()
+
+    return of
 
 
 @pytest.mark.parametrize("name", TRIALS)
-def test_trial_ends_with_advice(name: str, trials: Trials) -> None:
-    ended, trial = trials[name].result(), TRIALS[name]
+def test_trial_ends_with_advice(name: str, outcome: Outcome) -> None:
+    (_, ended), trial = outcome(name), TRIALS[name]
     assert ended.status == trial.status, (ended.errors, ended.output[-2000:])
     assert "Traceback" not in ended.errors
     assert "pydantic" not in ended.errors
@@ -328,11 +344,8 @@ def test_trial_ends_with_advice(name: str, trials: Trials) -> None:
         assert trial.line in " ".join(told) or trial.line in report, ended
 
 
-def test_interrupted_simulation_keeps_its_report(
-    trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    trials["Ctrl-C in a simulation"].result()
-    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_a_simulation0")
+def test_interrupted_simulation_keeps_its_report(outcome: Outcome) -> None:
+    folder, _ = outcome("Ctrl-C in a simulation")
     document = json.loads((folder / "out.json").read_text())
     assert (document["interrupted"], document["outcome"]) == (True, "interrupted")
     recording = read_recording(folder / "a.mcap")
@@ -340,9 +353,6 @@ def test_interrupted_simulation_keeps_its_report(
     assert len(recording.records["master"]) == round(1e3 * document["duration_s"])
 
 
-def test_interrupted_session_keeps_its_recording(
-    trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    trials["Ctrl-C in the session"].result()
-    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_the_session0")
+def test_interrupted_session_keeps_its_recording(outcome: Outcome) -> None:
+    folder, _ = outcome("Ctrl-C in the session")
     assert read_recording(folder / "a.mcap").complete

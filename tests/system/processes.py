@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from threading import Event, Lock, Thread
 from time import monotonic, sleep
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -72,13 +73,28 @@ def free_port() -> int:
 
 
 class Telemetry:
-    """Everything a daemon records, also once it has ended; to be looked at more often than the ring is long (10 s)."""
+    """Everything a daemon records, also once it has ended; a thread reads the ring before it is full (10 s)."""
 
     def __init__(self, path: Path) -> None:
         until(path.exists, f"{path}")
         self._reader = RingReader(path)
         self._records: Records = np.empty(0, DTYPE)
-        self._closed = False
+        self._closed = Event()
+        self._one_at_a_time = Lock()
+        Thread(target=self._keep_reading, daemon=True).start()
+
+    def _keep_reading(self) -> None:
+        while not self._closed.wait(1.0) and self._read():
+            pass
+
+    def _read(self) -> bool:
+        """Take the new records; returns whether there can be more."""
+        with self._one_at_a_time:
+            if self._closed.is_set():
+                return False
+            alive = self._reader.alive
+            self._records = np.concatenate([self._records, self._reader.read()])
+            return alive
 
     @property
     def pid(self) -> int:
@@ -92,8 +108,7 @@ class Telemetry:
 
     @property
     def records(self) -> Records:
-        if not self._closed:
-            self._records = np.concatenate([self._records, self._reader.read()])
+        self._read()
         assert self._reader.overrun == 0
         return self._records
 
@@ -105,9 +120,9 @@ class Telemetry:
 
     def close(self) -> None:
         """Take what there is, and let go of the ring."""
-        if not self._closed:
-            self._records = np.concatenate([self._records, self._reader.read()])
-            self._closed = True
+        self._read()
+        with self._one_at_a_time:
+            self._closed.set()
             self._reader.close()
 
 

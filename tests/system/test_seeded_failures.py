@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from tests.apps.test_hardware import Emulated
+from tests.conftest import is_rerun
 from tests.safety.observed_link import ObservedLink
 from tests.safety.run import simulation
 from tests.system.processes import ROOT, Program, document, free_port, until
@@ -321,8 +322,8 @@ def sessions(folder: Path) -> Reports:
 
 @pytest.fixture
 def made(request: pytest.FixtureRequest, live: Reports, tmp_path: Path) -> Reports:
-    """The rows; made anew if the host stalled while they were made and one of them is not as written."""
-    if getattr(request.node, "execution_count", 1) > 1:
+    """The rows; made anew if they were disturbed while they were made and one of them is not as written."""
+    if is_rerun(request.node):
         live.update(sessions(tmp_path))
     return live
 

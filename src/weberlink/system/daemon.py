@@ -84,6 +84,8 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     try:
         with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
             run_ = _drive(side, transport, configuration, order, epoch, ring, described)
+            # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
+            ring.close(unlink=os.getppid() != order.parent)
     except Stopped as stopped:
         return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
     finally:

@@ -25,8 +25,11 @@ from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.recording.message import BEGUN, DURING
 
-FINISH_LIMIT_S = 3.0
-"""Time to write remaining records and the index after the daemons have ended; then it is told to finish."""
+FINISH_LIMIT_S = 10.0
+"""Time to write remaining records and the index after the daemons have ended; then it is told to finish.
+
+Ordinary work goes before the recorder, so that a busy host may leave it little time.
+"""
 
 
 def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:

@@ -50,13 +50,11 @@ def seen(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, A
                 visitor.move(0.0, float(down))
                 sleep(0.03)
             packets = int(slave.last["updates_sent"])
-            assert len(master.records)  # the rings hold ten seconds
         regripped = master.records[len(records) :]
         own = page.driver.current_window_handle
         page.driver.switch_to.new_window("tab")
         page.driver.get(f"{visitor.monitor.url}/")
         page.wait(lambda: page.data("handle-state") not in ("", "none"), "who drives")
-        assert len(master.records)
         second = page.data("handle-state")
         page.driver.switch_to.window(own)
         visitor.grab()
