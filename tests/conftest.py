@@ -118,14 +118,15 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Begin an attempt; every one but the first is alone."""
-    if is_rerun(item) and MACHINE in item.stash:
-        item.stash[MACHINE].hold(alone=True)
+    """Begin an attempt; every one but the first is alone, and with fixtures of its own."""
+    if isinstance(item, pytest.Function) and getattr(item, "execution_count", 1) > 1:
+        if MACHINE in item.stash:
+            item.stash[MACHINE].hold(alone=True)
+        for definitions in item._fixtureinfo.name2fixturedefs.values():
+            for definition in definitions:
+                if definition.scope == "module":  # what it holds may come from the disturbed attempt
+                    definition.finish(item._request)
     item.stash[BEGAN] = now()
-
-
-def is_rerun(item: pytest.Item) -> bool:
-    return getattr(item, "execution_count", 1) > 1
 
 
 class Machine:

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.conftest import is_rerun
 from tests.system.processes import PATIENT, ROOT, Program, free_port, until
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
@@ -45,9 +44,7 @@ class Ended(NamedTuple):
     errors: str
 
 
-Trials = dict[str, tuple[Path, Future[Ended]]]
-"""Folder and end of each."""
-Outcome = Callable[[str], tuple[Path, Ended]]
+Trials = dict[str, Future[Ended]]
 
 
 class Trial(NamedTuple):
@@ -308,30 +305,17 @@ TRIALS = {
 
 
 @pytest.fixture(scope="module")
-def begun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trials]:
+def trials(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trials]:
     """All trials, under way."""
     with ThreadPoolExecutor(AT_ONCE) as pool:
         folders = {name: tmp_path_factory.mktemp(name.replace(" ", "_")) for name in TRIALS}
         first = sorted(TRIALS, key=lambda name: name not in LONGEST)
-        yield {name: (folders[name], pool.submit(TRIALS[name].run, folders[name])) for name in first}
-
-
-@pytest.fixture
-def outcome(request: pytest.FixtureRequest, begun: Trials, tmp_path: Path) -> Outcome:
-    """Folder and end of a trial, which is made anew in a rerun."""
-
-    def of(name: str) -> tuple[Path, Ended]:
-        if is_rerun(request.node):
-            return tmp_path, TRIALS[name].run(tmp_path)
-        folder, ended = begun[name]
-        return folder, ended.result()
-
-    return of
+        yield {name: pool.submit(TRIALS[name].run, folders[name]) for name in first}
 
 
 @pytest.mark.parametrize("name", TRIALS)
-def test_trial_ends_with_advice(name: str, outcome: Outcome) -> None:
-    (_, ended), trial = outcome(name), TRIALS[name]
+def test_trial_ends_with_advice(name: str, trials: Trials) -> None:
+    ended, trial = trials[name].result(), TRIALS[name]
     assert ended.status == trial.status, (ended.errors, ended.output[-2000:])
     assert "Traceback" not in ended.errors
     assert "pydantic" not in ended.errors
@@ -344,8 +328,11 @@ def test_trial_ends_with_advice(name: str, outcome: Outcome) -> None:
         assert trial.line in " ".join(told) or trial.line in report, ended
 
 
-def test_interrupted_simulation_keeps_its_report(outcome: Outcome) -> None:
-    folder, _ = outcome("Ctrl-C in a simulation")
+def test_interrupted_simulation_keeps_its_report(
+    trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    trials["Ctrl-C in a simulation"].result()
+    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_a_simulation0")
     document = json.loads((folder / "out.json").read_text())
     assert (document["interrupted"], document["outcome"]) == (True, "interrupted")
     recording = read_recording(folder / "a.mcap")
@@ -353,6 +340,9 @@ def test_interrupted_simulation_keeps_its_report(outcome: Outcome) -> None:
     assert len(recording.records["master"]) == round(1e3 * document["duration_s"])
 
 
-def test_interrupted_session_keeps_its_recording(outcome: Outcome) -> None:
-    folder, _ = outcome("Ctrl-C in the session")
+def test_interrupted_session_keeps_its_recording(
+    trials: dict[str, Future[Ended]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    trials["Ctrl-C in the session"].result()
+    (folder,) = tmp_path_factory.getbasetemp().glob("Ctrl-C_in_the_session0")
     assert read_recording(folder / "a.mcap").complete

@@ -147,7 +147,7 @@ def test_begins_during_a_session_and_takes_marks(session):
         assert marked <= records["at"][0] < marked + 2e-3 and (np.diff(records["tick"]) == 1).all()
 
 
-@realtime
+@pytest.mark.realtime(alone=True)  # other work goes before the recorder
 @pytest.mark.parametrize("seed", range(2))
 def test_a_killed_recorder_leaves_all_but_the_last_moment(session, seed):
     daemons = [session.daemon(side, 0) for side in SIDES]

@@ -33,7 +33,7 @@ LOOK_FOR_S = 0.02
 """The same while there is no ring."""
 APPEAR_S = 10.0
 """How long the first ring may take to appear [s]."""
-NICENESS = 10
+NICENESS = 5
 COMMANDS_AT_ONCE = 65_536
 """Bytes of commands taken at a look."""
 
