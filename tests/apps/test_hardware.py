@@ -16,7 +16,7 @@ from tests.system.systems import CONFIGS
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.protocol.keys import generate
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = pytest.mark.realtime
 
 FILE = CONFIGS / "phantom-arm.yaml"
 GROUND = "scene=[{shape: plane, point_m: [0, 0, 0.15], stiffness_n_m: 400}]"

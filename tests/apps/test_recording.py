@@ -274,7 +274,7 @@ class TestOfALiveSession:
         assert (np.diff(ticks) >= 1).all()
         assert info(path)["outcome"] == "cut off"
 
-    @pytest.mark.parametrize("victim", ["daemon", "command"])
+    @pytest.mark.parametrize("victim", ["daemon", pytest.param("command", marks=pytest.mark.hunt)])
     def test_a_kill_leaves_a_whole_file(self, victim, tmp_path):
         path = tmp_path / "live.mcap"
         with Program("loopback", "--record", path, "--json", "-") as program:

@@ -49,6 +49,7 @@ def test_a_failed_measurement_has_status_1() -> None:
     assert "Traceback" not in complaints
 
 
+@pytest.mark.hunt  # a limit is measured before
 @pytest.mark.realtime
 def test_ctrl_c_ends_with_the_parts_so_far() -> None:
     with Program("bench", "--quick", "--json", "-") as program:

@@ -47,6 +47,7 @@ def test_an_echo_that_does_not_start_is_an_error(capfd: pytest.CaptureFixture[st
     assert "no_such_echo" in capfd.readouterr().err
 
 
+@pytest.mark.hunt
 def test_without_programs_the_limits_are_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(latency, "WARM_UP_S", 0.05)

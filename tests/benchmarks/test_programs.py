@@ -92,6 +92,7 @@ def test_a_log_without_observations_is_one_line(text: str) -> None:
         parse_trips(text)
 
 
+@pytest.mark.hunt
 @pytest.mark.skipif(sockperf_version() is None, reason="sockperf is not installed")
 def test_installed_sockperf_is_understood() -> None:
     assert str(sockperf_version()).startswith("sockperf ")

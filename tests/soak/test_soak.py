@@ -69,6 +69,7 @@ def soaked(folder: Path, *arguments: object) -> dict[str, Any]:
     return told
 
 
+@pytest.mark.hunt
 def test_a_cut_and_a_flood_break_no_law(tmp_path: Path) -> None:
     told = soaked(tmp_path, "--faults", "cut_to_slave", "flood")
     assert {kind["count"] for kind in told["kinds"].values()} == {1}

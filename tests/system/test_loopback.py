@@ -119,6 +119,7 @@ def test_the_report_fits_80_columns(three_seconds: tuple[str, dict[str, Any]]) -
     assert fits(output)
 
 
+@pytest.mark.hunt
 def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     """One plain, over IPv6 if the host has it; one with a key over a bad link. Each finds a port that is free."""
     generate(key := tmp_path / "key")

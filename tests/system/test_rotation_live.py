@@ -10,6 +10,7 @@ from tests.system.systems import CONFIGS
 pytestmark = pytest.mark.realtime
 
 
+@pytest.mark.hunt
 def test_a_live_session_turns_the_tool_is_reported_and_its_recording_says_the_same(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
     out, recording = tmp_path / "out.json", tmp_path / "session.mcap"

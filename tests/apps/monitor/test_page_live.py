@@ -16,7 +16,7 @@ from tests.system.systems import CONFIGS
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = pytest.mark.realtime
 
 IN_CONTACT_N = 2.0
 PAUSE_IN_CONTACT = """

@@ -408,6 +408,7 @@ def loss(started: Cluster, dies: subprocess.Popen[bytes]) -> str:
     return str(caught.value).removeprefix(f"{started.address}: ").removesuffix("; the rest of the work is not done")
 
 
+@pytest.mark.hunt
 def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster) -> None:
     """The last test that uses the shared cluster, since it ends it."""
     tasks = [((0.1, "shared"), number) for number in range(8)]

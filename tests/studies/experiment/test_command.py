@@ -100,6 +100,7 @@ def test_the_coding_of_a_trial_is_that_of_its_condition(study: Path) -> None:
     assert reference["figures"]["packets_per_s"] > 3 * max(rates.values())
 
 
+@pytest.mark.hunt
 def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> None:
     path = tmp_path / "simulated-001.jsonl"
     arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)

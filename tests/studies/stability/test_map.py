@@ -145,6 +145,7 @@ def test_the_limits_of_the_robot_are_those_of_the_system() -> None:
     assert robot.spec.force_n == SENSOR_RANGE_N
 
 
+@pytest.mark.hunt
 def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
     surveyed = [SampledWall(0.1, 5.0, 0.01, 1e-3), SampledWall(0.001, 5.0, 0.01, 1e-3, delay_ticks=1)]
     mapped = [
