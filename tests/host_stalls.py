@@ -13,8 +13,8 @@ from tempfile import NamedTemporaryFile
 from time import clock_gettime, clock_gettime_ns, sleep
 
 SLEEP_S = 0.005
-STALL_S = 0.05
-"""Shortest stall that excuses a live session [s]: half of the default limit of silence."""
+STALL_S = 0.02
+"""Shortest stall that excuses a live session [s]: the shortest pause that a daemon counts as a stall."""
 PRIORITY = 60
 """SCHED_FIFO priority, above that of a daemon; the normal scheduler, as for the daemons, if it is not permitted."""
 CLOCK = 7
