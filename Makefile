@@ -26,7 +26,7 @@ demo: $(RUN)  ## feel a remote scene in a browser, through two processes and a r
 	$(BIN)/weberlink try --scripted --duration $(DURATION)
 
 test: export PYTHONDONTWRITEBYTECODE :=
-test: $(DEV)  ## the whole test suite, on all processors; live sessions last, and each alone
+test: $(DEV)  ## the whole test suite, on all processors; live sessions last
 	$(BIN)/python -m pytest -n auto
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes

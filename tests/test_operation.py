@@ -108,6 +108,10 @@ def test_every_kind_of_device_that_the_rules_name_is_allowed(name: str) -> None:
     assert kinds <= allowed
 
 
+def test_systemd_waits_for_recordings_of_the_monitor() -> None:
+    assert int(unit(MONITOR)["TimeoutStopSec"][0]) > 2 * FINISH_LIMIT_S
+
+
 @pytest.mark.parametrize("name", SIDES)
 def test_systemd_waits_for_longer_than_the_launcher(name: str) -> None:
     settings = unit(name)

@@ -72,5 +72,6 @@ def test_a_live_session_runs_with_it() -> None:
     assert (status, summary["outcome"]) == (0, "completed")
     assert faults_of(summary) == {"master": {}, "slave": {}}
     assert summary["force"]["packets"] > 0
-    assert summary["force"]["coding"]["violation_fraction"] < 0.05  # late ticks
+    late = summary["ticks"]["slave"]
+    assert summary["force"]["coding"]["violation_fraction"] <= late["missed"] / late["count"]
     assert summary["lookahead_ms"] == {"position": 5.0, "force": 20.0}

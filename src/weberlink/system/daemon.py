@@ -82,8 +82,10 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     described = description.Description(order.ring, description.describe(configuration, order.side))
     described.publish()
     try:
-        with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
+        ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)
+        try:
             run_ = _drive(side, transport, configuration, order, epoch, ring, described)
+        finally:
             # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
             ring.close(unlink=os.getppid() != order.parent)
     except Stopped as stopped:

@@ -249,9 +249,9 @@ class Session:
             if daemon.running:
                 daemon.stop(SIGTERM)
                 daemon.finish()
-        self._stack.close()
         if self._recorder is not None:
-            self._recorder.finish()
+            self._recorder.finish()  # before the rings are removed
+        self._stack.close()
 
     def run(self) -> dict[str, Any]:
         """Watch until every side has ended; returns the figures of the session."""

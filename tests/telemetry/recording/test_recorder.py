@@ -272,9 +272,9 @@ def test_a_side_that_never_began_does_not_hold_it_up(session):
     until(lambda: has_written(session.out), "the recording to grow")
     daemon.kill()
     status, told = finish(recorder)
-    assert (status, told["outcome"]) == (1, "the master never began")
+    assert (status, told["outcome"]) == (0, "complete")
     recording = read_recording(session.out)
-    assert (list(recording.records), recording.complete) == (["slave"], False)
+    assert (list(recording.records), recording.complete) == (["slave"], True)
     assert_whole(recording.records["slave"], told["records"]["slave"])
 
 

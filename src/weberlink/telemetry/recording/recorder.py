@@ -185,7 +185,7 @@ class RingRecorder:
             self._look()
             begun = [source for source in self._sources if source.ring is not None]
             if begun and all(source.drained for source in begun):
-                return self._close(self._whole())
+                return self._close(COMPLETE)
             if not begun and monotonic() > give_up_at:
                 return f"no telemetry within {APPEAR_S:g} s: {', '.join(self._order.rings.values())}"
             sleep(LOOK_S if begun else LOOK_FOR_S)
@@ -241,10 +241,6 @@ class RingRecorder:
             os.nice(NICENESS)  # not before: a short session must not be over before it is found
             self.writer = RecordingWriter.create(self._order.out, self._order.facts)
         self.writer.add_side(Origin(source.side, ring.rate_hz, *self._clock))
-
-    def _whole(self) -> str:
-        missing = [source.side for source in self._sources if source.ring is None]
-        return f"the {missing[0]} never began" if missing else COMPLETE
 
     def _close(self, outcome: str) -> str:
         if self.writer is not None:
