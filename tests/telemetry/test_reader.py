@@ -36,7 +36,7 @@ def assert_whole(records):
     for field in FIELDS:
         expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
         values = records[field.name]
-        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], 3, axis=1))
+        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, axis=1))
 
 
 def test_what_was_written_is_read_once_and_in_order(path):

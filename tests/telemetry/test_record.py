@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.system.systems import system
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, JOINTS, RECORD, Record
 from weberlink.telemetry.row import Row
 
 KINDS = {
@@ -26,8 +26,9 @@ records = st.tuples(*(KINDS[kind] for kind in kinds)).map(Record._make)
 def test_numpy_reads_what_struct_packs(record):
     (row,) = np.frombuffer(RECORD.pack(*record), DTYPE)
     for field in FIELDS:
-        if field.axes == 3:
-            assert row[field.name].tolist() == [getattr(record, f"{field.name}_{axis}") for axis in AXES]
+        if field.axes > 1:
+            places = AXES if field.axes == 3 else JOINTS
+            assert row[field.name].tolist() == [getattr(record, f"{field.name}_{place}") for place in places]
         else:
             assert row[field.name].item() == getattr(record, field.name)
 
@@ -59,10 +60,10 @@ def test_a_value_out_of_range_is_an_error(column, value):
 def test_a_row_gives_its_values_in_the_order_of_the_fields():
     row, expected = Row(), []
     for number, field in enumerate(FIELDS):
-        value = (number, number + 0.25, number + 0.5) if field.axes == 3 else number
+        value = tuple(number + 0.125 * place for place in range(field.axes)) if field.axes > 1 else number
         assert np.shape(getattr(row, field.name)) == np.shape(value)
         setattr(row, field.name, value)
-        expected += value if field.axes == 3 else [value]
+        expected += value if field.axes > 1 else [value]
     assert row.values() == tuple(expected)
 
 

@@ -10,7 +10,11 @@ from math import nan
 from struct import Struct
 from typing import TYPE_CHECKING, NamedTuple
 
+from weberlink.geometry.joints import MOST_JOINTS
+
 AXES = ("x", "y", "z")
+JOINTS = (*map(str, range(1, MOST_JOINTS + 1)), "gripper")
+"""Places of an arm's axes in the vectors of a joint session: the joints in order, the gripper always last."""
 UNKNOWN = (nan, nan, nan)
 """A vector that is not known."""
 
@@ -22,7 +26,7 @@ CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
 
 
 class Field(NamedTuple):
-    """One quantity of a record; `axes` is 1 for a number and 3 for a vector."""
+    """One quantity of a record; `axes` is 1 for a number, 3 for a vector, and `len(JOINTS)` for the axes of an arm."""
 
     name: str
     kind: str
@@ -122,6 +126,32 @@ FIELDS = (
     Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
     Field("widened", "u1", 1, "", "1 if the bounded rate of updates widened the deadband in this tick"),
     Field("rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick"),
+    Field("joint_position", "<f4", len(JOINTS), "rad", "measured angles of the leader (master), follower (slave)"),
+    Field("joint_raw", "<f4", len(JOINTS), "rad | N m", "to be encoded: commanded angles (master), torques (slave)"),
+    Field(
+        "joint_predicted",
+        "<f4",
+        len(JOINTS),
+        "rad | N m",
+        "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
+    ),
+    Field(
+        "joint_decoded",
+        "<f4",
+        len(JOINTS),
+        "N m",
+        "torques before the limiter (master), what the peer's decoder should hold (slave)",
+    ),
+    Field(
+        "joint_output",
+        "<f4",
+        len(JOINTS),
+        "N m | rad",
+        "commanded to the arm: torques of the leader (master), angles of the follower (slave)",
+    ),
+    Field("gripper_updates_sent", "<u8", 1, "", "samples of the gripper that crossed the deadband, so far"),
+    Field("gripper_updates_received", "<u8", 1, "", "of the gripper, applied, so far"),
+    Field("gripper_sent", "u1", 1, "", "1 if an update of the gripper was sent in this tick"),
 )
 
 NAMES = tuple(field.name for field in FIELDS)
@@ -129,12 +159,15 @@ COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field
 """Cumulative fields."""
 FINITE = ("position", "raw", "decoded", "coded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 """Vectors that are finite in every record; others are NaN while unknown."""
+_PLACES = {3: AXES, len(JOINTS): JOINTS}
 COLUMNS = tuple(
     name
     for field in FIELDS
-    for name in ([f"{field.name}_{axis}" for axis in AXES] if field.axes == 3 else [field.name])
+    for name in ([f"{field.name}_{place}" for place in _PLACES[field.axes]] if field.axes > 1 else [field.name])
 )
-DESCRIPTION = [(field.name, field.kind, (3,)) if field.axes == 3 else (field.name, field.kind) for field in FIELDS]
+DESCRIPTION = [
+    (field.name, field.kind, (field.axes,)) if field.axes > 1 else (field.name, field.kind) for field in FIELDS
+]
 RECORD = Struct("<" + "".join(CODES[field.kind] * field.axes for field in FIELDS))
 
 

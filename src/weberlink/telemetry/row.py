@@ -1,7 +1,11 @@
 """The record of a tick in the making: a side fills it field by field."""
 
 from weberlink.geometry.vector import ZERO
-from weberlink.telemetry.record import NAMES
+from weberlink.telemetry.record import JOINTS, NAMES
+
+_UNUSED = (0.0,) * len(JOINTS)
+NO_JOINTS = (*_UNUSED * 5, 0, 0, 0)
+"""The end of the record of a session without joints."""
 
 
 class Row:
@@ -25,6 +29,8 @@ class Row:
         self.rotation_raw = self.rotation_decoded = self.rotation_output = ZERO
         self.rotation_bound = 0.0
         self.rotation_selected = self.rotation_sent = self.widened = self.rotation_widened = 0
+        self.joint_position = self.joint_raw = self.joint_predicted = self.joint_decoded = self.joint_output = _UNUSED
+        self.gripper_updates_sent = self.gripper_updates_received = self.gripper_sent = 0
 
     def values(self) -> tuple[float, ...]:
         """All of them, flat, in the order of `FIELDS`.
@@ -34,7 +40,7 @@ class Row:
         position, raw, decoded, predicted = self.position, self.raw, self.decoded, self.predicted
         coded, output, surface = self.coded, self.output, self.surface
         turned, torque, turn = self.rotation_raw, self.rotation_decoded, self.rotation_output
-        return (
+        values = (
             self.at, self.peer_at,
             position[0], position[1], position[2], raw[0], raw[1], raw[2], decoded[0], decoded[1], decoded[2],
             predicted[0], predicted[1], predicted[2], coded[0], coded[1], coded[2], output[0], output[1], output[2],
@@ -50,3 +56,16 @@ class Row:
             turned[0], turned[1], turned[2], torque[0], torque[1], torque[2], turn[0], turn[1], turn[2],
             self.rotation_bound, self.rotation_selected, self.rotation_sent, self.widened, self.rotation_widened,
         )  # fmt: skip
+        return values + self._arm()
+
+    def _arm(self) -> tuple[float, ...]:
+        if self.joint_position is _UNUSED:
+            return NO_JOINTS
+        return (
+            self.joint_position
+            + self.joint_raw
+            + self.joint_predicted
+            + self.joint_decoded
+            + self.joint_output
+            + (self.gripper_updates_sent, self.gripper_updates_received, self.gripper_sent)
+        )

@@ -90,7 +90,9 @@ def assert_whole(records, count=None):
     assert tick.tolist() == list(range(len(tick) if count is None else count))
     for field in FIELDS[1:]:
         expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
-        assert np.array_equal(records[field.name], expected if field.axes == 1 else np.repeat(expected[:, None], 3, 1))
+        assert np.array_equal(
+            records[field.name], expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, 1)
+        )
 
 
 def test_every_record_of_both_sides_is_there(session):

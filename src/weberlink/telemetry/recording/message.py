@@ -11,7 +11,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.record import AXES, FIELDS, Field
+from weberlink.telemetry.record import AXES, FIELDS, JOINTS, Field
 
 SCHEMA_NAME = "weberlink_msgs/msg/Tick"
 SCHEMA_ENCODING = "ros2msg"
@@ -34,7 +34,7 @@ _TYPES = {"<f8": "float64", "<f4": "float32", "<u8": "uint64", "u1": "uint8"}
 _LAYOUTS: dict[str, tuple[str, int]] = {
     **{name: (kind, 1) for kind, name in _TYPES.items()},
     **dict.fromkeys((_VECTOR, "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
-    f"float32[{len(AXES)}]": ("<f4", len(AXES)),
+    **{f"float32[{axes}]": ("<f4", axes) for axes in (len(AXES), len(JOINTS))},
 }
 _SEPARATOR = "=" * 80
 

@@ -1,0 +1,34 @@
+"""The table of leader arms, extended by entry points of the group `weberlink.leaders`."""
+
+from weberlink.arms.contract import LeaderDriver
+from weberlink.registry import Registry
+
+BUILT_IN = {
+    "arm_operator": "weberlink.master.devices.arm_operator:ArmOperator",
+    "koch_leader": "weberlink.master.devices.dynamixel_leader:KochLeader",
+    "omx_leader": "weberlink.master.devices.dynamixel_leader:OmxLeader",
+    "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
+    "so101_leader": "weberlink.master.devices.so101_leader:So101Leader",
+}
+LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
+
+COMPUTED = frozenset({"arm_operator", "remote_leader"})
+"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
+
+SCRIPTED = frozenset({"arm_operator"})
+"""Drivers that a program moves; no person feels anything with them."""
+
+drivers = LEADERS.places
+
+
+def load(name: str) -> LeaderDriver:
+    """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
+    try:
+        return LEADERS.load(name)
+    except ValueError as error:
+        raise ValueError(f"driver: {error}") from None
+
+
+def is_hardware(name: str) -> bool:
+    """Whether a driver of this name may move something real."""
+    return name not in COMPUTED

@@ -1,0 +1,155 @@
+"""The contract of arms that are led and followed joint by joint: what a driver of either end offers.
+
+A leader is an arm in the operator's hand, with motors that display torque or without. A follower is a robot under
+position control of its joints. The axes are the joints in order and, where the arm has one, the gripper last.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+
+from pydantic import BaseModel
+
+from weberlink.geometry.joints import Joints
+
+
+class ArmFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error of the program
+    """The arm cannot go on; the message says why. The loop ends the session, without torque on the operator's hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmSpec:
+    """What an arm can do, known before it is opened. All tuples have one entry for each axis.
+
+    Args:
+        name: As the driver calls it.
+        joints: Names of the joints in order, 1 to 8, without the gripper.
+        gripper: Whether one more axis, the last, is a gripper; its angle is that of its motor, 0 closed.
+        lower: Least angles [rad].
+        upper: Largest angles [rad].
+        torque_nm: Largest torque that a leader displays or a follower measures [N m]; 0 for an axis that does not.
+        stiffness_nm_rad: Stiffest wall that a leader displays at `rate_hz`, stiffness of a follower's position control;
+            infinite for an ideal one [N m/rad].
+        rate_hz: Rate of the bus [Hz].
+        calibrated: Whether torques are in newton metres by a calibration; otherwise by the data sheet of the motor.
+        buttons: How many buttons it has.
+        lag_s: Nominal age of a reading [s].
+        torque_error_nm: Uncertainty of a measured torque at rest [N m].
+        watchdog_s: Time after which the motors themselves let go when their host stops [s]; None if they never do. 0
+            for a computed arm.
+        note: What a person should know before a run; empty if nothing.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    gripper: bool
+    lower: Joints
+    upper: Joints
+    torque_nm: Joints
+    stiffness_nm_rad: Joints
+    rate_hz: float
+    calibrated: bool
+    buttons: int = 0
+    lag_s: float = 0.0
+    torque_error_nm: float = 0.0
+    watchdog_s: float | None = None
+    note: str = ""
+
+    @property
+    def axes(self) -> int:
+        """Number of axes, 1 to 9."""
+        return len(self.joints) + self.gripper
+
+
+class ArmReading(NamedTuple):
+    """Measured at `at` [s].
+
+    Args:
+        at: [s].
+        angles: Of all axes [rad].
+        torques: Of the environment on the arm [N m]; zeros on a leader.
+        ended: Whether a script or a recording is over.
+        buttons: Bit i is set while button i is pressed.
+        sampled_at: Time of the newest sample behind an interpolated reading [s]; None if it is `at`.
+    """
+
+    at: float
+    angles: Joints
+    torques: Joints
+    ended: bool = False
+    buttons: int = 0
+    sampled_at: float | None = None
+
+
+class Arm(Protocol):
+    """What leaders and followers share. `latest` never blocks; `open` and `close` end in bounded time.
+
+    `spec` is readable before `open`.
+    """
+
+    @property
+    def spec(self) -> ArmSpec: ...
+
+    def open(self, now: float) -> None: ...
+
+    def latest(self, now: float) -> ArmReading:
+        """The newest reading; the same one for the same `now`.
+
+        Raises:
+            ArmFault: the arm is not open, or cannot go on.
+        """
+        ...
+
+    def close(self) -> None:
+        """Leave the arm safe, a leader without torque; may be called at any time, any number of times."""
+        ...
+
+
+class LeaderArm(Arm, Protocol):
+    """An arm in the operator's hand."""
+
+    def display(self, torques: Joints, now: float) -> None:
+        """The torques of all axes to display on the operator's hand [N m]; hold until the next ones. Never blocks.
+
+        No effect unless open. Compensation of the arm's own gravity and friction is the driver's, in addition.
+
+        Raises:
+            ValueError: a torque is not finite.
+        """
+        ...
+
+
+class FollowerArm(Arm, Protocol):
+    """A robot under position control of its joints."""
+
+    def follow(self, angles: Joints, now: float) -> None:
+        """Go to these angles of all axes [rad]; they hold until the next ones. Never blocks; no effect unless open.
+
+        Raises:
+            ValueError: an angle is not finite.
+        """
+        ...
+
+
+@runtime_checkable
+class ExplainsArm(Protocol):
+    """An arm that can say why samples are missing."""
+
+    @property
+    def trouble(self) -> str | None:
+        """What was wrong with the last attempt; None if nothing."""
+        ...
+
+
+class LeaderDriver(Protocol):
+    """A driver class: its options, and an arm built from them and the tick period [s]."""
+
+    Options: ClassVar[type[BaseModel]]
+    __call__: Callable[[Any, float], LeaderArm]
+
+
+class FollowerDriver(Protocol):
+    """A driver class: its options, and an arm built from them and the tick period [s]."""
+
+    Options: ClassVar[type[BaseModel]]
+    __call__: Callable[[Any, float], FollowerArm]
