@@ -169,8 +169,10 @@ def _write_ros(recordings: Sequence[Any], session: Any, path: Path) -> str:
     from weberlink.apps.ros_export import RATE_HZ, write_ros  # noqa: PLC0415 - writes with an optional library
 
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
-    count = write_ros(session, first.origins, first.facts, path)
-    return f"{count} messages; poses, forces and frames at {RATE_HZ:g} Hz"
+    axes = arm_axes(_system(recordings))
+    count = write_ros(session, axes, first.origins, first.facts, path)
+    what = "poses, forces and frames" if axes is None else "joint states"
+    return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
 def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -> Output:

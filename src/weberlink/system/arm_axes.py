@@ -21,7 +21,7 @@ class ArmAxes(NamedTuple):
 
 
 def arm_axes(system: Any) -> ArmAxes | None:
-    """The axes in the configuration that a daemon or a recording tells; None for a Cartesian session, or none at all."""
+    """The axes in the configuration that a daemon or a recording tells; None without an arm."""
     try:
         codec = system["codec"]
         names = tuple(map(str, codec["joints"]["names"]))
