@@ -60,7 +60,7 @@ def export(
         str, typer.Option("--task", metavar="TEXT", help="What was done, in words, for a LeRobot dataset.")
     ] = "teleoperation",
 ) -> None:
-    """Convert a recording to tables, for ROS tools, or to a LeRobot dataset."""
+    """Convert a recording to tables, for ROS tools, or for LeRobot."""
     from weberlink.apps.recordings import DatasetOptions, ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 
