@@ -15,6 +15,7 @@ COMPILED = (
     "codec/*.py",
     "codec/deadband/contract.py",
     "codec/deadband/isotropic.py",
+    "codec/deadband/per_axis.py",
     "codec/predictors/*.py",
     "control/*.py",
     "protocol/**/*.py",
