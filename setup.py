@@ -26,6 +26,7 @@ COMPILED = (
     "realtime/stall.py",
     "realtime/ticker.py",
     "system/channels.py",
+    "system/rows.py",
     "system/side.py",
     "master/operator_port.py",
     "master/rotation.py",
