@@ -488,6 +488,7 @@ class MasterSettings(Settings):
     device: DriverSettings = DriverSettings(driver="operator")
     mapping: MappingSettings | None = None
     """Leave out where the two frames are one."""
+    joint_mapping: Any = None
     engage: EngageSettings | None = None
     """Leave out where the robot is to follow without a button held."""
     limits: MasterLimits = MasterLimits()
