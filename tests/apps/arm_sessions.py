@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from tests.system.systems import CONFIGS
 from weberlink.protocol.states import State
+from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import JOINTS, RECORD
@@ -17,18 +19,20 @@ RATE = 1000.0
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 PLACES = (0, 1, 2, 3, 4, 8)
 """Columns of the joints and of the gripper."""
-SYSTEM = {
-    "rate_hz": RATE,
-    "codec": {
-        "joints": {
-            "names": list(NAMES),
-            "position": {"bound_rad": 0.004},
-            "torque": {"weber": 0.1, "floor_nm": 0.01},
-        },
-        "gripper": {"position": {"bound_rad": 0.004}, "torque": {"weber": 0.1, "floor_nm": 0.01}},
+_CODEC = {
+    "joints": {
+        "names": list(NAMES),
+        "angle": {"bound_rad": 0.005, "predictor": "linear"},
+        "torque": {"weber": 0.13, "floor_nm": 0.02, "predictor": "zoh"},
     },
-    "slave": {"robot": {"driver": "so101_follower"}},
+    "gripper": {
+        "angle": {"bound_rad": 0.01, "predictor": "linear"},
+        "torque": {"weber": 0.13, "floor_nm": 0.02, "predictor": "zoh"},
+    },
 }
+_CARTESIAN = load(CONFIGS / "loopback.yaml").system.model_dump(mode="json")
+SYSTEM = _CARTESIAN | {"codec": _CARTESIAN["codec"] | _CODEC, "slave": {"robot": {"driver": "so101_follower"}}}
+"""A configuration as daemons and recordings hold it."""
 FACTS = {"bank": "zoh linear", "configuration": yaml.safe_dump(SYSTEM), "clock": "real"}
 PIECE = 500
 SENT_EVERY, GRIPPER_SENT_EVERY = 25, 50
@@ -50,6 +54,7 @@ def record(side: str, tick: int, *, began: float = 10.0, lead_from: int = 0) -> 
     row = Row()
     row.at, row.tick = began + tick / RATE, tick
     row.peer_at = tick / RATE
+    row.weber = 0.13
     row.state = State.ENGAGED.value
     row.ramping = int(tick < lead_from)
     row.lateness_us, row.work_us, row.rtt_us, row.one_way_us = 60.0, 80.0, 320.0, 160.0

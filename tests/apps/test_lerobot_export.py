@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.apps.arm_sessions import NAMES, PLACES, RATE, recording, records
+from tests.apps.arm_sessions import NAMES, PLACES, RATE, SYSTEM, recording, records
 from tests.system.systems import CONFIGS
 from weberlink.apps.lerobot_frames import NoFramesError, frames_of, samples_per_frame
 from weberlink.cli import app
-from weberlink.system.arm_axes import ArmAxes, arm_axes
+from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.recording.reader import read_recording
 
@@ -21,7 +21,8 @@ pytest.importorskip("pyarrow")
 from pyarrow import parquet
 
 TICKS = 3000
-AXES = ArmAxes((*NAMES, "gripper"), PLACES)
+AXES = (*NAMES, "gripper")
+ARM = arm_in(SYSTEM)
 FRAME = 34
 """Ticks of a window: the longest time between two frames at 30 Hz."""
 
@@ -85,7 +86,7 @@ def test_layout_is_that_of_lerobot(dataset: Path) -> None:
     info = json.loads((dataset / "meta/info.json").read_text(encoding="utf-8"))
     stats = json.loads((dataset / "meta/stats.json").read_text(encoding="utf-8"))
     assert (info["codebase_version"], info["fps"], info["robot_type"]) == ("v3.0", 30, "so101_follower")
-    assert info["features"]["action"]["names"] == [f"{name}.pos" for name in AXES.names]
+    assert info["features"]["action"]["names"] == [f"{name}.pos" for name in AXES]
     (table,) = (parquet.read_table(path) for path in (dataset / "data").rglob("*.parquet"))
     assert set(table.column_names) == set(info["features"]) == set(stats)
     for key, feature in info["features"].items():
@@ -121,8 +122,8 @@ def test_episodes_end_where_nobody_leads(sides: dict[str, Any]) -> None:
     master, slave = sides["master"].copy(), sides["slave"].copy()
     master["ramping"][1000:1300] = 2
     slave["state"][2000:2200] = 5
-    session = RecordedSession(master, slave, RATE, ("zoh",))
-    frames = frames_of(session, AXES, 30)
+    session = RecordedSession(master, slave, RATE, ("zoh",), arm=ARM)
+    frames = frames_of(session, 30)
     assert len(frames.lengths) == 3
     ticks = np.rint(frames.times * RATE).astype(int)
     assert not np.isin(ticks, [*range(1000, 1300), *range(2000, 2200)]).any()
@@ -133,8 +134,8 @@ def test_episodes_end_where_nobody_leads(sides: dict[str, Any]) -> None:
 def test_missing_ticks_hold_and_long_gaps_end(sides: dict[str, Any]) -> None:
     kept = np.ones(TICKS, bool)
     kept[500:505] = kept[1500:1700] = False
-    session = RecordedSession(sides["master"], sides["slave"][kept], RATE, ("zoh",))
-    frames = frames_of(session, AXES, 50)
+    session = RecordedSession(sides["master"], sides["slave"][kept], RATE, ("zoh",), arm=ARM)
+    frames = frames_of(session, 50)
     assert (len(frames.lengths), frames.held) == (2, 5)
     (window,) = (each.values for each in frames.features if each.key == "observation.force_window")
     frame = int(np.searchsorted(frames.times, 0.505))
@@ -147,7 +148,7 @@ def test_missing_ticks_hold_and_long_gaps_end(sides: dict[str, Any]) -> None:
 def test_slave_on_another_clock_is_aligned(sides: dict[str, Any]) -> None:
     moved = sides["slave"].copy()
     moved["at"] += 0.0003  # within half a tick: its ticks stay those of the master's
-    frames = frames_of(RecordedSession(sides["master"], moved, RATE, ("zoh",)), AXES, 30)
+    frames = frames_of(RecordedSession(sides["master"], moved, RATE, ("zoh",), arm=ARM), 30)
     (state,) = (each.values for each in frames.features if each.key == "observation.state")
     ticks = np.rint(frames.times * RATE).astype(int)
     apart = np.abs(state - sides["slave"]["joint_position"][ticks][:, list(PLACES)])
@@ -158,7 +159,7 @@ def test_value_that_is_no_number_is_refused(sides: dict[str, Any]) -> None:
     odd = sides["slave"].copy()
     odd["joint_raw"][700, 2] = np.nan
     with pytest.raises(NoFramesError, match="force_window"):
-        frames_of(RecordedSession(sides["master"], odd, RATE, ("zoh",)), AXES, 30)
+        frames_of(RecordedSession(sides["master"], odd, RATE, ("zoh",), arm=ARM), 30)
 
 
 def test_cartesian_session_has_axes_of_space(tmp_path: Path) -> None:
@@ -221,9 +222,3 @@ class TestWhatCannotBeExported:
         status, _, errors = export(path, "--out", small_disk)
         assert status == 1 and "No space left" in errors and errors.count("\n") == 1
         assert list(small_disk.iterdir()) == []
-
-
-def test_axes_follow_the_configuration() -> None:
-    assert arm_axes({"codec": {"force": {}}}) is None
-    assert arm_axes({"codec": {"joints": {"names": ["a", "b"]}, "gripper": None}}) == ArmAxes(("a", "b"), (0, 1))
-    assert arm_axes({"codec": {"joints": {"names": ["a"]}, "gripper": {}}}) == ArmAxes(("a", "gripper"), (0, 8))

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
-from weberlink.system.arm_axes import ArmAxes
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.record import AXES
@@ -92,7 +91,7 @@ class NoFramesError(ValueError):
     """The session has no frame; one line that says why."""
 
 
-def frames_of(session: RecordedSession, axes: ArmAxes | None, fps: int) -> Frames:
+def frames_of(session: RecordedSession, fps: int) -> Frames:
     """Cut a session into episodes, and those into frames.
 
     An episode is a stretch of time in which both sides were in session and the leader led: the approach at the
@@ -100,7 +99,6 @@ def frames_of(session: RecordedSession, axes: ArmAxes | None, fps: int) -> Frame
 
     Args:
         session: both sides on one clock.
-        axes: of an arm; None for a Cartesian session.
         fps: frames per second, 1 to the rate of the ticks.
 
     Raises:
@@ -119,7 +117,7 @@ def frames_of(session: RecordedSession, axes: ArmAxes | None, fps: int) -> Frame
         )
     times = np.concatenate(frame_times)
     windows = {side: _windows(records, times, per_frame, session.rate_hz) for side, records in session.sides.items()}
-    features = tuple(_features(session, axes, windows))
+    features = tuple(_features(session, windows))
     for feature in features:
         if not np.isfinite(feature.values).all():
             raise NoFramesError(f"its values for {feature.key} are not all finite; not written by a daemon")
@@ -190,16 +188,17 @@ def _held(at: NDArray[np.float64], times: NDArray[np.float64], rate_hz: float) -
     return np.maximum(np.searchsorted(at, times + 0.5 / rate_hz, side="right") - 1, 0)
 
 
-def _features(session: RecordedSession, axes: ArmAxes | None, windows: dict[str, Any]) -> Iterator[Feature]:
-    for signal in _CARTESIAN if axes is None else _ARM:
+def _features(session: RecordedSession, windows: dict[str, Any]) -> Iterator[Feature]:
+    arm = session.arm
+    for signal in _CARTESIAN if arm is None else _ARM:
         records, places = session.sides[signal.side], windows[signal.side]
-        fields = signal.fields if axes is not None or session.torque_bank is not None else signal.fields[:1]
+        fields = signal.fields if arm is not None or session.torque_bank is not None else signal.fields[:1]
         values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float32)
-        if axes is None:
+        if arm is None:
             names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
         else:
-            names = tuple(f"{name}{signal.unit}" for name in axes.names)
-            values = values[:, list(axes.places)]
+            names = tuple(f"{name}{signal.unit}" for name in arm.axes)
+            values = values[:, arm.places]
         if signal.newest is not None:
             yield Feature(signal.newest, names, values[places[:, -1]])
         per_frame = places.shape[1]

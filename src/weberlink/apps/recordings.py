@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
 
-from weberlink.system.arm_axes import arm_axes
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
@@ -169,9 +168,8 @@ def _write_ros(recordings: Sequence[Any], session: Any, path: Path) -> str:
     from weberlink.apps.ros_export import RATE_HZ, write_ros  # noqa: PLC0415 - writes with an optional library
 
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
-    axes = arm_axes(_system(recordings))
-    count = write_ros(session, axes, first.origins, first.facts, path)
-    what = "poses, forces and frames" if axes is None else "joint states"
+    count = write_ros(session, first.origins, first.facts, path)
+    what = "poses, forces and frames" if session.arm is None else "joint states"
     return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
@@ -181,32 +179,26 @@ def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -
 
     if not 1 <= dataset.fps <= session.rate_hz:
         raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
-    system = _system(recordings)
     try:
-        frames = frames_of(session, arm_axes(system), dataset.fps)
+        frames = frames_of(session, dataset.fps)
     except NoFramesError as error:
         raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
     cut = [f"{each.path} is {_ended({'complete': each.complete, 'outcome': each.outcome})}" for each in recordings]
     notes = [note for note, each in zip(cut, recordings, strict=True) if not each.complete]
 
     def output(path: Path) -> str:
-        return "; ".join([write_dataset(frames, dataset.task, _robot(system), path), *notes])
+        return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
 
     return output
 
 
-def _system(recordings: Sequence[Any]) -> Any:
-    """The configuration that a recording carries; None without one."""
+def _robot(recordings: Sequence[Any]) -> str | None:
+    """The driver of the follower; None if it is not known."""
     from weberlink.system.scoring.recorded import CONFIGURATION  # noqa: PLC0415 - reads with an optional library
 
     text = next((each.facts[CONFIGURATION] for each in recordings if CONFIGURATION in each.facts), "")
-    return yaml.safe_load(text)  # `put_together` has read it
-
-
-def _robot(system: Any) -> str | None:
-    """The driver of the follower, as far as it is known."""
     try:
-        return str(system["slave"]["robot"]["driver"])
+        return str(yaml.safe_load(text)["slave"]["robot"]["driver"])  # `put_together` has read it
     except (KeyError, TypeError):
         return None
 

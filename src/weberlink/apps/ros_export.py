@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from weberlink.system.arm_axes import ArmAxes
+from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
@@ -44,7 +44,6 @@ Times = NDArray[np.uint64]
 
 def write_ros(
     session: RecordedSession,
-    axes: ArmAxes | None,
     origins: Mapping[str, Origin],
     facts: Mapping[str, str],
     path: Path,
@@ -53,7 +52,6 @@ def write_ros(
 
     Args:
         session: both sides on one clock.
-        axes: of an arm; None for a Cartesian session.
         origins: of the sides; the first one's clock is that of the session.
         facts: of the recording.
         path: of a file that is not there yet.
@@ -72,7 +70,7 @@ def write_ros(
             origin = Origin(side, session.rate_hz, clock.wall_s, clock.monotonic_s)
             channel = file.add_channel(origin.topic, MESSAGE_ENCODING, numbers[SCHEMA_NAME], origin.to_metadata())
             _add(file, channel, times, _own_fields(records))
-            for topic, schema, bodies in _shown(side, records[some], times[some], axes):
+            for topic, schema, bodies in _shown(side, records[some], times[some], session.arm):
                 if topic not in shown:
                     shown[topic] = file.add_channel(topic, MESSAGE_ENCODING, numbers[schema], NO_PROFILE)
                 _add(file, shown[topic], times[some], bodies)
@@ -90,13 +88,12 @@ def _own_fields(records: Rows) -> Rows:
     return rows
 
 
-def _shown(side: str, few: Rows, at: Times, axes: ArmAxes | None) -> Iterator[tuple[str, str, Rows]]:
+def _shown(side: str, few: Rows, at: Times, arm: ArmLayout | None) -> Iterator[tuple[str, str, Rows]]:
     """Topic, schema and bodies of what a side shows."""
-    if axes is not None:
-        used = list(axes.places)
+    if arm is not None:
         body, torques = ("leader", few["joint_output"]) if side == "master" else ("follower", few["joint_raw"])
         angles = few["joint_position"]
-        yield f"/weberlink/{body}", STATE, joint_state(at, axes.names, angles[:, used], torques[:, used])
+        yield f"/weberlink/{body}", STATE, joint_state(at, arm.axes, angles[:, arm.places], torques[:, arm.places])
         return
     zero = np.zeros((len(few), 3))
     if side == "master":
