@@ -440,8 +440,14 @@ def test_drawing_can_be_paused_and_windowed(page: Browser, server: ScriptedServe
 
 @pytest.mark.parametrize(
     ("width", "greeting"),
-    [(1000, session.hello()), (1000, session.hello_of_six()), (2200, session.hello_of_six())],
-    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF"],
+    [
+        (1000, session.hello()),
+        (1000, session.hello_of_six()),
+        (2200, session.hello_of_six()),
+        (1000, session.hello_of_arm()),
+        (400, session.hello_of_arm()),
+    ],
+    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF", "narrow, arm", "phone, arm"],
 )
 def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, width: int, greeting: Message) -> None:
     boxes = (
@@ -452,7 +458,8 @@ def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, 
     try:
         visit(page, server, greeting)
         before = page.run(boxes)
-        server.say(*told(), session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
+        rows = told() if greeting.get("axes") is None else of_arm()[1:-1]
+        server.say(*rows, session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
         page.wait(lambda: page.data("faults") == "3", "the figures")
         assert page.run(boxes) == before
         assert page.run("return document.documentElement.scrollWidth") <= width
