@@ -25,10 +25,9 @@ class ArmObject(BaseModel):
         default=0.004,
         ge=1e-5,
         le=1.0,
-        description="in which a contact pushes out what is in it (`solref` of MuJoCo): shorter is harder; at least two "
-        "steps of the simulation count",
+        description="in which a contact, critically damped, pushes out what is in it (`solref` of MuJoCo): shorter is "
+        "harder, down to two steps of the simulation",
     )
-    damping_ratio: float = Field(default=1.0, ge=0.01, le=10.0, description="of a contact; below 1 it bounces")
     friction: float = Field(default=1.0, ge=0.0, le=10.0, description="coefficient of sliding friction")
 
     def shape(self, package: Any) -> tuple[Any, list[float]]:
@@ -41,7 +40,7 @@ class ArmObject(BaseModel):
 
     def _add_geom(self, body: Any, package: Any, position: Vector, mass: float = 0.0) -> None:
         kind, size = self.shape(package)
-        solref = [self.time_constant_s, self.damping_ratio]
+        solref = [self.time_constant_s, 1.0]
         sliding = [self.friction, 0.005, 0.0001]
         body.add_geom(
             type=kind, size=size, pos=list(position), mass=mass, solref=solref, friction=sliding,
