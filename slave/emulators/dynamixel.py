@@ -12,11 +12,13 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from weberlink.arms.dynamixel.packet import HIGHEST_ID
+from weberlink.arms.dynamixel.registers import BAUD_RATES, OPENMANIPULATOR_X_MODEL
+from weberlink.arms.emulators.dynamixel.bus import ServoBus
+from weberlink.arms.emulators.dynamixel.servo import TORQUE_N_M_PER_A, Measured, Servo, amperes
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.emulator import WireFaults
 from weberlink.slave.emulators.arm_dynamics import STEP, EmulatedArm, Gripper
-from weberlink.slave.emulators.bus import ServoBus
-from weberlink.slave.emulators.servo import TORQUE_N_M_PER_A, Measured, Servo, amperes
 from weberlink.slave.robots.dynamixel.arm import (
     COULOMB_N_M,
     LOWER,
@@ -26,8 +28,6 @@ from weberlink.slave.robots.dynamixel.arm import (
     Joints,
     arm_pose,
 )
-from weberlink.slave.robots.dynamixel.packet import HIGHEST_ID
-from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, OPENMANIPULATOR_X_MODEL
 from weberlink.slave.scenes.settings import SceneSettings, build
 
 GAP_STEPS = round(1.0 / STEP)

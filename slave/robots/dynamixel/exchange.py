@@ -5,16 +5,16 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
+from weberlink.arms.dynamixel.motors import Motors
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import registers
+from weberlink.hardware.interpolation import Interpolation, TimedValues
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
-from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
-from weberlink.slave.robots.dynamixel.motors import Motors
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
-from weberlink.slave.robots.interpolation import Interpolation, TimedValues
 
 PATIENCE_S: Final = 0.1
 """How long the last command holds when no more come [s]."""

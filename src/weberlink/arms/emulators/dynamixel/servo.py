@@ -13,8 +13,7 @@ from math import inf, pi
 from struct import Struct
 from typing import NamedTuple
 
-from weberlink.slave.emulators.register_table import RegisterTable
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     DATA_LENGTH_ERROR,
     INSTRUCTION_ERROR,
@@ -26,7 +25,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     Packet,
     StatusPacket,
 )
-from weberlink.slave.robots.dynamixel.registers import (
+from weberlink.arms.dynamixel.registers import (
     A_PER_COUNT,
     ANY_16,
     BAUD_RATES,
@@ -42,6 +41,7 @@ from weberlink.slave.robots.dynamixel.registers import (
     WATCHDOG_MOST,
     WATCHDOG_UNIT_S,
 )
+from weberlink.arms.emulators.dynamixel.register_table import RegisterTable
 
 STALL_A = 2.3
 NO_LOAD_RAD_S = 46.0 * 2.0 * pi / 60.0

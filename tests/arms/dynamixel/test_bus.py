@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import packet, registers
-from weberlink.slave.robots.dynamixel.bus import MARK_SIZES, MotorBus, MotorReading, latency_advice, latency_ms
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet, registers
+from weberlink.arms.dynamixel.bus import MARK_SIZES, MotorBus, MotorReading, latency_advice, latency_ms
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     Packet,
     PacketReader,
@@ -17,6 +16,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     encode_packet,
     encode_status,
 )
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 IDS = (11, 12, 13, 14)
 EXPECTED = [MotorReading(-id_, 10 * id_, 2048 - id_) for id_ in IDS]

@@ -5,15 +5,15 @@ from contextlib import suppress
 from math import ceil, floor
 from typing import Final, TypeVar
 
-from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorReading
-from weberlink.slave.robots.dynamixel.registers import (
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.bus import MotorBus, MotorReading
+from weberlink.arms.dynamixel.registers import (
     MODELS,
     OPENMANIPULATOR_X_MODEL,
     WITHOUT_CURRENT_CONTROL,
     Register,
 )
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 TRIES: Final = 12
 """At opening, where a late answer must not be fatal; together longer than a pause of a busy host."""

@@ -1,13 +1,13 @@
 """The memory of one servo, and the rules for reading and writing it."""
 
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel.packet import (
     ACCESS_ERROR,
     DATA_LENGTH_ERROR,
     DATA_LIMIT_ERROR,
     DATA_RANGE_ERROR,
     RESULT_FAIL,
 )
-from weberlink.slave.robots.dynamixel.registers import (
+from weberlink.arms.dynamixel.registers import (
     BY_ADDRESS,
     BY_NAME,
     EEPROM_END,

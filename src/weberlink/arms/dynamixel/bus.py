@@ -6,10 +6,8 @@ from struct import Struct
 from time import monotonic, sleep
 from typing import Final, NamedTuple, Protocol
 
-from weberlink.hardware.discovery import UDEV_RULES, UsbId
-from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     OVERHEAD,
     StatusPacket,
@@ -17,13 +15,15 @@ from weberlink.slave.robots.dynamixel.packet import (
     encode_packet,
     error_text,
 )
-from weberlink.slave.robots.dynamixel.registers import (
+from weberlink.arms.dynamixel.registers import (
     HARDWARE_ERROR,
     PRESENT_ADDRESS,
     PRESENT_SIZE,
     Register,
     hardware_error_text,
 )
+from weberlink.hardware.discovery import UDEV_RULES, UsbId
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
 """ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.registers import Register
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.registers import Register
 
 MANUAL = {
     "model_number": (0, 2, False),

@@ -1,0 +1,1 @@
+"""Emulated motors of arms on their buses."""
