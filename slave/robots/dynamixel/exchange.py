@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from weberlink.arms.dynamixel import registers
 from weberlink.arms.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
+from weberlink.arms.dynamixel.motor_models import XM430_W350
 from weberlink.arms.dynamixel.motors import Motors
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
@@ -84,7 +85,9 @@ class ArmExchange:
     def _begin(self, port: MotorPort) -> ArmSample:
         options = self._options
         bus = MotorBus(port, options.baud, options.ids, options.margin_s, self._clock, self._pause)
-        motors = self._motors = Motors(bus, options.baud, options.watchdog_s, self._current)
+        motors = self._motors = Motors(
+            bus, options.baud, options.watchdog_s, self._current, (XM430_W350,) * 4, "an OpenMANIPULATOR-X"
+        )
         motors.find()
         if motors.current_limit < registers.counts_of_current(WEIGHT_A):
             raise HardwareFault(
