@@ -7,10 +7,10 @@ from typing import ClassVar, Final
 from weberlink.arms.dynamixel import registers
 from weberlink.arms.dynamixel.bus import USB, latency_advice
 from weberlink.arms.dynamixel.motors import watchdog_units
+from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.interpolation import Interpolation
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
 from weberlink.slave.robots.computed import saturated

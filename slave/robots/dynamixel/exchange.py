@@ -9,9 +9,9 @@ from weberlink.arms.dynamixel import registers
 from weberlink.arms.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.arms.dynamixel.motor_models import XM430_W350
 from weberlink.arms.dynamixel.motors import Motors
+from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.interpolation import Interpolation, TimedValues
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques

@@ -1,1 +1,1 @@
-"""Emulated motors of arms on their buses."""
+"""Emulated servos of arms, shared by the emulators of leaders and followers."""

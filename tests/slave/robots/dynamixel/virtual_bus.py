@@ -11,8 +11,8 @@ from weberlink.arms.dynamixel.packet import (
     encode_packet,
 )
 from weberlink.arms.dynamixel.registers import Register
+from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector
-from weberlink.hardware.interpolation import Interpolation
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options as of
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
