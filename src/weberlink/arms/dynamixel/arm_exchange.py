@@ -87,6 +87,7 @@ class ArmExchange(ABC, Generic[Command]):
             bus, options.baud, options.watchdog_s, self._current, layout.motors, layout.title, reversible=True
         )
         motors.find()
+        motors.quicken()
         self._check_pace(motors, port.path)
         now = self._clock()
         present = motors.first_present()
