@@ -47,12 +47,12 @@ class DynamixelLeaderOptions(DynamixelArmOptions):
 
     @property
     def stiffest(self) -> Joints:
-        """Stiffest walls in a hand [N m/rad]: b / T, with viscous friction b and the delay T of a reading and a cycle.
+        """Stiffest walls in a hand [N m/rad]: b / 2 T, viscous friction b, delay T of a reading and a cycle.
 
-        A spring delayed by T is a spring with the damper -k T to first order.
+        A spring delayed by T is a spring with the damper -k T to first order; at b / T the damping is used up.
         """
         delay = self.lag_s + 1.0 / self.rate_hz
-        return tuple((model.viscous_n_m_s + HAND_N_M_S) / delay for model in self.LAYOUT.motors)
+        return tuple(0.5 * (model.viscous_n_m_s + HAND_N_M_S) / delay for model in self.LAYOUT.motors)
 
 
 class KochLeaderOptions(DynamixelLeaderOptions):

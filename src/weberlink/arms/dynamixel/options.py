@@ -146,6 +146,12 @@ class DynamixelArmOptions(BaseModel):
             raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES))}, got {self.baud}")
         writing = OVERHEAD + 4 + len(self.LAYOUT.ids) * (1 + self.GOAL_SIZE)
         busy = self.reading_s + BITS_PER_BYTE / self.baud * writing
+        if busy * SLOWEST_HZ > 1.0:
+            raise ValueError(
+                f"baud: expected more: at {self.baud} bit/s and latency_ms {self.latency_ms:g} a cycle takes "
+                f"{busy * 1e3:.1f} ms, and an arm needs {SLOWEST_HZ:.0f} Hz; write 3 (1 Mbit/s) to register 8 of the "
+                "motors"
+            )
         if busy * self.rate_hz > 1.0:
             raise ValueError(
                 f"rate_hz: expected {floor(1.0 / busy)} or less: at {self.baud} bit/s and latency_ms "

@@ -23,7 +23,8 @@ LINK_KG_M2: Final = 0.001
 """Inertia of what an axis carries; a guess between those of the joints of the Koch's model."""
 STOP_N_M_RAD: Final = 20.0
 STOP_N_M_S: Final = 0.1
-HAND_N_M_S: Final = 0.05
+HAND_N_M_S: Final = 0.023
+"""As in `weberlink.master.devices.dynamixel_leader`: fingers 0.1 m from the joint."""
 HAND_S: Final = (4.0, 5.0, 6.0, 7.0, 8.0, 3.0)
 """Periods of the hand's motion [s]; different, so that the axes pass through many combinations."""
 
@@ -113,7 +114,8 @@ class JointArmEmulator(ArmEmulator):
     def __init__(self, options: JointArmOptions) -> None:
         self._options, self._layout = options, options.LAYOUT
         axes = range(len(self._layout.ids))
-        self._angles, self._velocities = list(options.start), [0.0 for _ in axes]
+        self._start = options.start
+        self._angles, self._velocities = list(self._start), [0.0 for _ in axes]
         self._walls = [[wall for wall in options.walls if wall.joint == self._layout.axes[axis]] for axis in axes]
         self._gravity = (
             import_module("weberlink.arms.models").load(self._layout.name).gravity if options.gravity else None
@@ -172,15 +174,16 @@ class JointArmEmulator(ArmEmulator):
         spring, damper, push = 0.0, 0.0, 0.0
         if options.hand_n_m_rad > 0.0:
             phase = 2.0 * pi * self._elapsed / options.hand_s[axis]
-            meant = options.start[axis] + options.hand_rad[axis] * sin(phase)
+            meant = self._start[axis] + options.hand_rad[axis] * sin(phase)
             spring, damper = options.hand_n_m_rad, HAND_N_M_S
             push = spring * (meant - angle)
         for wall in self._walls[axis]:
             if depth := wall.depth(angle):
                 spring += wall.stiffness_nm_rad
                 push -= wall.stiffness_nm_rad * depth
-        beyond = min(angle - self._layout.lower[axis], 0.0) + max(angle - self._layout.upper[axis], 0.0)
-        if beyond != 0.0:
+        low, high = self._layout.lower[axis], self._layout.upper[axis]
+        if not low <= angle <= high:
+            beyond = angle - (low if angle < low else high)
             spring, damper, push = spring + STOP_N_M_RAD, damper + STOP_N_M_S, push - STOP_N_M_RAD * beyond
         return spring, damper, push
 
