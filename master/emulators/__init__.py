@@ -8,6 +8,7 @@ EMULATORS = {
     "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
     "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
     "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+    "so101_leader": "weberlink.arms.emulators.feetech:So101LeaderEmulator",
     "spacemouse": "weberlink.master.emulators.spacemouse:SpaceMouseEmulator",
 }
 _registry: Registry[EmulatorClass] = Registry("emulated device", EMULATORS)

@@ -4,6 +4,7 @@ from math import ceil
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
+from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
@@ -17,7 +18,6 @@ from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass
 from weberlink.slave.robots.dynamixel.motors import watchdog_units
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, OnClose, worst_force_error
-from weberlink.slave.robots.interpolation import Interpolation
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "dynamixel"

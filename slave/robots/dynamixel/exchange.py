@@ -5,6 +5,7 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
+from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import registers
@@ -14,7 +15,6 @@ from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_fo
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
 from weberlink.slave.robots.dynamixel.motors import Motors
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
-from weberlink.slave.robots.interpolation import Interpolation, TimedValues
 
 PATIENCE_S: Final = 0.1
 """How long the last command holds when no more come [s]."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options as of
@@ -15,7 +16,6 @@ from weberlink.slave.robots.dynamixel.packet import (
     encode_packet,
 )
 from weberlink.slave.robots.dynamixel.registers import Register
-from weberlink.slave.robots.interpolation import Interpolation
 
 
 class VirtualTime:
