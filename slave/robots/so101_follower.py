@@ -23,7 +23,6 @@ from weberlink.arms.feetech import packet, registers
 from weberlink.arms.feetech.arm import JOINTS, NAMES, SixPositive, So101Options, motor_torques
 from weberlink.arms.feetech.bus import USB, ServoPort
 from weberlink.arms.feetech.exchange import So101Bus
-from weberlink.arms.feetech.gravity import Gravity, no_gravity, so101_gravity
 from weberlink.arms.feetech.registers import FULL_LOAD, GOAL_POSITION, ORDER_ADDRESS, ORDER_SIZE, TORQUE_ENABLE, Present
 from weberlink.arms.threaded_arm import ArmSample, ThreadedArm
 from weberlink.geometry.joints import Joints
@@ -37,12 +36,14 @@ STALL_NM: Final = 1.91
 STALE_S: Final = 0.1
 WATCH_EVERY: Final = 25
 """Cycles between two checks of a servo's torque."""
-GRAVITY_NM: Final = 1.1
-"""About the largest torque of the arm's own weight, stretched out at the shoulder."""
+GRAVITY_NM: Final = 0.9
+"""Largest torque of the arm's own weight, by its model stretched out from the shoulder."""
 LOAD_ERROR: Final = 0.3
 CALIBRATED_ERROR: Final = 0.1
 """Share of a torque by the data sheet, and by a calibration, that may be wrong; chosen, not measured."""
 
+Gravity = Callable[[Joints], Joints]
+"""Torques of all axes [N m] that hold the arm at these angles [rad]."""
 Limit = Annotated[int, Field(ge=50, le=1000)]
 Friction = Annotated[float, Field(ge=0.0, le=5.0)]
 
@@ -113,10 +114,10 @@ class So101Follower(ThreadedArm[Joints | None]):
             path = options.port or only(self.plugged(), NAME, "slave.robot.port").path
             return SerialPort(path, options.baud)
 
-        modelled = options.gravity and find_spec("mujoco") is not None
+        gravity = _model() if options.gravity and find_spec("mujoco") is not None else no_gravity
         super().__init__(
-            _spec(options, modelled),
-            FollowerExchange(options, connect, so101_gravity() if modelled else no_gravity),
+            _spec(options, gravity is not no_gravity),
+            FollowerExchange(options, connect, gravity),
             rest=None,
             stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=options.bad_replies,
@@ -125,6 +126,16 @@ class So101Follower(ThreadedArm[Joints | None]):
 
     def follow(self, angles: Joints, now: float) -> None:
         self._command(angles, angles, now)
+
+
+def no_gravity(angles: Joints) -> Joints:
+    return (0.0,) * len(angles)
+
+
+def _model() -> Gravity:
+    from weberlink.arms.models import load  # noqa: PLC0415 - MuJoCo takes its time
+
+    return load("so101").gravity
 
 
 def _spec(options: So101FollowerOptions, modelled: bool) -> ArmSpec:

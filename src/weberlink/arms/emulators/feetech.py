@@ -4,12 +4,14 @@ Half duplex without echo: one byte takes the time of ten bits, a request counts 
 answer begins a return delay after the previous frame. Requests with a wrong checksum are ignored. In a sync read each
 servo waits for the answer of the one before it, so all behind a silent one are silent.
 
-Joints are independent, without gravity: rotor inertia, dry and viscous friction of the STS3215 of TheRobotStudio's
-SO-101 model (joints_properties.xml, whose damping includes the back EMF of the motor).
+Joints do not act on each other: rotor inertia and dry friction of the STS3215 in TheRobotStudio's SO-101 model
+(joints_properties.xml, whose damping includes the back EMF of the motor), and stops at the ends of their ranges. The
+weight is that of `weberlink.arms.models`.
 """
 
 from collections import deque
 from collections.abc import Mapping
+from importlib.util import find_spec
 from math import copysign, inf, pi, sin, sqrt
 from typing import Annotated, ClassVar, Final, Literal
 
@@ -20,6 +22,7 @@ from weberlink.arms.feetech import packet
 from weberlink.arms.feetech.arm import LOWER, NAMES, UPPER, Six
 from weberlink.arms.feetech.packet import BROADCAST, OVERHEAD, Frame, FrameReader
 from weberlink.arms.feetech.registers import CENTRE, COUNTS_PER_TURN, MODEL, RAD_PER_COUNT
+from weberlink.arms.models import load
 from weberlink.hardware.emulator import WireFaults
 
 STEP: Final = 0.001
@@ -29,6 +32,7 @@ QUEUE: Final = 64
 INERTIA_KG_M2: Final = 0.028
 FRICTION_NM: Final = 0.052
 VISCOUS_N_M_S: Final = 0.02
+STOP_N_M_RAD: Final = 50.0
 GRIPPER_MIDDLE: Final = 0.5 * UPPER[-1]
 """Of the emulated gripper, whose servo is in the middle of its turn there [rad]."""
 
@@ -63,6 +67,9 @@ class FeetechEmulatorOptions(BaseModel):
     hand_n_m_rad: float = Field(default=0.0, ge=0.0, le=50.0, description="stiffness of the hand on each joint")
     hand_rad: Six = Field(default=(0.0,) * 6, description="amplitudes of the hand's motion about the start")
     hand_s: Six = Field(default=(4.0, 5.0, 6.0, 7.0, 8.0, 3.0), description="periods of it")
+    weight: bool = Field(
+        default=False, description="the arm has weight, and a person holds it until all torque is on; needs mujoco"
+    )
     walls: tuple[Wall, ...] = Field(default=(), description="what the joints meet")
 
 
@@ -91,6 +98,9 @@ class FeetechEmulator:
         self._replies: deque[tuple[float, bytes]] = deque(maxlen=QUEUE)
         self._injected: deque[tuple[str, float]] = deque()
         self._steps: int | None = None
+        self._gravity = load("so101").gravity if options.weight else None
+        self.held = options.weight
+        """Whether a person still holds the arm against its weight."""
         self._began = 0
         self.dead = 0
         """Number of the servo that neither hears nor answers; 0 for none."""
@@ -198,6 +208,10 @@ class FeetechEmulator:
 
     def _perform(self, request: Frame) -> None:
         self.packets += 1
+        self._obey(request)
+        self.held = self.held and not all(self.torques_on)
+
+    def _obey(self, request: Frame) -> None:
         hearing = self._hearing()
         if request.code == packet.SYNC_WRITE and request.id == BROADCAST:
             self._sync_write(request.parameters, hearing)
@@ -240,14 +254,21 @@ class FeetechEmulator:
         begin = max(self._steps, end - GAP_STEPS)
         self._steps = max(end, self._steps)
         for number in range(begin, end):
+            weights = self._weights()
             for axis, servo in enumerate(self.servos):
-                self._step(axis, servo, (number - self._began) * STEP)
+                self._step(axis, servo, weights[axis], (number - self._began) * STEP)
 
-    def _step(self, axis: int, servo: EmulatedServo, time: float) -> None:
+    def _weights(self) -> tuple[float, ...]:
+        """Torques of the weight on the joints [N m]."""
+        if self._gravity is None or self.held:
+            return (0.0,) * len(self.servos)
+        return tuple([-torque for torque in self._gravity(tuple(self.angles))])
+
+    def _step(self, axis: int, servo: EmulatedServo, weight: float, time: float) -> None:
         motor = self.motor_nm[axis] = servo.torque(STEP)
         outside = self.outside_nm[axis] = self.pushes[axis] + self._hand(axis, servo, time) + self._wall(axis, servo)
         self.most_motor_nm = max(self.most_motor_nm, abs(motor))
-        speed = servo.speed + (motor + outside) * STEP / INERTIA_KG_M2
+        speed = servo.speed + (motor + outside + weight) * STEP / INERTIA_KG_M2
         rub = (self._options.friction_nm + VISCOUS_N_M_S * abs(speed)) * STEP / INERTIA_KG_M2
         servo.speed = copysign(max(0.0, abs(speed) - rub), speed)
         servo.angle += servo.speed * STEP
@@ -262,10 +283,11 @@ class FeetechEmulator:
         return stiffness * (place - servo.angle) - 2.0 * sqrt(stiffness * INERTIA_KG_M2) * servo.speed
 
     def _wall(self, axis: int, servo: EmulatedServo) -> float:
-        torque = 0.0
+        place = servo.angle + _middle(axis)
+        torque = STOP_N_M_RAD * (max(0.0, LOWER[axis] - place) - max(0.0, place - UPPER[axis]))
         for wall in self._options.walls:
             if wall.joint == NAMES[axis]:
-                depth = servo.angle + _middle(axis) - wall.angle_rad
+                depth = place - wall.angle_rad
                 depth = min(depth, 0.0) if wall.below else max(depth, 0.0)
                 torque -= wall.stiffness_nm_rad * depth
         return torque
@@ -290,5 +312,16 @@ class So101LeaderEmulator(FeetechEmulator):
     Options: ClassVar[type[BaseModel]] = So101LeaderEmulatorOptions
 
 
+class So101FollowerEmulatorOptions(FeetechEmulatorOptions):
+    """Options of an emulated follower: it has weight where MuJoCo is installed, as its driver then expects."""
+
+    weight: bool = Field(
+        default=find_spec("mujoco") is not None,
+        description="the arm has weight, and a person holds it until all torque is on; needs mujoco",
+    )
+
+
 class So101FollowerEmulator(FeetechEmulator):
     """An emulated SO-101 follower arm."""
+
+    Options: ClassVar[type[BaseModel]] = So101FollowerEmulatorOptions
