@@ -49,8 +49,6 @@ RELEASE: Final = 0.5
 class So101LeaderOptions(So101Options):
     """Options of `so101_leader`. Tuples: shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll, gripper."""
 
-    ORDERS: ClassVar[int] = packet.OVERHEAD + 2 + 6 * (1 + ORDER_SIZE)
-
     p_gain: int = Field(default=16, ge=8, le=32, description="of the servos while torque is displayed; lower is softer")
     torque_limit: int = Field(
         default=250, ge=30, le=250, description="largest torque limit of a servo, in 0.1 % of its stall torque"

@@ -174,7 +174,7 @@ class FeetechEmulator:
     def _suffer(self, name: str, value: float) -> None:
         match name:
             case "overload":
-                self.servos[int(value) - 1].overloaded = True
+                self.servos[int(value) - 1].overload()
             case "dead":
                 self.dead = int(value)
             case "supply":

@@ -8,7 +8,7 @@ The motor: torque = stall * (duty * supply / rated supply - speed / speed withou
 control of `weberlink.arms.feetech.registers.DUTY_PER_P_RAD`, within the torque limit.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from weberlink.arms.feetech import packet
 from weberlink.arms.feetech.arm import NO_LOAD_RAD_S
@@ -34,6 +34,29 @@ CENTRE_HERE: Final = 128
 """Written to `torque_enable`: the present position becomes 2048."""
 MEASURED: Final = [register for register in REGISTERS if not register.writable]
 _NAME_OF: Final = {register.address + i: register.name for register in REGISTERS for i in range(register.size)}
+
+
+class MotorOrder(NamedTuple):
+    """What the registers command the motor.
+
+    Args:
+        goal: From the middle of the turn [counts].
+        fastest: Of the inner goal [counts/s].
+        gain: Duty per error [1/count].
+        most: Largest duty, 0 to 1.
+        dead_zone: Largest error without duty [counts].
+        overload: Duty from which on the servo protects itself after a time.
+    """
+
+    goal: float = 0.0
+    fastest: float = 0.0
+    gain: float = 0.0
+    most: float = 0.0
+    dead_zone: float = 0.0
+    overload: float = 1.0
+
+
+OFF: Final = MotorOrder()
 
 
 class EmulatedServo:
@@ -66,6 +89,7 @@ class EmulatedServo:
         self["max_voltage"] = round(1.1 * rated / V_PER_COUNT)
         self._saved = bytes(self.memory[:EEPROM_END])
         self._inner_goal = 0.0
+        self._order = OFF
         self.restart()
 
     def __getitem__(self, name: str) -> int:
@@ -113,7 +137,13 @@ class EmulatedServo:
         self["torque_limit"] = self["max_torque"]
         self["goal_position"] = self.position
         self.overloaded, self._overloaded_for = False, 0.0
-        self._inner_goal = float(self.position)
+        self._inner_goal = self.angle / RAD_PER_COUNT
+        self._steer()
+
+    def overload(self) -> None:
+        """Begin the servo's own protection."""
+        self.overloaded = True
+        self._steer()
 
     def read(self, address: int, size: int) -> bytes:
         """Bytes of registers; zeros where there are none."""
@@ -130,6 +160,23 @@ class EmulatedServo:
             self._saved = bytes(self.memory[:EEPROM_END])
         if address <= 40 < address + len(data):
             self._enabled(was_on)
+        self._steer()
+
+    def _steer(self) -> None:
+        """Update the order for the motor."""
+        if not self.torque_on or self["mode"] != MODE_POSITION:
+            self._order = OFF
+            return
+        share = self["protective_torque"] / 100.0 if self.overloaded else 1.0
+        offset = self["homing_offset"]
+        self._order = MotorOrder(
+            goal=min(max(self["goal_position"], self["min_position"]), self["max_position"]) + offset - CENTRE,
+            fastest=abs(self["goal_velocity"]) or FASTEST,
+            gain=self["p_gain"] * DUTY_PER_P_RAD * RAD_PER_COUNT,
+            most=min(share, min(self["torque_limit"], self["max_torque"]) / FULL_LOAD),
+            dead_zone=self["dead_zone_cw"],
+            overload=self["overload_torque"] / 100.0,
+        )
 
     def _enabled(self, was_on: bool) -> None:
         if self.memory[40] == CENTRE_HERE:
@@ -137,7 +184,7 @@ class EmulatedServo:
             self["torque_enable"] = int(was_on)
             self._saved = bytes(self.memory[:EEPROM_END])
         if not was_on:
-            self._inner_goal = float(self.position)
+            self._inner_goal = self.angle / RAD_PER_COUNT
         self.overloaded, self._overloaded_for = False, 0.0
 
     def answer(self, request: packet.Frame) -> packet.Frame | None:
@@ -153,31 +200,27 @@ class EmulatedServo:
 
     def torque(self, step: float) -> float:
         """Torque of the motor during the next step [s], at the present angle and speed [N m]."""
-        self.duty = self._duty(step)
-        if not self.torque_on:
+        order = self._order
+        if order is OFF:
+            self.duty = 0.0
             return 0.0
-        self._watch_load(step)
+        self.duty = self._duty(order, step)
+        self._watch_load(order, step)
         return self._stall * (self.duty * self.supply / self._rated - self.speed / NO_LOAD_RAD_S)
 
-    def _duty(self, step: float) -> float:
-        if not self.torque_on or self["mode"] != MODE_POSITION:
+    def _duty(self, order: MotorOrder, step: float) -> float:
+        way = order.fastest * step
+        self._inner_goal += min(max(order.goal - self._inner_goal, -way), way)
+        error = self._inner_goal - self.angle / RAD_PER_COUNT
+        if abs(error) <= order.dead_zone:
             return 0.0
-        goal = min(max(self["goal_position"], self["min_position"]), self["max_position"])
-        most = (abs(self["goal_velocity"]) or FASTEST) * step
-        self._inner_goal += min(max(goal - self._inner_goal, -most), most)
-        exact = CENTRE + self.angle / RAD_PER_COUNT - self["homing_offset"]
-        error = self._inner_goal - exact
-        if abs(error) <= self["dead_zone_cw"]:
-            return 0.0
-        share = self["protective_torque"] / 100.0 if self.overloaded else 1.0
-        most = min(share, min(self["torque_limit"], self["max_torque"]) / FULL_LOAD)
-        return min(max(self["p_gain"] * DUTY_PER_P_RAD * error * RAD_PER_COUNT, -most), most)
+        return min(max(order.gain * error, -order.most), order.most)
 
-    def _watch_load(self, step: float) -> None:
+    def _watch_load(self, order: MotorOrder, step: float) -> None:
         """The servo's own protection: after a time of overload it pushes with the protective torque only."""
-        over = abs(self.duty) * 100.0 >= self["overload_torque"]
-        self._overloaded_for = self._overloaded_for + step if over else 0.0
-        self.overloaded = self.overloaded or self._overloaded_for >= 0.01 * self["protection_time"]
+        self._overloaded_for = self._overloaded_for + step if abs(self.duty) >= order.overload else 0.0
+        if self._overloaded_for and self._overloaded_for >= 0.01 * self["protection_time"]:
+            self.overload()
 
     def _measure(self) -> None:
         current = self.duty * self.supply / self._rated - self.speed / NO_LOAD_RAD_S if self.torque_on else 0.0

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.arms.feetech import registers
 from weberlink.arms.feetech.packet import HIGHEST_ID, OVERHEAD
-from weberlink.arms.feetech.registers import BAUD_RATES, CENTRE, PRESENT_SIZE, RAD_PER_COUNT, Present
+from weberlink.arms.feetech.registers import BAUD_RATES, CENTRE, ORDER_SIZE, PRESENT_SIZE, RAD_PER_COUNT, Present
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import HardwareFault
 
@@ -69,8 +69,8 @@ class So101Options(BaseModel):
         default=7.4, ge=4.0, le=14.0, description="supply at which the torques of the data sheet or calibration hold"
     )
 
-    ORDERS: ClassVar[int]
-    """Bytes of the orders of a cycle."""
+    ORDERS: ClassVar[int] = OVERHEAD + 2 + 6 * (1 + ORDER_SIZE)
+    """Most bytes of the orders of a cycle."""
 
     @property
     def margin_s(self) -> float:
