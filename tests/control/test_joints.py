@@ -186,7 +186,6 @@ def test_both_ends_name_their_scheme(scheme: str) -> None:
     for end in ends:
         assert (end.active, end.tank, end.credit) == (scheme, 0.0, 0)
         assert end.active in SCHEMES
-    assert build_joint_master(scheme, SETTINGS).stiffness == SETTINGS.coupling
 
 
 @pytest.mark.parametrize("build", [build_joint_master, build_joint_slave])
@@ -201,10 +200,8 @@ def test_a_scheme_that_reads_positions_is_refused(build: Callable[[str, JointPar
     [
         {"coupling": ()},
         {"coupling": (1.0,)},
-        {"coupling": (inf,) * AXES},
-        {"coupling": (0.0,) * AXES},
-        {"torque_range": (-1.0,) * AXES},
-        {"torque_range": (inf,) * AXES},
+        {"coupling": (-1.0,) * AXES},
+        {"torque_range": (nan,) * AXES},
         {"lever": 0.0},
         {"level": nan},
         {"tick_period": 0.0},
@@ -317,14 +314,17 @@ def test_an_interruption_keeps_debt_and_credit(end: str) -> None:
 
 
 @given(
+    ideal=st.booleans(),
     ticks=st.lists(
         st.tuples(st.tuples(*[st.floats(-1e6, 1e6)] * 4), st.tuples(*[st.floats(-1e3, 1e3)] * 4), st.integers(0, 99)),
         max_size=15,
-    )
+    ),
 )
 @examples(25)
-def test_nothing_finite_makes_a_scheme_raise_or_infinite(ticks: list[tuple[Joints, Joints, int]]) -> None:
+def test_nothing_finite_makes_a_scheme_raise_or_infinite(ideal: bool, ticks: list[tuple[Joints, Joints, int]]) -> None:
     settings = with_axes(4, LEVER)
+    if ideal:
+        settings = replace(settings, torque_range=(inf,) * 4, coupling=(inf,) * 4)
     master, slave = build_joint_master("tdpa", settings), build_joint_slave("tdpa", settings)
     here: Joints = (0.0,) * 4
     for tick, (angles, torques, credit) in enumerate(ticks):

@@ -197,11 +197,6 @@ class JointMaster(Control, Protocol):
     Calls in a tick: `observe`, `command`, `render`, `displayed`.
     """
 
-    @property
-    def stiffness(self) -> Joints:
-        """Stiffness of the follower towards its command [N m/rad]."""
-        ...
-
     def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
         """Book the work of the last tick; as of `MasterControl`, for the angles of the leader [rad]."""
         ...

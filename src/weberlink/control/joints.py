@@ -20,14 +20,10 @@ from weberlink.control.tdpa import FIRST_DEBT, PREDICTED, SHARE_AT_MASTER, Catch
 from weberlink.geometry.joints import Joints, joined, parts
 from weberlink.geometry.vector import Vector
 
-__all__ = [
-    "JOINT_SCHEMES",
-    "JointMaster",
-    "JointParameters",
-    "JointSlave",
-    "build_joint_master",
-    "build_joint_slave",
-]
+LEVER = 0.2
+"""Distance from the joints of a desktop arm to the hand that leads it, roughly [m]."""
+STIFFEST = 1e5
+"""A follower whose position control is ideal counts as this stiff at the lever [N/m]."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +32,13 @@ class JointParameters:
 
     Args:
         tick_period: tick period of both sides [s].
-        torque_range: largest torque that the follower reports [N m], >= 0.
+        torque_range: largest torque that the follower reports [N m], >= 0; infinite where that is unknown.
         level: energy at which a tank counts as full [J].
         damping: damping of the drag that fills an empty tank, at the lever [N s/m].
         catch_up_rad_s: speed at which the follower reduces its distance to the leader, added to the leader's own
             motion [rad/s].
-        coupling: stiffness of the follower towards its command [N m/rad], above 0 and finite.
+        coupling: stiffness of the follower towards its command [N m/rad], >= 0; infinite for an ideal one. The
+            leader's end does not read it.
         lever: distance from a joint at which forces and speeds are those of a hand [m].
 
     Raises:
@@ -54,15 +51,15 @@ class JointParameters:
     damping: float
     catch_up_rad_s: float
     coupling: Joints
-    lever: float
+    lever: float = LEVER
 
     def __post_init__(self) -> None:
         if not self.coupling or len(self.coupling) != len(self.torque_range):
             raise ValueError(f"coupling has {len(self.coupling)} axes, torque_range {len(self.torque_range)}")
-        if not all(0.0 <= most < inf for most in self.torque_range):
-            raise ValueError(f"torque_range must be >= 0 and finite, not {self.torque_range!r}")
-        if not all(0.0 < stiffness < inf for stiffness in self.coupling):
-            raise ValueError(f"coupling must be above 0 and finite, not {self.coupling!r}")
+        for name in ("torque_range", "coupling"):
+            values: Joints = getattr(self, name)
+            if not all(value >= 0.0 for value in values):
+                raise ValueError(f"{name} must be >= 0, not {values!r}")
         for name in ("tick_period", "level", "damping", "catch_up_rad_s", "lever"):
             value: float = getattr(self, name)
             if not 0.0 < value < inf:
@@ -91,10 +88,9 @@ class _Uncontrolled:
 class DirectJointMaster(_Uncontrolled):
     """Displays the decoded torques."""
 
-    __slots__ = ("stiffness",)
+    __slots__ = ()
 
-    def __init__(self, settings: JointParameters) -> None:
-        self.stiffness = settings.coupling
+    def __init__(self, settings: JointParameters) -> None: ...
 
     def observe(
         self, position: Joints, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality
@@ -157,12 +153,11 @@ class _TankedJoints:
 class TdpaJointMaster(_TankedJoints):
     """Observer and controller of the leader's joints."""
 
-    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_ports", "stiffness")
+    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_ports")
 
     def __init__(self, settings: JointParameters) -> None:
         super().__init__(settings)
         self._level = SHARE_AT_MASTER * settings.level
-        self.stiffness = settings.coupling
         share = self._share * self._level
         self._ports = [ForcePort(settings.tick_period, share) for _ in parts(settings.coupling)]
         self._drag = LevelDrag(settings.damping, share)
@@ -219,7 +214,7 @@ class TdpaJointSlave(_TankedJoints):
         self._level = settings.level
         lever, debt = settings.lever, self._share * FIRST_DEBT * settings.level
         self._ports = [
-            MotionPort(hypot(*ranges) / lever, max(stiffness) / (lever * lever), debt)
+            MotionPort(hypot(*ranges) / lever, min(STIFFEST, max(stiffness) / (lever * lever)), debt)
             for ranges, stiffness in zip(parts(settings.torque_range), parts(settings.coupling), strict=True)
         ]
         self._catch_ups = [CatchUp(settings.catch_up_rad_s * lever) for _ in self._ports]
