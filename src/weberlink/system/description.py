@@ -15,7 +15,7 @@ from typing import Any
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
-from weberlink.system.composition.channels import banks, channels
+from weberlink.system.composition.channels import banks, motion_bank
 from weberlink.system.composition.link import permitted
 from weberlink.system.configuration import SLAVE, Configuration
 from weberlink.system.configuration.model import split_address
@@ -41,7 +41,7 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
         "rate_hz": system.rate_hz,
         "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
         "bank": list(force),
-        "position_bank": list(channels(system)[0].bank),
+        "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
         "schemes": list(SCHEMES),
         "changes": sorted(permitted(system)),

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Self
 from weberlink.master.devices import pointer_link, remote_link
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
-from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
+from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.order import MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.verdict import verdict
@@ -223,10 +223,9 @@ class Session:
     @cached_property
     def score(self) -> "SessionScore":
         """Figures of the records so far."""
-        from weberlink.system.scoring.session import SessionScore  # noqa: PLC0415
+        from weberlink.system.scoring.session import score_of  # noqa: PLC0415
 
-        system = self.configuration.system
-        return SessionScore(system.rate_hz, *banks(system), measures_of(system))
+        return score_of(self.configuration.system)
 
     @cached_property
     def _host(self) -> "HostWatch":

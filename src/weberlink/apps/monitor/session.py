@@ -17,6 +17,7 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
 from weberlink.system.wording import ALARM, fault_words
@@ -97,7 +98,10 @@ class WatchedSession:
         self._rotates = torque is not None
         bank = tuple(description.get("bank", ())) or UNNAMED
         self._measures = _measures(description)
-        self._score = SessionScore(first.rate_hz, bank, None if torque is None else tuple(torque), self._measures)
+        torque_bank = None if torque is None else tuple(torque)
+        self.arm = _arm(description)
+        """The axes of a session in joint space; None for one in Cartesian space."""
+        self._score = SessionScore(first.rate_hz, bank, torque_bank, self._measures, self.arm)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
@@ -303,6 +307,14 @@ def _measures(description: Mapping[str, Any]) -> Measures | None:
     """How the deadband of a session measures; None for the distance, or where nothing is known of the deadband."""
     try:
         return measures_in(description.get("system", {}))
+    except ValueError:
+        return None
+
+
+def _arm(description: Mapping[str, Any]) -> ArmLayout | None:
+    """The axes of an arm; None without one, or where nothing is known of it."""
+    try:
+        return arm_in(description.get("system", {}))
     except ValueError:
         return None
 

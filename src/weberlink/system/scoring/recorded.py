@@ -16,6 +16,7 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.control.table import SCHEMES
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
@@ -51,6 +52,7 @@ class RecordedSession:
         bank: names of the predictors of the force channel.
         torque_bank: of the torque channel; None for a session of three degrees of freedom.
         measures: how the deadband of the force measures an error; None for the distance.
+        arm: the axes of a session in joint space; None for one in Cartesian space.
         marks: that a person set, in order of time.
     """
 
@@ -60,6 +62,7 @@ class RecordedSession:
     bank: tuple[str, ...]
     torque_bank: tuple[str, ...] | None = None
     measures: Measures | None = None
+    arm: ArmLayout | None = None
     marks: tuple[SessionMark, ...] = ()
 
     @property
@@ -69,7 +72,7 @@ class RecordedSession:
 
     def summary(self) -> dict[str, Any]:
         """The figures of the session, as those of a live one, with faults and drops by side."""
-        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures)
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -119,13 +122,15 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         _check_overlap(found[MASTER][1], slave, found)
         found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
     empty = np.empty(0, DTYPE)
+    measures, arm = _configuration(reference)
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
         rate_hz=rate,
         bank=tuple(reference.facts.get("bank", "").split()),
         torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
-        measures=_measures(reference),
+        measures=measures,
+        arm=arm,
         marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
     )
 
@@ -148,12 +153,16 @@ def _marks(
     ]
 
 
-def _measures(recording: Recording) -> Measures | None:
-    """How the deadband of the recorded configuration measures; None for the distance, or without a configuration."""
+def _configuration(recording: Recording) -> tuple[Measures | None, ArmLayout | None]:
+    """How the deadband of the recorded configuration measures, None for the distance, and the axes of its arm, if any.
+
+    Neither without a configuration.
+    """
     if CONFIGURATION not in recording.facts:
-        return None
+        return None, None
     try:
-        return measures_in(yaml.safe_load(recording.facts[CONFIGURATION]))
+        dump = yaml.safe_load(recording.facts[CONFIGURATION])
+        return measures_in(dump), arm_in(dump)
     except (ValueError, YAMLError, RecursionError) as error:
         why = " ".join(str(error).split())
         raise RecordingError(f"{recording.path}: its configuration has no deadband known here: {why}") from None
@@ -260,6 +269,7 @@ def _from_its_beginning(records: Records) -> Records:
         ("updates_sent", "sent"),
         ("updates_received", "received"),
         ("rotation_updates_sent", "rotation_sent"),
+        ("gripper_updates_sent", "gripper_sent"),
     ):
         before[counter] -= before[own]
     return _counted_from(records, before[0])

@@ -1,0 +1,110 @@
+"""What telemetry records of the channels of a side: those of a hand and a tool, or those of an arm's joints."""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Any, Protocol
+
+from weberlink.geometry.joints import Joints
+from weberlink.geometry.vector import ZERO
+from weberlink.protocol.mailbox import Statistics
+from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.telemetry.record import JOINTS, UNKNOWN
+from weberlink.telemetry.row import Row
+
+_NO_JOINTS = (0.0,) * (len(JOINTS) - 1)
+_UNKNOWN_JOINTS = (nan,) * (len(JOINTS) - 1)
+
+
+class ChannelRows(Protocol):
+    """Fills in what a record holds of the channels."""
+
+    def fill(self, row: Row, statistics: Statistics) -> None: ...
+
+
+class CartesianRows:
+    """Force and position and, with six degrees of freedom, torque and orientation.
+
+    Args:
+        outgoing: channels of the side.
+        incoming: channels of the side.
+        leads: whether this is the operator's end.
+    """
+
+    def __init__(
+        self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], *, leads: bool
+    ) -> None:
+        self._outgoing, self._incoming, self._leads = outgoing, incoming, leads
+        self._rotates = len(outgoing) > 1
+
+    def fill(self, row: Row, statistics: Statistics) -> None:
+        outgoing, incoming = self._outgoing[0], self._incoming[0]
+        encoder = outgoing.encoder
+        sends, hears = encoder.mirror.selected, incoming.decoder.selected
+        if self._leads:
+            force, row.selected, row.position_selected = incoming.model, hears, sends
+        else:
+            force, row.selected, row.position_selected = outgoing.model, sends, hears
+            row.decoded = outgoing.held or ZERO
+        row.raw = outgoing.sensor.value
+        predicted: Any = encoder.predicted
+        row.predicted = predicted or UNKNOWN
+        row.coded = outgoing.coded
+        row.bound = encoder.bound
+        row.model, row.surface, row.surface_size, row.surface_stiffness = force
+        row.sent = outgoing.update is not None
+        row.widened = encoder.widened
+        row.received = incoming.received
+        if self._rotates:
+            self._fill_rotation(row, statistics)
+
+    def _fill_rotation(self, row: Row, statistics: Statistics) -> None:
+        rotation, incoming = self._outgoing[1], self._incoming[1]
+        if self._leads:
+            row.rotation_selected = incoming.decoder.selected
+        else:
+            row.rotation_selected = rotation.encoder.mirror.selected
+            row.rotation_decoded = rotation.held or ZERO
+        row.rotation_updates_sent = statistics.updates_sent[1]
+        row.rotation_updates_received = statistics.updates_received[1]
+        row.rotation_raw = rotation.sensor.value
+        row.rotation_bound = rotation.encoder.bound
+        row.rotation_sent = rotation.update is not None
+        row.rotation_widened = rotation.encoder.widened
+
+
+class JointRows:
+    """The joints of an arm and its gripper, each in deadbands: the bound of a channel is 1.
+
+    Args: as of `CartesianRows`.
+    """
+
+    def __init__(
+        self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], *, leads: bool
+    ) -> None:
+        self._outgoing, self._incoming, self._leads = outgoing, incoming, leads
+
+    def fill(self, row: Row, statistics: Statistics) -> None:
+        joints, grips = self._outgoing[0], self._outgoing[1:]
+        row.bound = joints.encoder.bound
+        row.sent = joints.update is not None
+        row.widened = joints.encoder.widened
+        row.received = self._incoming[0].received
+        row.joint_predicted = in_places([channel.encoder.predicted for channel in self._outgoing], _UNKNOWN_JOINTS)
+        if not self._leads:
+            row.joint_decoded = in_places([channel.held for channel in self._outgoing], _NO_JOINTS)
+        if grips:
+            row.gripper_updates_sent = statistics.updates_sent[1]
+            row.gripper_updates_received = statistics.updates_received[1]
+            row.gripper_sent = grips[0].update is not None
+
+
+def in_places(values: Sequence[Joints | None], missing: Joints) -> Joints:
+    """The joints and, where there is one, the gripper in their places in a record.
+
+    Args:
+        values: of the joints, and of the gripper; None where there is nothing.
+        missing: for the joints while there is nothing; its first entry for the gripper.
+    """
+    joints = values[0] or missing
+    gripper = (values[1] or missing[:1]) if len(values) > 1 else (0.0,)
+    return joints + _NO_JOINTS[len(joints) :] + gripper
