@@ -15,7 +15,10 @@ REMOTE = {"driver": "remote_leader", "joints": NAMES, "gripper": True, "lower_ra
 SYSTEM: dict[str, Any] = {
     "codec": {"joints": {"names": NAMES}, "gripper": {}},
     "master": {"device": REMOTE, "joint_mapping": None},
-    "slave": {"limits": {"joints": {"lower_rad": [-1.0, -2.0, 0.0], "upper_rad": [1.0, 2.0, 0.5]}}},
+}
+RANGES: dict[str, Any] = {
+    "master": {"lower_rad": [-9.0, -9.0, -9.0], "upper_rad": [9.0, 9.0, 9.0]},
+    "slave": {"lower_rad": [-1.0, -2.0, 0.0], "upper_rad": [1.0, 2.0, 0.5]},
 }
 
 
@@ -26,13 +29,16 @@ class ArmRings:
         folder: of the rings.
         session: their name.
         system: the configuration that they describe.
+        ranges: of their arms.
     """
 
-    def __init__(self, stack: ExitStack, folder: Path, session: str, system: dict[str, Any]) -> None:
+    def __init__(
+        self, stack: ExitStack, folder: Path, session: str, system: dict[str, Any], ranges: dict[str, Any] = RANGES
+    ) -> None:
         self._writers = {}
         for side in ("master", "slave"):
             ring = folder / f"weberlink-{session}-{side}.ring"
-            Description(ring, {"side": side, "system": system}).publish()
+            Description(ring, {"side": side, "system": system, **ranges.get(side, {})}).publish()
             writer = RingWriter.create(ring, side=side, rate_hz=1000.0, capacity=64)
             self._writers[side] = stack.enter_context(writer)
 
@@ -52,6 +58,8 @@ class ArmRings:
 
 
 @contextmanager
-def arm_rings(folder: Path, session: str = "77", system: dict[str, Any] = SYSTEM) -> Iterator[ArmRings]:
+def arm_rings(
+    folder: Path, session: str = "77", system: dict[str, Any] = SYSTEM, ranges: dict[str, Any] = RANGES
+) -> Iterator[ArmRings]:
     with ExitStack() as stack:
-        yield ArmRings(stack, folder, session, system)
+        yield ArmRings(stack, folder, session, system, ranges)

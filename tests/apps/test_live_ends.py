@@ -121,25 +121,25 @@ def test_action_of_the_features_gives_the_angles(tmp_path: Path, rings: ArmRings
         axes.values({"pan.pos": 0.0})
 
 
-def system(**parts: Any) -> dict[str, Any]:
-    return SYSTEM | parts
+def test_shares_are_of_the_followers_range_at_both_ends(tmp_path: Path, rings: ArmRings) -> None:
+    end = find_end("master", where=tmp_path)
+    shares = AxisUnits(end, use_degrees=False)
+    assert shares.features(np.array([0.5, -1.0, 0.125])) == {"pan.pos": 50.0, "lift.pos": -50.0, "gripper.pos": 25.0}
+    end.close()
 
 
 def test_gripper_of_unknown_range_is_refused(tmp_path: Path) -> None:
-    with (
-        arm_rings(tmp_path, system=system(slave={})),
-        pytest.raises(ValueError, match="the range of gripper is not known"),
-    ):
+    with arm_rings(tmp_path, ranges={}), pytest.raises(ValueError, match="does not tell the range of gripper"):
         units(tmp_path)
 
 
 def test_joints_in_degrees_need_no_range(tmp_path: Path) -> None:
     codec = {"joints": {"names": ("pan", "lift")}, "gripper": None}
-    with arm_rings(tmp_path, system=system(slave={}, codec=codec)):
+    with arm_rings(tmp_path, system=SYSTEM | {"codec": codec}, ranges={}):
         assert units(tmp_path).features(np.array([1.0, 0.0])) == pytest.approx(
             {"pan.pos": degrees(1.0), "lift.pos": 0.0}
         )
-        with pytest.raises(ValueError, match="the range of pan is not known"):
+        with pytest.raises(ValueError, match="does not tell the range of pan"):
             units(tmp_path, use_degrees=False)
 
 
@@ -181,5 +181,5 @@ def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: Arm
     ],
 )
 def test_leader_that_is_not_for_programs_is_refused(tmp_path: Path, master: dict[str, Any], complaint: str) -> None:
-    with arm_rings(tmp_path, system=system(master=master)), pytest.raises(NotRemoteError, match=complaint):
+    with arm_rings(tmp_path, system=SYSTEM | {"master": master}), pytest.raises(NotRemoteError, match=complaint):
         RemoteLead(where=tmp_path)

@@ -16,9 +16,9 @@ from weberlink.apps.live_ends import GRIPPER, LiveEnd
 class AxisUnits:
     """The axes of one end of a session as LeRobot names and scales them: `NAME.pos`, `NAME.torque`.
 
-    A joint in degrees is 0 where it is 0 rad for the session. Shares are of the range of the follower's commands
-    (`slave.limits.joints`), or of the arm of this end where the file gives none; they are clipped as LeRobot does. A
-    Cartesian session has x, y and z in metres, and `NAME.force` [N].
+    A joint in degrees is 0 where it is 0 rad for the session. Shares are of the range in which the follower may be
+    commanded, or of the leader's where the follower is on another host; they are clipped as LeRobot does. A Cartesian
+    session has x, y and z in metres, and `NAME.force` [N].
 
     Args:
         end: of a session.
@@ -51,10 +51,7 @@ class AxisUnits:
 
     def _share(self, i: int, lower: NDArray[np.float64], upper: NDArray[np.float64], least: float) -> None:
         if not upper[i] > lower[i]:
-            raise ValueError(
-                f"the range of {self.names[i]} is not known: give lower_rad and upper_rad in slave.limits.joints of the"
-                " session's file"
-            )
+            raise ValueError(f"the session does not tell the range of {self.names[i]}; use the same release")
         self._least[i], self._most[i] = least, 100.0
         self._factor[i] = (100.0 - least) / (upper[i] - lower[i])
         self._offset[i] = least - self._factor[i] * lower[i]
@@ -83,13 +80,10 @@ class AxisUnits:
 
 def _range(end: LiveEnd) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Least and largest angles of all axes [rad]; NaN where they are not known."""
-    limits = (end.system.get("slave", {}).get("limits", {}) or {}).get("joints") or {}
-    arm = end.description.get("arm") or {}
     count = len(end.names)
 
     def each(key: str) -> NDArray[np.float64]:
-        given = next((found[key] for found in (limits, arm) if found.get(key) is not None), np.nan)
-        values = np.asarray(given, np.float64)
-        return np.broadcast_to(values, count) if values.ndim == 0 or len(values) == count else np.full(count, np.nan)
+        values = end.description_of_arm.get(key, [])
+        return np.asarray(values, np.float64) if len(values) == count else np.full(count, np.nan)
 
     return each("lower_rad"), each("upper_rad")

@@ -72,7 +72,7 @@ class LiveEnd:
     """
 
     def __init__(self, ring: RingFile, ticks: int = 1) -> None:
-        self.side, self.session, self._ticks = ring.side, ring.session, ticks
+        self.side, self.session, self._ticks, self._path = ring.side, ring.session, ticks, ring.path
         try:
             self._reader = RingReader(ring.path)
         except FileNotFoundError:
@@ -95,6 +95,12 @@ class LiveEnd:
         """The session's configuration; empty if unknown."""
         found: dict[str, Any] = self.description.get("system", {})
         return found
+
+    @property
+    def description_of_arm(self) -> dict[str, Any]:
+        """What the follower's daemon tells, where it is on this host, else what this one tells."""
+        follower = self._path.with_name(self._path.name.replace(f"-{MASTER}.", f"-{SLAVE}."))
+        return read_description(follower) or self.description
 
     @property
     def pid(self) -> int:
