@@ -119,7 +119,6 @@ class RemoteLeader:
             calibrated=True,
             buttons=1,
             watchdog_s=0.0,
-            note="a program leads this arm; nobody feels the follower",
         )
         self._home, self._silence = options.each("home_rad"), options.silence_ms * 1e-3
         self._source = TargetMemory() if source is None else source
