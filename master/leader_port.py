@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, LeaderArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import LeadingControl
+from weberlink.control.contract import JointMaster
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.operator_end import OperatorEnd
 from weberlink.master.safety import ForceGate, TorqueLimiter
@@ -46,7 +46,7 @@ class LeaderPort(OperatorEnd):
         self,
         *,
         arm: LeaderArm,
-        control: LeadingControl[Joints],
+        control: JointMaster,
         endpoint: Endpoint,
         gate: ForceGate,
         most: Joints,

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from weberlink.arms.contract import ArmFault, ArmReading, ExplainsArm, FollowerArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import FollowingControl
+from weberlink.control.contract import JointSlave
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.joint_safety import JointGuard, JointPressLimit
@@ -57,7 +57,7 @@ class FollowerPort:
         self,
         *,
         arm: FollowerArm,
-        control: FollowingControl[Joints],
+        control: JointSlave,
         endpoint: Endpoint,
         lower: Joints,
         upper: Joints,

@@ -23,7 +23,8 @@ class JointPressLimit:
     goes no deeper. Otherwise an arm that takes up a light object would sink.
 
     Args:
-        most: largest torque of each axis on the environment [N m], > 0.
+        most: largest torque of each axis on the environment [N m], >= 0; 0 for one that measures no torque, which is
+            not bounded.
         stiffness: of the position control of each axis [N m/rad], > 0; an infinite one is not bounded.
         noise: uncertainty of a measured torque [N m]; a contact below it is none.
     """
@@ -31,11 +32,11 @@ class JointPressLimit:
     __slots__ = ("_contact", "_left", "_most", "_reach", "_sign")
 
     def __init__(self, most: Joints, stiffness: Joints, noise: float) -> None:
-        if not all(torque > 0.0 for torque in most):
-            raise ValueError(f"press limits must be positive: {most}")
+        if not all(torque >= 0.0 for torque in most):
+            raise ValueError(f"press limits must not be negative: {most}")
         self._most = most
         self._reach = tuple(inf if k == inf else torque / k for torque, k in zip(most, stiffness, strict=True))
-        self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) for torque in most)
+        self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) or inf for torque in most)
         self._sign = [0.0] * len(most)
         self._left = [0.0] * len(most)
 

@@ -278,7 +278,7 @@ def test_the_wire_carries_only_axes_that_exist(axes: int) -> None:
 
 @pytest.mark.parametrize("predictor", ["plane", "path", "hybrid", "nothing"])
 def test_a_predictor_that_does_not_suit_is_refused(predictor: str) -> None:
-    with pytest.raises(ValueError, match="predict"):
+    with pytest.raises(ValueError, match=predictor):
         joint_channel(predictor=predictor, bounds=(0.1,) * 4, step=STEP)
 
 

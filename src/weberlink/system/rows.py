@@ -8,11 +8,8 @@ from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
 from weberlink.protocol.mailbox import Statistics
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.telemetry.record import JOINTS, UNKNOWN
-from weberlink.telemetry.row import Row
-
-_NO_JOINTS = (0.0,) * (len(JOINTS) - 1)
-_UNKNOWN_JOINTS = (nan,) * (len(JOINTS) - 1)
+from weberlink.telemetry.record import UNKNOWN
+from weberlink.telemetry.row import Row, placed
 
 
 class ChannelRows(Protocol):
@@ -82,6 +79,7 @@ class JointRows:
         self, outgoing: Sequence[OutgoingChannel], incoming: Sequence[IncomingChannel], *, leads: bool
     ) -> None:
         self._outgoing, self._incoming, self._leads = outgoing, incoming, leads
+        self._counts = [len(channel.sensor.value) for channel in outgoing]
 
     def fill(self, row: Row, statistics: Statistics) -> None:
         joints, grips = self._outgoing[0], self._outgoing[1:]
@@ -89,22 +87,15 @@ class JointRows:
         row.sent = joints.update is not None
         row.widened = joints.encoder.widened
         row.received = self._incoming[0].received
-        row.joint_predicted = in_places([channel.encoder.predicted for channel in self._outgoing], _UNKNOWN_JOINTS)
+        predicted: Joints = ()
+        held: Joints = ()
+        for channel, count in zip(self._outgoing, self._counts, strict=True):
+            predicted += channel.encoder.predicted or (nan,) * count
+            held += channel.held or (0.0,) * count
+        row.joint_predicted = placed(predicted, self._counts[0])
         if not self._leads:
-            row.joint_decoded = in_places([channel.held for channel in self._outgoing], _NO_JOINTS)
+            row.joint_decoded = placed(held, self._counts[0])
         if grips:
             row.gripper_updates_sent = statistics.updates_sent[1]
             row.gripper_updates_received = statistics.updates_received[1]
             row.gripper_sent = grips[0].update is not None
-
-
-def in_places(values: Sequence[Joints | None], missing: Joints) -> Joints:
-    """The joints and, where there is one, the gripper in their places in a record.
-
-    Args:
-        values: of the joints, and of the gripper; None where there is nothing.
-        missing: for the joints while there is nothing; its first entry for the gripper.
-    """
-    joints = values[0] or missing
-    gripper = (values[1] or missing[:1]) if len(values) > 1 else (0.0,)
-    return joints + _NO_JOINTS[len(joints) :] + gripper

@@ -212,7 +212,9 @@ def _faults(summary: Mapping[str, Any]) -> Iterator[Cause]:
         who = " and ".join(f"the {side} {_times(count)}" for side, count in stalled.items())
         yield Cause(DEGRADED, "stalled", f"a process stood still: {who}, for up to {longest:.2f} s")
     if tripped := faults.get(SLAVE, {}).get("tripped"):
-        yield Cause(DEGRADED, "tripped", f"the robot backed off from a contact {_times(tripped)} (slave.limits)")
+        limit = "trip_n" if "force" in summary else "joints.trip_nm"
+        text = f"the robot backed off from a contact {_times(tripped)} (slave.limits.{limit})"
+        yield Cause(DEGRADED, "tripped", text)
     if wrong := sum(counts.get("update", 0) for counts in faults.values()):
         yield Cause(DEGRADED, "update", f"{wrong} updates did not fit their channel")
 

@@ -39,6 +39,11 @@ from weberlink.system.side import Side
 SLEW_S = 0.05
 """Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
 
+LEVER_M = 0.2
+"""Distance from a joint at which forces and speeds are those of a hand [m]: about the reach of a small arm."""
+STIFFEST = 1e4
+"""Stiffness that stands for an arm which states an infinite one [N m/rad]."""
+
 
 def build_leading(
     configuration: Configuration,
@@ -303,7 +308,8 @@ def _parameters(system: System, spec: ArmSpec, torque: Joints) -> JointParameter
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_rad_s=own.approach_rad_s,
-        coupling=spec.stiffness_nm_rad,
+        coupling=tuple(min(stiffness, STIFFEST) for stiffness in spec.stiffness_nm_rad),
+        lever=LEVER_M,
     )
 
 
