@@ -19,8 +19,8 @@ class JointPressLimit:
     contact too. Motion away from the contact is not bounded.
 
     Most followers sag under their own weight, which their position control holds by a distance to the command that is
-    no contact. So the command goes back only where the torque of the environment is above `most`; below it, it only
-    goes no deeper. Otherwise an arm that takes up a light object would sink.
+    no contact. So the command goes back only where the torque of the environment reaches `most`; below it, it only goes
+    no deeper. Otherwise an arm that takes up a light object would sink.
 
     Args:
         most: largest torque of each axis on the environment [N m], >= 0; 0 for one that measures no torque, which is
@@ -60,7 +60,7 @@ class JointPressLimit:
             # Along the axis, with the direction out of the contact as positive.
             sign = self._sign[axis]
             deepest = sign * angles[axis] - self._reach[axis]
-            if abs(torque) <= self._most[axis]:
+            if abs(torque) < self._most[axis]:
                 deepest = min(deepest, sign * held[axis])
             if sign * target[axis] < deepest:
                 bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])
