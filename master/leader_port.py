@@ -104,6 +104,11 @@ class LeaderPort(OperatorEnd):
         self._none: Joints = (0.0,) * spec.axes
         self.angles = self.command = self.decoded = self.output = self._none
 
+    @property
+    def angle_range(self) -> tuple[Joints, Joints]:
+        """Least and largest angles of all axes [rad]."""
+        return self.arm.spec.lower, self.arm.spec.upper
+
     def accept(self, reading: ArmReading) -> bool:
         self.angles = reading.angles
         return super().accept(reading)
