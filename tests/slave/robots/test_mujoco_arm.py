@@ -82,7 +82,7 @@ def test_readings_are_limited_to_the_motors() -> None:
     for tick in range(1, 1500):
         made.follow((0.0, 1.2, 0.0, 0.0, 0.0, 0.0), tick * TICK)
         felt = max(felt, *map(abs, made.latest(tick * TICK).torques))
-    assert felt == 0.5
+    assert 0.49 < felt <= 0.5
 
 
 def test_a_box_is_gripped_and_lifted() -> None:
