@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from math import hypot, inf
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from weberlink.control.contract import LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
+from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
+from weberlink.master.operator_end import OperatorEnd
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
@@ -110,7 +111,7 @@ class Display:
             self._write(ZERO, now)
 
 
-class OperatorPort:
+class OperatorPort(OperatorEnd):
     """A haptic device; a `weberlink.control.port.Port`.
 
     Args:
@@ -123,10 +124,7 @@ class OperatorPort:
         button: only while it is held, the robot follows and force is displayed; None for always.
     """
 
-    kind: Final = "device"
-    leads: Final = True
     fault: ClassVar[type[DeviceFault]] = DeviceFault
-    tripped: Final = False
 
     def __init__(
         self,
@@ -139,56 +137,11 @@ class OperatorPort:
         gate: ForceGate,
         button: int | None = None,
     ) -> None:
-        self.device, self.displays, self.control, self.gate = device, displays, control, gate
+        super().__init__(device, gate, button)
+        self.device, self.displays, self.control = device, displays, control
         self.hand = hand
-        self.name = device.spec.name
-        self.buttons = 0
-        self.enabled = button is None
-        self.ended = False
-        self.slew_ticks = 0
-        """Ticks in which a slew limit held force or torque back."""
-        self.clipped = False
-        """Whether a limiter changed what was displayed in this tick."""
         self._endpoint = endpoint
-        self._button = button
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
-
-    @property
-    def trouble(self) -> str | None:
-        return self.device.trouble if isinstance(self.device, ReportsTrouble) else None
-
-    @property
-    def at_rest(self) -> bool:
-        return self.gate.gain == 0.0
-
-    def open(self, now: float) -> None:
-        self.device.open(now)
-
-    def close(self) -> None:
-        self.device.close()
-
-    def latest(self, now: float) -> DeviceReading:
-        reading = self.device.latest(now)
-        self.ended = reading.ended
-        return reading
-
-    def accept(self, reading: DeviceReading) -> bool:
-        self.buttons = reading.buttons
-        if self._button is not None:
-            self.enabled = bool(reading.buttons >> self._button & 1)
-            if not self.enabled:
-                self._settles_for = GRIP_S
-        return False
-
-    def settle(self, now: float) -> None: ...
-
-    def reset(self) -> None:
-        self.gate.close()
-
-    def restart(self) -> None:
-        self.gate.close()
-
-    def release(self, *, retreat: bool) -> None: ...
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
@@ -207,6 +160,8 @@ class OperatorPort:
         gate = self.gate
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
+        if not self.enabled:
+            self._settles_for = GRIP_S
         if self._settles_for > 0.0:
             self._grip(values[0] or ZERO, gain)
             if gain == 1.0:

@@ -1,10 +1,11 @@
 """Protects the operator's hand: limits of force and slew rate, and a gate that fades force in and out.
 
-A torque has limiters of its own and shares the gate of the force.
+A torque has limiters of its own and shares the gate of the force. The torques of an arm are limited axis by axis.
 """
 
 from math import dist, hypot
 
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
 
 
@@ -85,6 +86,57 @@ class SlewLimiter:
             )
         self._value = force
         return force
+
+
+class TorqueLimiter:
+    """Bounds the torque of each axis of an arm, and its rate of change.
+
+    Attributes:
+        most: the largest torques [N m].
+        clipped: whether the newest torque of an axis that displays any was larger.
+        held_back: whether the newest torque of an axis changed faster than it may.
+    """
+
+    __slots__ = ("_slew", "_torques", "clipped", "held_back", "most")
+
+    def __init__(self, most: Joints, slew: Joints) -> None:
+        """Make the limiter, at no torque.
+
+        Args:
+            most: largest torque of each axis [N m], >= 0; 0 for one that displays none.
+            slew: largest change of each axis [N m/s], > 0; may be infinite.
+        """
+        if len(most) != len(slew):
+            raise ValueError(f"{len(most)} torque limits but {len(slew)} slew limits")
+        if not all(limit >= 0.0 for limit in most):
+            raise ValueError(f"torque limits must not be negative: {most}")
+        if not all(limit > 0.0 for limit in slew):
+            raise ValueError(f"slew limits must be positive: {slew}")
+        self.most = most
+        self._slew = slew
+        self._torques: Joints = (0.0,) * len(most)
+        self.clipped = self.held_back = False
+
+    def limit(self, torques: Joints, elapsed: float | None) -> Joints:
+        """The torques within both limits.
+
+        Args:
+            torques: of all axes, finite [N m].
+            elapsed: time since the last call [s]; None where the torques may jump, since the gate is closed.
+        """
+        self.clipped = self.held_back = False
+        limited = []
+        for torque, most, slew, before in zip(torques, self.most, self._slew, self._torques, strict=True):
+            value = torque
+            if abs(value) > most:
+                value = most if value > 0.0 else -most
+                self.clipped |= most > 0.0
+            if elapsed is not None and abs(value - before) > slew * elapsed:
+                value = before + (slew * elapsed if value > before else -slew * elapsed)
+                self.held_back = True
+            limited.append(value)
+        self._torques = tuple(limited)
+        return self._torques
 
 
 class ForceGate:

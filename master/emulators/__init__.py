@@ -10,6 +10,7 @@ EMULATORS = {
     "omx_leader": "weberlink.arms.emulators.dynamixel.joint_arm:OmxLeaderEmulator",
     "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
     "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
+    "so101_leader": "weberlink.arms.emulators.feetech:So101LeaderEmulator",
     "spacemouse": "weberlink.master.emulators.spacemouse:SpaceMouseEmulator",
 }
 _registry: Registry[EmulatorClass] = Registry("emulated device", EMULATORS)

@@ -56,6 +56,11 @@ class ArmSpec:
     note: str = ""
 
     @property
+    def force_feedback(self) -> bool:
+        """Whether an axis displays or measures a torque."""
+        return any(torque > 0.0 for torque in self.torque_nm)
+
+    @property
     def axes(self) -> int:
         """Number of axes, 1 to 9."""
         return len(self.joints) + self.gripper

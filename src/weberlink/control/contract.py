@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 
 CREDIT_STEP = 1e-4
@@ -187,6 +188,49 @@ class SlaveControl(Control, Protocol):
             position: commanded position [m].
             force: force of the environment on the robot [N].
         """
+        ...
+
+
+class JointMaster(Control, Protocol):
+    """The leader's end of a scheme for joints; angles and torques of all axes.
+
+    Calls in a tick: `observe`, `command`, `render`, `displayed`.
+    """
+
+    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
+        """Book the work of the last tick; as of `MasterControl`, for the angles of the leader [rad]."""
+        ...
+
+    def command(self, position: Joints) -> Joints:
+        """The angles to send [rad] for these angles of the leader [rad]."""
+        ...
+
+    def render(self, torque: Joints) -> Joints:
+        """The torques to display [N m], given the decoded ones [N m]."""
+        ...
+
+    def displayed(self, torque: Joints) -> None:
+        """Take in the commanded torques of the leader [N m], which are held until the next tick."""
+        ...
+
+
+class JointSlave(Control, Protocol):
+    """The follower's end of a scheme for joints. Calls in a tick: `follow`, then `observe` once the arm was read."""
+
+    def follow(self, target: Joints, here: Joints, elapsed: float, peer_credit: int, quality: LinkQuality) -> Joints:
+        """The angles to command [rad]; as of `SlaveControl`.
+
+        Args:
+            target: decoded angles of the leader [rad].
+            here: last commanded angles [rad].
+            elapsed: time since the last call [s].
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            quality: state of the link.
+        """
+        ...
+
+    def observe(self, position: Joints, torque: Joints) -> None:
+        """Book the work of this tick: commanded angles [rad], torques of the environment on the follower [N m]."""
         ...
 
 

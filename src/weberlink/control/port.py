@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from weberlink.control.contract import Control
-from weberlink.geometry.vector import Vector
 
 
 class Sensor(Protocol):
     """Extracts the value of one outgoing channel from a reading of the device or robot."""
 
-    value: Vector
-    """The newest usable measurement."""
+    value: Any
+    """The newest usable measurement: a vector, or the joints of an arm."""
 
     def complaint(self, reading: Any) -> str | None:
         """Why a reading cannot be used; None if it can."""
@@ -19,7 +18,7 @@ class Sensor(Protocol):
     def take(self, reading: Any) -> None:
         """Keep a reading that has no complaint."""
 
-    def sample(self) -> tuple[Vector, Vector, float]:
+    def sample(self) -> tuple[Any, Any, float]:
         """What to encode now: the value, its commanded position [m] (zero on a forward channel), and the largest error
         that may stay unsent even if the deadband is wider (inf for no such limit)."""
 
@@ -111,13 +110,11 @@ class Port(Protocol):
             encodes: whether the channels are encoded in this tick.
         """
 
-    def actuate(
-        self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool
-    ) -> None:
+    def actuate(self, values: Sequence[Any], now: float, elapsed: float, step: float, *, engaged: bool) -> None:
         """Command the device or robot.
 
         Args:
-            values: one per incoming channel; None if nothing was decoded.
+            values: one per incoming channel, a vector or the joints of an arm; None if nothing was decoded.
             now: present time [s].
             elapsed: time since the last tick [s]; 0 after a stall.
             step: the same, bounded: the time by which ramps and speed limits advance [s].

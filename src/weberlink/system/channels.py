@@ -1,11 +1,17 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
+from typing import Any
+
 from weberlink.codec import Decoder, Encoder
+from weberlink.codec.bundle import BundleDecoder, BundleEncoder
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 from weberlink.update import Update
+
+Value = Any
+"""A vector, or the joints of an arm; None for nothing."""
 
 
 class OutgoingChannel:
@@ -24,12 +30,12 @@ class OutgoingChannel:
         model: the contact model of the newest update.
     """
 
-    def __init__(self, name: str, stream: int, encoder: Encoder, sensor: Sensor) -> None:
+    def __init__(self, name: str, stream: int, encoder: Encoder | BundleEncoder, sensor: Sensor) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
         self._sample = sensor.sample
-        self.coded: Vector = sensor.value
+        self.coded: Value = sensor.value
         self.update: Update | None = None
-        self.held: Vector | None = None
+        self.held: Value = None
         self.model: ModelRecord = UNFITTED
 
     def reset(self) -> None:
@@ -74,7 +80,7 @@ class IncomingChannel:
         self,
         name: str,
         stream: int,
-        decoder: Decoder,
+        decoder: Decoder | BundleDecoder,
         place: Sensor | None = None,
         learner: MasterControl | None = None,
     ) -> None:
@@ -99,11 +105,10 @@ class IncomingChannel:
         self.received += 1
         self.model = self.decoder.record
         if self._learner is not None:
-            newest = self.decoder.newest
-            assert newest is not None
+            newest: Any = self.decoder.newest
             self._learner.learn(self.decoder.surface, newest.value, newest.position)
 
-    def decode(self, tick: float) -> Vector | None:
+    def decode(self, tick: float) -> Value:
         """The value now; `tick` is of the peer. None before the first update."""
         place = self._place
         return self._value(tick, ZERO if place is None else place.value)

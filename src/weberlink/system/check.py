@@ -54,13 +54,25 @@ def describe(configuration: Configuration) -> Iterator[str]:
     """
     system = configuration.system
     notes = try_out(configuration)
+    security = build_security(configuration)
+    yield f"{configuration.path}: valid"
+    if system.codec.joints is None:
+        yield from _hand_and_tool(configuration, security.tag_size)
+    else:
+        from weberlink.system.check_arms import arms  # noqa: PLC0415 - for arms alone
+
+        yield from arms(configuration, security.tag_size, _link(system))
+    for warning in (*_link_warnings(system), *notes):
+        yield f"warning   {warning}"
+
+
+def _hand_and_tool(configuration: Configuration, tag: int) -> Iterator[str]:
+    system = configuration.system
     device = None if configuration.device is None else build_device(configuration)
     robot = None if configuration.robot is None else build_robot(configuration)
     forward, backward = channels(system)
     shape = backward.deadband.describe()
     scene = build_scene(configuration)
-    security = build_security(configuration)
-    yield f"{configuration.path}: valid"
     yield from _sides(system, device, robot)
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
@@ -68,24 +80,20 @@ def describe(configuration: Configuration) -> Iterator[str]:
         + ("" if shape == "isotropic" else f"; {shape}")
         + _most(system.codec.force)
     )
-    yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
+    yield f"          update of {_sizes(backward, tag, system)} bytes of UDP payload"
     position = system.codec.position
     yield f"position  {_coding(position.predictor, forward)}; bound {1e3 * position.bound_m:g} mm{_most(position)}"
-    yield f"          update of {_sizes(forward, security.tag_size, system)} bytes of UDP payload"
-    yield from _rotation(system, security.tag_size)
+    yield f"          update of {_sizes(forward, tag, system)} bytes of UDP payload"
+    yield from _rotation(system, tag)
     yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
     if system.codec.rotation is not None:
         torque_us = _codec_us(streams(system)[1][1])
         yield f"          codec {torque_us:.1f} us per tick more (torque channel)"
     if scene is not None:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
-    uncoded = _uncoded_kbit(system, security.tag_size)
+    uncoded = _uncoded_kbit(system, tag)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    stiffness = None if device is None else device.spec.stiffness_n_m
-    for warning in (
-        *_warnings(system, stiffness),
-        *notes,
-    ):
+    for warning in _warnings(system, None if device is None else device.spec.stiffness_n_m):
         yield f"warning   {warning}"
 
 
@@ -220,6 +228,19 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
             f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}; use at "
             "most that"
         )
+    if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
+        yield (
+            f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device; "
+            "use at most that"
+        )
+    yield from _lookahead_warnings(system)
+    if system.codec.force.floor_n == 0.0:
+        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
+    if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
+
+
+def _link_warnings(system: System) -> Iterator[str]:
     emulate = system.link.emulate or EmulationSettings()
     round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
     loop_ms = round_trip_ms + 2e3 * system.tick_period
@@ -234,16 +255,6 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
             f"realtime.busy_poll: each daemon takes a processor, and this machine has {cpus} for {sides} of them and "
             "everything else; use false, or a machine with more processors"
         )
-    if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
-        yield (
-            f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device; "
-            "use at most that"
-        )
-    yield from _lookahead_warnings(system)
-    if system.codec.force.floor_n == 0.0:
-        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
-    if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
 
 
 def _lookahead_warnings(system: System) -> Iterator[str]:

@@ -342,6 +342,6 @@ def _outcome(summary: dict[str, Any]) -> Fields:
     kept["outcome"] = str(summary.get("outcome"))[:LONGEST_OUTCOME]
     return kept | {
         name: {key: summary[name].get(key) for key in ("packets_per_s", "reduction")}
-        for name in ("force", "position")
+        for name in ("force", "position", "joint_torque", "joint_angle")
         if name in summary
     }

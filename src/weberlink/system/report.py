@@ -5,6 +5,7 @@ docs/glossary.md defines its words.
 
 from collections.abc import Iterator
 from math import pi
+from textwrap import wrap
 from typing import Any
 
 from rich.console import Console
@@ -14,7 +15,7 @@ from rich.text import Text
 from weberlink.protocol.states import State
 from weberlink.system.environment import footer
 from weberlink.system.order import MASTER
-from weberlink.system.verdict import DEGRADED, FAILED_OUTCOME, FAILURE, GOOD, verdict
+from weberlink.system.verdict import DEGRADED, FAILED_OUTCOME, FAILURE, GOOD, felt_channel, verdict
 from weberlink.telemetry.record import RELEASED
 
 WIDTH = 80
@@ -23,6 +24,10 @@ CHANNELS = (
     ("torque", "mN m", 1e3, 1),
     ("position", "mm", 1e3, 3),
     ("orientation", "deg", 180.0 / pi, 2),
+    ("joint_torque", "mN m", 1e3, 1),
+    ("gripper_torque", "mN m", 1e3, 1),
+    ("joint_angle", "deg", 180.0 / pi, 2),
+    ("gripper_angle", "deg", 180.0 / pi, 2),
 )
 """Name, displayed unit, factor from SI to it, digits."""
 
@@ -60,7 +65,7 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
         summary: the figures so far; of the launcher's facts any may be missing.
     """
     present = {side: record for side, record in records.items() if record is not None}
-    force = summary["force"]
+    felt = felt_channel(summary)
     parts = [f"{summary['duration_s']:6.1f} s"]
     if not summary.get("recording", {"running": True}).get("running", False):
         parts.append("NOT RECORDING")
@@ -69,10 +74,12 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     parts.append(states[0] if states and all(each == states[0] for each in states) else "; ".join(states) or "starting")
     if not any(int(record["state"]) == State.ENGAGED.value for record in present.values()):
         return "  ".join(parts)[: WIDTH - 1]  # the figures are of a session that is over
-    if force["packets_per_s"] is not None and force["reduction"] is not None:
-        parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
-    if force["error_rms"] is not None:
-        parts += [f"felt {force['error_rms']:.3f} N", f"outside {100 * force['violation_fraction']:.1f} %"]
+    name, unit, factor, digits = _felt_units(summary)
+    if felt["packets_per_s"] is not None and felt["reduction"] is not None:
+        parts += [f"{name} {felt['packets_per_s']:.0f}/s", f"-{100 * felt['reduction']:.1f} %"]
+    if felt["error_rms"] is not None:
+        error = _number(felt["error_rms"], factor, unit, digits)
+        parts += [f"felt {error}", f"outside {100 * felt['violation_fraction']:.1f} %"]
     if summary["link"]["rtt_us"]["p50"] is not None:
         parts.append(f"rtt {summary['link']['rtt_us']['p50'] / 1000:.2f} ms")
     return "  ".join(parts)[: WIDTH - 1]  # a full line would wrap
@@ -101,7 +108,8 @@ def _state(side: str, record: Any, summary: dict[str, Any]) -> str:
 
 
 def _channels(summary: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    gap = 2 if "force" in summary else 1  # the names of an arm's channels are longer
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0))
     table.add_column("channel", no_wrap=True)
     for name in ("packets/s", "fewer", "all fewer", "B/s", "error RMS", "max", "outside"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -110,10 +118,10 @@ def _channels(summary: dict[str, Any]) -> Table:
             continue
         channel = summary[name]
         if not channel["samples"]:
-            table.add_row(name, "-", "-", "-", "-", "-", "-", "-")
+            table.add_row(name.replace("_", " "), "-", "-", "-", "-", "-", "-", "-")
             continue
         table.add_row(
-            name,
+            name.replace("_", " "),
             f"{channel['packets_per_s']:.1f}",
             _percent(channel["reduction"]),
             _percent(channel.get("reduction_all")),
@@ -182,18 +190,38 @@ def _lines(summary: dict[str, Any], *, connected: bool) -> Iterator[str]:
 
 def _session(summary: dict[str, Any]) -> Iterator[str]:
     """Felt error, codec and delays."""
-    force = summary["force"]
-    yield from _felt(force)
-    yield from _quality(force)
-    if force["coding"]["error_rms"] is not None:
-        yield (
-            f"coding error {_number(force['coding']['error_rms'], 1.0, 'N')} RMS, "
-            f"{_number(force['coding']['error_max'], 1.0, 'N')} max"
-        )
-    if len(force["selected"]) > 1:
-        yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
+    felt = felt_channel(summary)
+    yield from _felt(felt)
+    yield from _quality(felt)
+    if felt["coding"]["error_rms"] is not None:
+        _, unit, factor, digits = _felt_units(summary)
+        rms, most = (_number(felt["coding"][key], factor, unit, digits) for key in ("error_rms", "error_max"))
+        yield f"coding error {rms} RMS, {most} max"
+    if len(felt["selected"]) > 1:
+        yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in felt["selected"].items())
+    yield from _axes(summary)
     yield from _widened(summary)
     yield from _delays(summary)
+
+
+def _felt_units(summary: dict[str, Any]) -> tuple[str, str, float, int]:
+    """What the operator feels in a word, its displayed unit, the factor from SI to it, and digits."""
+    felt = "force" if "force" in summary else "joint_torque"
+    _, unit, factor, digits = next(entry for entry in CHANNELS if entry[0] == felt)
+    return felt.rpartition("_")[2], unit, factor, digits
+
+
+def _axes(summary: dict[str, Any]) -> Iterator[str]:
+    """The felt error of each axis of an arm."""
+    _, unit, factor, digits = _felt_units(summary)
+    errors = [
+        f"{axis} {figures['error_rms'] * factor:.{digits}f}"
+        for channel in ("joint_torque", "gripper_torque")
+        for axis, figures in summary.get(channel, {}).get("axes", {}).items()
+        if figures is not None
+    ]
+    if errors:
+        yield from wrap(f"error RMS by axis [{unit}]: {', '.join(errors)}", WIDTH)
 
 
 def _energy(energy: dict[str, Any]) -> Iterator[str]:
@@ -239,7 +267,8 @@ def _widened(summary: dict[str, Any]) -> Iterator[str]:
     for name, unit, factor, digits in CHANNELS:
         if name in summary and summary[name]["widened_fraction"]:
             share, most = summary[name]["widened_fraction"], _number(summary[name]["widened_max"], factor, unit, digits)
-            yield f"{name}: deadband widened in {_percent(share)} of ticks, to at most {most}"
+            limit = "" if summary[name]["widened_max"] is None else f", to at most {most}"
+            yield f"{name.replace('_', ' ')}: deadband widened in {_percent(share)} of ticks{limit}"
 
 
 def _quality(force: dict[str, Any]) -> Iterator[str]:

@@ -8,7 +8,6 @@ from weberlink.control.contract import Choosing
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
-from weberlink.geometry.vector import ZERO
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
     ChangeAnswered,
@@ -29,8 +28,9 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.order import EMERGENCY
+from weberlink.system.rows import CartesianRows, ChannelRows
 from weberlink.telemetry.fault import Fault, FaultLedger
-from weberlink.telemetry.record import UNKNOWN, Record
+from weberlink.telemetry.record import Record
 from weberlink.telemetry.row import Row
 from weberlink.update import Update
 
@@ -72,6 +72,7 @@ class Side:
         horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
         watchdog: expires when the port gives no usable reading for too long.
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
+        rows: what telemetry records of the channels.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Side:
         horizon: float,
         watchdog: Watchdog,
         stopwatch: Callable[[], float],
+        rows: Callable[..., ChannelRows] = CartesianRows,
     ) -> None:
         self.port = port
         self.outgoing, self.incoming = outgoing, incoming
@@ -120,6 +122,7 @@ class Side:
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._row = Row()
+        self._rows = rows(outgoing, incoming, leads=port.leads)
         self._state: State | None = None
         """The one in the row."""
 
@@ -239,21 +242,12 @@ class Side:
 
     def values(self, lateness_us: float, work_us: float, missed: int) -> tuple[float, ...]:
         """The telemetry of the tick just done, as a `weberlink.telemetry.record.Record`."""
-        row, endpoint, outgoing, incoming = self._row, self.endpoint, self.outgoing[0], self.incoming[0]
-        statistics, encoder, port = endpoint.statistics, outgoing.encoder, self.port
-        sends, hears = encoder.mirror.selected, incoming.decoder.selected
-        if self._leads:
-            force, row.selected, row.position_selected = incoming.model, hears, sends
-        else:
-            force, row.selected, row.position_selected = outgoing.model, sends, hears
-            row.decoded = outgoing.held or ZERO
+        row, endpoint, port = self._row, self.endpoint, self.port
+        statistics = endpoint.statistics
+        self._rows.fill(row, statistics)
         peer_at = endpoint.peer_time(self.deadline)
         row.at = self.deadline
         row.peer_at = nan if peer_at is None else peer_at
-        row.raw = outgoing.sensor.value
-        row.predicted = encoder.predicted or UNKNOWN
-        row.coded = outgoing.coded
-        row.bound = encoder.bound
         row.weber = self.tuning.settings.weber
         row.tick = self.index
         row.ticks_missed = missed
@@ -272,34 +266,14 @@ class Side:
         row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
         row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
         row.tank = port.control.tank
-        row.model, row.surface, row.surface_size, row.surface_stiffness = force
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
         row.fault = self._faults.active
         row.control = SCHEME_CODES[port.control.active]
-        row.sent = outgoing.update is not None
-        row.widened = encoder.widened
-        row.received = incoming.received
         row.settings = self.tuning.generation & 0xFF
-        if len(self.outgoing) > 1:
-            self._report_rotation(row)
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
         return row.values()
-
-    def _report_rotation(self, row: Row) -> None:
-        statistics, rotation, incoming = self.endpoint.statistics, self.outgoing[1], self.incoming[1]
-        if self._leads:
-            row.rotation_selected = incoming.decoder.selected
-        else:
-            row.rotation_selected = rotation.encoder.mirror.selected
-            row.rotation_decoded = rotation.held or ZERO
-        row.rotation_updates_sent = statistics.updates_sent[1]
-        row.rotation_updates_received = statistics.updates_received[1]
-        row.rotation_raw = rotation.sensor.value
-        row.rotation_bound = rotation.encoder.bound
-        row.rotation_sent = rotation.update is not None
-        row.rotation_widened = rotation.encoder.widened
 
     def _leave(self, now: float, reason: str) -> None:
         self._close(now, reason)

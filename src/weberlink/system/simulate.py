@@ -6,7 +6,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from weberlink.system.composition.channels import banks, lookahead_ms, measures_of
+from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
@@ -16,7 +16,7 @@ from weberlink.system.interruption import Interruption
 from weberlink.system.order import COMPLETED, INTERRUPTED
 from weberlink.system.recorder import check_target, facts, recording_ended
 from weberlink.system.scoring.recording import TraceRecorder
-from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.scoring.session import Records, score_of
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
 from weberlink.system.verdict import verdict
 
@@ -87,7 +87,7 @@ def simulate(
     if record is not None:
         check_target(record)
     simulation = build_simulation(configuration)
-    score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
+    score = score_of(system)
     recorder = TraceRecorder()
     recording = None if record is None else VirtualRecording(configuration, record, tell)
     length = DEFAULT_DURATION if duration is None else duration

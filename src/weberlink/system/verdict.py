@@ -212,17 +212,21 @@ def _faults(summary: Mapping[str, Any]) -> Iterator[Cause]:
         who = " and ".join(f"the {side} {_times(count)}" for side, count in stalled.items())
         yield Cause(DEGRADED, "stalled", f"a process stood still: {who}, for up to {longest:.2f} s")
     if tripped := faults.get(SLAVE, {}).get("tripped"):
-        yield Cause(DEGRADED, "tripped", f"the robot backed off from a contact {_times(tripped)} (slave.limits.trip_n)")
+        limit = "trip_n" if "force" in summary else "joints.trip_nm"
+        text = f"the robot backed off from a contact {_times(tripped)} (slave.limits.{limit})"
+        yield Cause(DEGRADED, "tripped", text)
     if wrong := sum(counts.get("update", 0) for counts in faults.values()):
         yield Cause(DEGRADED, "update", f"{wrong} updates did not fit their channel")
 
 
 def _force(summary: Mapping[str, Any]) -> Iterator[Cause]:
     """What the limit of force, delay and codec did to the force that the operator felt."""
-    force, limited = summary["force"], summary["limited"]["force_ticks"]
-    engaged = summary["position"].get("samples", 0)
+    is_arm = "force" not in summary
+    force, limited = felt_channel(summary), summary["limited"]["force_ticks"]
+    engaged = summary["joint_angle" if is_arm else "position"].get("samples", 0)
     if engaged and limited >= FORCE_SHARE * engaged:
-        text = f"force limited in {_percent(limited / engaged)} of ticks (master.limits.force_n)"
+        what, where = ("torque", "joints.torque_nm") if is_arm else ("force", "force_n")
+        text = f"{what} limited in {_percent(limited / engaged)} of ticks (master.limits.{where})"
         yield Cause(DEGRADED, "force_limited", text)
     outside, explained = force["violation_fraction"], force["violation_floor"] or 0.0
     if outside is None:
@@ -240,6 +244,12 @@ def _loss(link: Mapping[str, Any]) -> Iterator[Cause]:
     due = lost + link["received"]
     if lost >= LOSS_COUNT and lost >= LOSS_SHARE * due:
         yield Cause(DEGRADED, "loss", f"{_percent(lost / due)} of datagrams lost")
+
+
+def felt_channel(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures of the channel that the operator feels: the force or, of an arm, the torques of its joints."""
+    felt: dict[str, Any] = summary["force"] if "force" in summary else summary["joint_torque"]
+    return felt
 
 
 def _times(count: int) -> str:

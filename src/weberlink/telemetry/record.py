@@ -157,7 +157,11 @@ FIELDS = (
 NAMES = tuple(field.name for field in FIELDS)
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
 """Cumulative fields."""
-FINITE = ("position", "raw", "decoded", "coded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
+FINITE = (
+    *("position", "raw", "decoded", "coded", "output"),
+    *("rotation_raw", "rotation_decoded", "rotation_output"),
+    *("joint_position", "joint_raw", "joint_decoded", "joint_output"),
+)
 """Vectors that are finite in every record; others are NaN while unknown."""
 _PLACES = {3: AXES, len(JOINTS): JOINTS}
 COLUMNS = tuple(

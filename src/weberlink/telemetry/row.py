@@ -1,11 +1,22 @@
 """The record of a tick in the making: a side fills it field by field."""
 
+from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import ZERO
 from weberlink.telemetry.record import JOINTS, NAMES
 
 _UNUSED = (0.0,) * len(JOINTS)
 NO_JOINTS = (*_UNUSED * 5, 0, 0, 0)
 """The end of the record of a session without joints."""
+
+
+def placed(values: Joints, joints: int) -> Joints:
+    """The values of an arm's axes at their places in a record.
+
+    Args:
+        values: of the joints in order, and of the gripper if there is one.
+        joints: how many of them are joints, 1 to 8.
+    """
+    return values[:joints] + _UNUSED[: MOST_JOINTS - joints] + (values[joints:] or _UNUSED[:1])
 
 
 class Row:

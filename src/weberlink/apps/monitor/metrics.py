@@ -40,7 +40,16 @@ GAUGES = {
     "tank_joules": ("tank", 1.0, "Energy that passivity control may still spend."),
 }
 QUANTILES = {"0.5": "p50", "0.99": "p99", "0.999": "p99_9"}
-CHANNELS = ("force", "position", "torque", "orientation")
+CHANNELS = (
+    "force",
+    "position",
+    "torque",
+    "orientation",
+    "joint_torque",
+    "joint_angle",
+    "gripper_torque",
+    "gripper_angle",
+)
 """A session has the first two or all of them."""
 CHANNEL_FIGURES = {
     "packets_per_second": ("packets_per_s", "Updates sent per second, over the session."),
@@ -168,7 +177,7 @@ def _summaries(summaries: Mapping[str, Any]) -> Iterator[Metric]:
             if channel in summary
         )
         yield _family(GaugeMetricFamily, name, meaning, ("session", "channel"), figures)
-    errors = ((session, summary["force"]["error_rms"]) for session, summary in summaries.items())
+    errors = ((session, summary["force"]["error_rms"]) for session, summary in summaries.items() if "force" in summary)
     yield _family(GaugeMetricFamily, "felt_error_rms_newtons", "RMS error of the felt force.", ("session",), errors)
     lengths = ((session, summary["duration_s"]) for session, summary in summaries.items())
     yield _family(GaugeMetricFamily, "session_duration_seconds", "Length so far.", ("session",), lengths)

@@ -11,11 +11,10 @@ from typing import Any
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
-from weberlink.system.scoring.session import SessionScore
+from weberlink.system.scoring.session import score_of
 from weberlink.system.simulate import build_simulation
 
 STOPPED = ("interrupted", "terminated", "hung up")
@@ -153,7 +152,7 @@ class VirtualRunner:
         configuration = load(self.signals.file, overrides)
         system = configuration.system
         simulation = build_simulation(configuration)
-        score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
+        score = score_of(system)
         simulation.run(self.plan.duration_s, [score])
         master, slave = simulation.master, simulation.slave
         failures = [side.failure for side in (master, slave) if side.failure is not None]

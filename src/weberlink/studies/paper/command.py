@@ -19,14 +19,13 @@ from weberlink.studies.paper.deviations import ReadingResult, packets_of, result
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
 from weberlink.system.interruption import Interruption
 from weberlink.system.scoring.recording import TraceRecorder
-from weberlink.system.scoring.session import SessionScore
+from weberlink.system.scoring.session import score_of
 from weberlink.system.simulate import build_simulation
 
 FLOOR_N = 0.02
@@ -210,7 +209,7 @@ def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
     system = configuration.system
-    score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
+    score = score_of(system)
     build_simulation(configuration).run(session.duration_s, [score])
     force = score.summary()["force"]
     return Observation(

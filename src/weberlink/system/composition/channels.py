@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
+from weberlink.codec.bundle import BundleChannel, joint_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
@@ -11,7 +12,8 @@ from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
-from weberlink.system.configuration.model import ForceCodecSettings, PredictedSettings
+from weberlink.system.configuration.joints import AngleCodecSettings, JointTorqueCodecSettings, per_axis
+from weberlink.system.configuration.model import ForceCodecSettings
 
 
 def force_deadband(system: System, weber: float) -> Deadband:
@@ -61,7 +63,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
-        rate=_rate(position, system),
+        rate=_rate(position.max_updates_per_s, system),
         tick_period=system.tick_period,
         lookahead=_ticks(position.lookahead_ms, system),
     )
@@ -74,7 +76,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
-        rate=_rate(force, system),
+        rate=_rate(force.max_updates_per_s, system),
         tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
@@ -82,8 +84,13 @@ def channels(system: System) -> tuple[Channel, Channel]:
     return forward, backward
 
 
-def _rate(settings: PredictedSettings, system: System) -> UpdateRate | None:
-    per_s = settings.max_updates_per_s
+def motion_bank(system: System) -> tuple[str, ...]:
+    """Names of the predictors of the position channel or, of an arm, of the angles of its joints."""
+    joints = system.codec.joints
+    return channels(system)[0].bank if joints is None else (joints.angle.predictor,)
+
+
+def _rate(per_s: float | None, system: System) -> UpdateRate | None:
     return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
 
 
@@ -99,11 +106,47 @@ def _ticks(length_ms: float, system: System) -> int:
 
 
 def lookahead_ms(system: System) -> dict[str, float]:
-    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks."""
+    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
+    if system.codec.joints is not None:
+        return {}
     return {
         name: 1e3 * channel.lookahead * system.tick_period
         for name, channel in zip(("position", "force"), channels(system), strict=True)
     }
+
+
+def joint_streams(system: System) -> tuple[tuple[BundleChannel, ...], tuple[BundleChannel, ...]]:
+    """All forward and all backward channels of an arm by stream: its joints and, where it has one, its gripper."""
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    forward = [_angles(joints.angle, len(joints.names), system)]
+    backward = [_torques(joints.torque, len(joints.names), system)]
+    if gripper is not None:
+        forward.append(_angles(gripper.angle, 1, system))
+        backward.append(_torques(gripper.torque, 1, system))
+    return tuple(forward), tuple(backward)
+
+
+def _angles(settings: AngleCodecSettings, count: int, system: System) -> BundleChannel:
+    return joint_channel(
+        predictor=settings.predictor,
+        bounds=per_axis(settings.bound_rad, count),
+        step=settings.step_rad,
+        tick_period=system.tick_period,
+        rate=_rate(settings.max_updates_per_s, system),
+    )
+
+
+def _torques(settings: JointTorqueCodecSettings, count: int, system: System) -> BundleChannel:
+    return joint_channel(
+        predictor=settings.predictor,
+        bounds=per_axis(settings.floor_nm, count),
+        weber=settings.weber,
+        step=settings.step_nm,
+        tick_period=system.tick_period,
+        rest=(0.0,) * count,
+        rate=_rate(settings.max_updates_per_s, system),
+    )
 
 
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -121,7 +164,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
-        rate=_rate(orientation, system),
+        rate=_rate(orientation.max_updates_per_s, system),
         tick_period=system.tick_period,
     )
     twisting = force_channel(
@@ -132,13 +175,18 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
-        rate=_rate(torque, system),
+        rate=_rate(torque.max_updates_per_s, system),
         tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
 
 
 def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation."""
+    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation.
+
+    Of an arm, those of the torques of its joints, and None.
+    """
+    if system.codec.joints is not None:
+        return (system.codec.joints.torque.predictor,), None
     _, (force, *rotation) = streams(system)
     return force.bank, rotation[0].bank if rotation else None

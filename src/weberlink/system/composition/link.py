@@ -1,11 +1,12 @@
 """What both sides build alike from a configuration: agreement, security, endpoint, control, tuning, emulated faults."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from secrets import token_bytes
 from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec.bundle import BundleChannel
 from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Control, SchemeParameters, Switchable
 from weberlink.control.table import SCHEMES
@@ -103,8 +104,8 @@ def build_endpoint(
     security: Security,
     entropy: Entropy,
     epoch: float,
-    outgoing: tuple[Channel, ...],
-    incoming: tuple[Channel, ...],
+    outgoing: Sequence[Channel | BundleChannel],
+    incoming: Sequence[Channel | BundleChannel],
     peer: Address | None,
     identity: Identity = ANONYMOUS,
 ) -> Endpoint:
@@ -197,8 +198,10 @@ def check_axes(where: str, axes: str, system: System) -> None:
 
 
 def _unused(system: System) -> set[str]:
-    """Parts of the codec that the file leaves out, of which nothing is said to the peer."""
-    return {"rotation"} if system.codec.rotation is None else set()
+    """Parts of the codec without use in this session, of which nothing is said to the peer."""
+    if system.codec.joints is not None:
+        return {"force", "position", "rotation"} | ({"gripper"} if system.codec.gripper is None else set())
+    return {"joints", "gripper"} | ({"rotation"} if system.codec.rotation is None else set())
 
 
 def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
@@ -221,7 +224,7 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
         return {}
     choices: dict[str, tuple[str, ...]] = {"weber": ()}
     force = system.codec.force
-    if force.predictor in BANKS and len(force.bank) > 1:
+    if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
         choices["predictor"] = (*force.bank, force.predictor)
     if system.control.scheme == AUTO:
         choices["scheme"] = (*_choices(system), AUTO)
@@ -241,13 +244,31 @@ def build_tuning(system: System, control: Control, coder: Encoder | Decoder) -> 
     """The tuning of a side, which encodes or decodes the force."""
     force = system.codec.force
 
-    def apply(settings: LiveSettings, peer_tick: float) -> None:
+    def retune(settings: LiveSettings, peer_tick: float) -> None:
         deadband = force_deadband(system, settings.weber)
         if isinstance(coder, Decoder):
             coder.retune(deadband, peer_tick)
         else:
             chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
             coder.retune(deadband, chosen if force.predictor in BANKS else [0])
+
+    return tuning_of(system, control, retune, leads=isinstance(coder, Decoder))
+
+
+def tuning_of(
+    system: System, control: Control, retune: Callable[[LiveSettings, float], None], *, leads: bool
+) -> Tuning:
+    """The tuning of a side.
+
+    Args:
+        system: of both sides.
+        control: this end of the control scheme.
+        retune: takes settings into the codec from a tick of the peer on.
+        leads: whether this is the operator's end.
+    """
+
+    def apply(settings: LiveSettings, peer_tick: float) -> None:
+        retune(settings, peer_tick)
         if settings.scheme != AUTO:
             use(settings.scheme)
 
@@ -255,13 +276,13 @@ def build_tuning(system: System, control: Control, coder: Encoder | Decoder) -> 
         if isinstance(control, Switchable):
             control.use(scheme)
 
-    leads = isinstance(coder, Decoder)
     return Tuning(_of_file(system), permitted(system), apply, _choices(system), use, leads=leads)
 
 
 def _of_file(system: System) -> LiveSettings:
-    force = system.codec.force
-    return LiveSettings(force.weber, force.predictor, system.control.scheme)
+    joints = system.codec.joints
+    felt = system.codec.force if joints is None else joints.torque
+    return LiveSettings(felt.weber, felt.predictor, system.control.scheme)
 
 
 def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":

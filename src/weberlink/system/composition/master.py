@@ -2,11 +2,12 @@
 
 from math import inf
 
+from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, GuardedDevice, TorqueDevice
+from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
 from weberlink.master.operator_port import Display, HandPosition, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
@@ -51,6 +52,18 @@ def build_master(
     Raises:
         ConfigurationError: if the device cannot do what the file asks.
     """
+    if configuration.system.codec.joints is not None:
+        from weberlink.system.composition.arms import build_leading  # noqa: PLC0415 - for arms alone
+
+        return build_leading(
+            configuration,
+            security=security,
+            entropy=entropy,
+            epoch=epoch,
+            stopwatch=stopwatch,
+            peer=peer,
+            identity=identity,
+        )
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
@@ -120,7 +133,7 @@ def build_device(configuration: Configuration) -> Device:
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = _mapped(system, device)
-    _check_button(system, device)
+    check_button(system, device.spec)
     _check_push(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
@@ -161,9 +174,9 @@ def _torque_slew(system: System, device: Device) -> float:
     return spec.torque_n_m * _force_slew(system, device) / spec.force_n
 
 
-def _check_button(system: System, device: Device) -> None:
+def check_button(system: System, spec: DeviceSpec | ArmSpec) -> None:
     """A dead-man button must be there, and must not be the clutch too."""
-    engage, mapping, spec = system.master.engage, system.master.mapping, device.spec
+    engage, mapping = system.master.engage, system.master.mapping
     if engage is None:
         return
     if engage.button >= spec.buttons:
@@ -237,7 +250,7 @@ def _mapped(system: System, device: Device) -> Device:
     )
 
 
-def check_force_ends(device: Device, driver: str, accepted: str | None) -> None:
+def check_force_ends(device: Device | LeaderArm, driver: str, accepted: str | None) -> None:
     """See that the board of a device removes the force by itself, or that a guardian process does.
 
     Args:

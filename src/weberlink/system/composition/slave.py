@@ -54,6 +54,12 @@ def build_slave(
     Raises:
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
     """
+    if configuration.system.codec.joints is not None:
+        from weberlink.system.composition.arms import build_following  # noqa: PLC0415 - for arms alone
+
+        return build_following(
+            configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity
+        )
     system, robot = configuration.system, build_robot(configuration)
     if shows and isinstance(robot, PosedRobot):
         robot.publish_pose()

@@ -27,12 +27,7 @@ def try_out(configuration: Configuration) -> list[str]:
     """
     build_security(configuration)
     _check_scheme(configuration)
-    device = robot = None
-    if configuration.device is not None:
-        device = build_device(configuration)
-    if configuration.robot is not None:
-        robot = build_robot(configuration)
-        workspace_of(configuration, robot)
+    found = _notes(configuration)
     alone = {"link.slave": configuration.robot is None, "link.listen": configuration.device is None}
     for field, is_alone in alone.items():
         address = getattr(configuration.system.link, field.partition(".")[2])
@@ -45,6 +40,20 @@ def try_out(configuration: Configuration) -> list[str]:
             f"{configuration.path}: link.security: session is for weberlink loopback, which runs both sides; "
             "for one side write psk, with key_file (weberlink keygen KEYFILE)"
         )
+    return found
+
+
+def _notes(configuration: Configuration) -> list[str]:
+    if configuration.system.codec.joints is not None:
+        from weberlink.system.composition.arms import notes  # noqa: PLC0415 - for arms alone
+
+        return list(notes(configuration))
+    device = robot = None
+    if configuration.device is not None:
+        device = build_device(configuration)
+    if configuration.robot is not None:
+        robot = build_robot(configuration)
+        workspace_of(configuration, robot)
     return [*lacks(configuration.system, device, robot), *beyond(configuration, device, robot)]
 
 

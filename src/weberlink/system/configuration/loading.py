@@ -58,9 +58,11 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         system = make_absolute(system, path.parent, overridden)
         device = robot = None
         if MASTER in sides:
-            device = _part(devices, system.master.device, ("master", "device"), path.parent, overridden)
+            table = _tables(system)[MASTER]
+            device = _part(table, system.master.device, ("master", "device"), path.parent, overridden)
         if SLAVE in sides:
-            robot = _part(robots, system.slave.robot, ("slave", "robot"), path.parent, overridden)
+            table = _tables(system)[SLAVE]
+            robot = _part(table, system.slave.robot, ("slave", "robot"), path.parent, overridden)
         _check_security(system)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {describe(error, System, ())}") from None
@@ -77,7 +79,18 @@ def load_device(configuration: Configuration) -> Part:
     """
     if configuration.device is not None:
         return configuration.device
-    return _part(devices, configuration.system.master.device, ("master", "device"), configuration.path.parent, ())
+    system = configuration.system
+    return _part(_tables(system)[MASTER], system.master.device, ("master", "device"), configuration.path.parent, ())
+
+
+def _tables(system: System) -> dict[str, Any]:
+    """The table of the drivers of each side: devices and robots, or arms led and followed joint by joint."""
+    if system.codec.joints is None:
+        return {MASTER: devices, SLAVE: robots}
+    from weberlink.master.devices import leaders  # noqa: PLC0415 - for arms alone
+    from weberlink.slave.robots import followers  # noqa: PLC0415 - for arms alone
+
+    return {MASTER: leaders, SLAVE: followers}
 
 
 def _check_security(system: System) -> None:
@@ -88,7 +101,11 @@ def _check_security(system: System) -> None:
     """
     if system.link.security != "none":
         return
-    sides = (devices, "master.device", system.master.device), (robots, "slave.robot", system.slave.robot)
+    tables = _tables(system)
+    sides = (
+        (tables[MASTER], "master.device", system.master.device),
+        (tables[SLAVE], "slave.robot", system.slave.robot),
+    )
     for table, where, settings in sides:
         if table.is_hardware(settings.driver):
             raise ConfigurationError(

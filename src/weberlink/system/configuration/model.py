@@ -21,6 +21,7 @@ from pydantic import (
 )
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
+from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
@@ -30,6 +31,13 @@ from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
 from weberlink.system.configuration.errors import one_of
+from weberlink.system.configuration.joints import (
+    FollowerLimits,
+    GripperCodecSettings,
+    JointCodecSettings,
+    LeaderLimits,
+)
+from weberlink.system.configuration.settings import Settings
 from weberlink.update import MAX_SELECTOR
 
 
@@ -97,8 +105,8 @@ LOOKAHEAD_SHARE = 0.5
 LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
 
 
-class Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+JOINT_SCHEMES = ("none", "tdpa")
+"""Control schemes for arms led joint by joint."""
 
 
 class PredictedSettings(Settings):
@@ -350,6 +358,18 @@ class CodecSettings(Settings):
     position: PositionCodecSettings = PositionCodecSettings()
     rotation: RotationCodecSettings | None = None
     """Torque and orientation, `{}` for their defaults; leave out for three degrees of freedom."""
+    joints: JointCodecSettings | None = None
+    """The joints of a leader and a follower arm, instead of force, position and rotation; leave out for none."""
+    gripper: GripperCodecSettings | None = None
+    """The gripper of the arms, `{}` for its defaults; leave out for none."""
+
+    @model_validator(mode="after")
+    def _gripper_of_an_arm(self) -> Self:
+        if self.gripper is not None and self.joints is None:
+            raise ValueError("gripper: belongs to an arm; give its joints too, with joints: {names: [...]}")
+        if self.joints is not None and self.rotation is not None:
+            raise ValueError("joints: an arm has no rotation of its own; leave out codec.rotation")
+        return self
 
 
 class ControlSettings(Settings):
@@ -408,6 +428,8 @@ class MasterLimits(Settings):
     """Time in which force and torque fade in and out."""
     device_ms: float = Field(default=20.0, gt=0, le=5000)
     """Longest time without a usable sample of the device."""
+    joints: LeaderLimits | None = None
+    """Of a leader arm, `{}` or nothing for its own limits; with `codec.joints`."""
 
 
 class ClutchSettings(Settings):
@@ -467,6 +489,8 @@ class MasterSettings(Settings):
     device: DriverSettings = DriverSettings(driver="operator")
     mapping: MappingSettings | None = None
     """Leave out where the two frames are one."""
+    joint_mapping: LeaderMappingSettings | None = None
+    """From the axes of a leader arm to those of the follower; leave out where they are the same."""
     engage: EngageSettings | None = None
     """Leave out where the robot is to follow without a button held."""
     limits: MasterLimits = MasterLimits()
@@ -500,6 +524,8 @@ class SlaveLimits(Settings):
     """Time in which its force fades in once it has reached the operator's position."""
     robot_ms: float = Field(default=20.0, gt=0, le=5000)
     """Longest time without a usable sample of the robot."""
+    joints: FollowerLimits | None = None
+    """Of a follower arm, `{}` or nothing for its own limits and the speeds by default; with `codec.joints`."""
 
     @model_validator(mode="after")
     def _presses_before_it_trips(self) -> Self:
@@ -566,6 +592,27 @@ class System(Settings):
         if limit is not None and limit < floor:
             raise ValueError(
                 f"slave.limits.contact_n: {limit:g} is not felt; use at least codec.force.floor_n, {floor:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _joints_fit(self) -> "System":
+        has_limits = self.master.limits.joints is not None or self.slave.limits.joints is not None
+        if self.codec.joints is None:
+            if has_limits or self.master.joint_mapping is not None:
+                raise ValueError("limits.joints and master.joint_mapping: need codec.joints, the joints of the arms")
+            return self
+        lost = {
+            "axes": self.axes != "xyz",
+            "master.mapping": self.master.mapping is not None,
+            "slave.scene": bool(self.slave.scene),
+        }
+        for name, is_given in lost.items():
+            if is_given:
+                raise ValueError(f"{name}: has no meaning for an arm led joint by joint (codec.joints); leave it out")
+        if self.control.scheme not in JOINT_SCHEMES:
+            raise ValueError(
+                f"control.scheme: with codec.joints {' or '.join(JOINT_SCHEMES)}, not {self.control.scheme}"
             )
         return self
 

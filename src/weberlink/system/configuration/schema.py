@@ -13,8 +13,10 @@ from typing import Any
 
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.master import devices
+from weberlink.master.devices import leaders
 from weberlink.slave import robots
-from weberlink.system.configuration import model
+from weberlink.slave.robots import followers
+from weberlink.system.configuration import joints, model
 from weberlink.system.configuration.deadband import settings_of
 from weberlink.system.configuration.model import System
 
@@ -25,10 +27,12 @@ def schema() -> dict[str, Any]:
     definitions = document["$defs"]
     _explain(definitions | {System.__name__: document})
     del definitions["DriverSettings"]
-    for owner, field, table in (("MasterSettings", "device", devices), ("SlaveSettings", "robot", robots)):
-        choices = [_driver(name, table.load(name).Options, definitions) for name in table.BUILT_IN]
+    parts = ("MasterSettings", "device", (devices, leaders)), ("SlaveSettings", "robot", (robots, followers))
+    for owner, field, tables in parts:
+        drivers = {name: table.load(name) for table in tables for name in table.BUILT_IN}
+        choices = [_driver(name, driver.Options, definitions) for name, driver in drivers.items()]
         # A driver of another package may take any options.
-        other = {"properties": {"driver": {"not": {"enum": list(table.BUILT_IN)}, "type": "string"}}}
+        other = {"properties": {"driver": {"not": {"enum": list(drivers)}, "type": "string"}}}
         definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
     del definitions["ShapeSettings"]
     shapes = {each.__name__: each.model_json_schema() for each in map(settings_of, DEADBANDS.built_in)}
@@ -47,9 +51,15 @@ def schema() -> dict[str, Any]:
 
 def _explain(definitions: dict[str, Any]) -> None:
     """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
-    classes = (node for node in ast.parse(inspect.getsource(model)).body if isinstance(node, ast.ClassDef))
-    for each in classes:
-        heirs = [heir for heir in definitions if issubclass(getattr(model, heir, object), getattr(model, each.name))]
+    classes = [
+        (module, node)
+        for module in (joints, model)
+        for node in ast.parse(inspect.getsource(module)).body
+        if isinstance(node, ast.ClassDef)
+    ]
+    known = {node.name: getattr(module, node.name) for module, node in classes}
+    for _, each in classes:
+        heirs = [heir for heir in definitions if issubclass(known.get(heir, object), known[each.name])]
         for field, text in pairwise(each.body):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):

@@ -16,10 +16,11 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.control.table import SCHEMES
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import COUNTERS, FINITE
+from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
 from weberlink.telemetry.recording.message import BEGUN
 from weberlink.telemetry.recording.reader import Recording, RecordingError
 
@@ -29,6 +30,8 @@ TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
 CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
+ADDED = tuple(field.name for field in FIELDS if field.name.startswith(("joint_", "gripper_")))
+"""Fields that recordings made before arms lack; they are 0 in a Cartesian session."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -51,6 +54,7 @@ class RecordedSession:
         bank: names of the predictors of the force channel.
         torque_bank: of the torque channel; None for a session of three degrees of freedom.
         measures: how the deadband of the force measures an error; None for the distance.
+        arm: the axes of a session in joint space; None for one in Cartesian space.
         marks: that a person set, in order of time.
     """
 
@@ -60,6 +64,7 @@ class RecordedSession:
     bank: tuple[str, ...]
     torque_bank: tuple[str, ...] | None = None
     measures: Measures | None = None
+    arm: ArmLayout | None = None
     marks: tuple[SessionMark, ...] = ()
 
     @property
@@ -69,7 +74,7 @@ class RecordedSession:
 
     def summary(self) -> dict[str, Any]:
         """The figures of the session, as those of a live one, with faults and drops by side."""
-        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures)
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -95,10 +100,11 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     """
     found: dict[str, tuple[Recording, Records]] = {}
     for recording in recordings:
-        _check_fields(recording)
-        for side, records in recording.records.items():
-            if not len(records):
+        for side, read in recording.records.items():
+            if not len(read):
                 continue
+            records = _with_added_fields(read)
+            _check_fields(recording, side, records)
             if side in found:
                 raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
             found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
@@ -119,13 +125,15 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         _check_overlap(found[MASTER][1], slave, found)
         found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
     empty = np.empty(0, DTYPE)
+    measures, arm = _configuration(reference)
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
         rate_hz=rate,
         bank=tuple(reference.facts.get("bank", "").split()),
         torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
-        measures=_measures(reference),
+        measures=measures,
+        arm=arm,
         marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
     )
 
@@ -148,12 +156,16 @@ def _marks(
     ]
 
 
-def _measures(recording: Recording) -> Measures | None:
-    """How the deadband of the recorded configuration measures; None for the distance, or without a configuration."""
+def _configuration(recording: Recording) -> tuple[Measures | None, ArmLayout | None]:
+    """How the deadband of the recorded configuration measures, None for the distance, and the axes of its arm, if any.
+
+    Neither without a configuration.
+    """
     if CONFIGURATION not in recording.facts:
-        return None
+        return None, None
     try:
-        return measures_in(yaml.safe_load(recording.facts[CONFIGURATION]))
+        dump = yaml.safe_load(recording.facts[CONFIGURATION])
+        return measures_in(dump), arm_in(dump)
     except (ValueError, YAMLError, RecursionError) as error:
         why = " ".join(str(error).split())
         raise RecordingError(f"{recording.path}: its configuration has no deadband known here: {why}") from None
@@ -164,16 +176,26 @@ def _predictors(recording: Recording) -> str:
     return f"{force} (torque: {torque})" if torque else force
 
 
-def _check_fields(recording: Recording) -> None:
+def _with_added_fields(records: Records) -> Records:
+    """Records of an earlier release with the fields that have been added since, which are 0."""
+    lacks = set(ADDED) - set(records.dtype.names or ())
+    if not lacks:
+        return records
+    kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
+    filled = np.zeros(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in ADDED if name in lacks)]))
+    for name, _ in kept:
+        filled[name] = records[name]
+    return filled
+
+
+def _check_fields(recording: Recording, side: str, records: Records) -> None:
     """Check that the records are complete and plausible."""
-    for side, records in recording.records.items():
-        lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
-        if lacks:
-            raise RecordingError(
-                f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
-            )
-        if len(records):
-            _check_numbers(recording, side, records)
+    lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
+    if lacks:
+        raise RecordingError(
+            f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
+        )
+    _check_numbers(recording, side, records)
 
 
 def _check_numbers(recording: Recording, side: str, records: Records) -> None:
@@ -260,6 +282,7 @@ def _from_its_beginning(records: Records) -> Records:
         ("updates_sent", "sent"),
         ("updates_received", "received"),
         ("rotation_updates_sent", "rotation_sent"),
+        ("gripper_updates_sent", "gripper_sent"),
     ):
         before[counter] -= before[own]
     return _counted_from(records, before[0])

@@ -3,6 +3,7 @@
 Records come in pieces; sums and histograms take bounded memory, so a session may have any length.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 
 from weberlink.codec.deadband.contract import Measures
 from weberlink.control.table import SCHEMES
+from weberlink.system.composition.channels import banks, measures_of
+from weberlink.system.configuration import System
+from weberlink.system.scoring.arm import ArmLayout, AxesScore, arm_in
 from weberlink.system.scoring.channel import (
     ChannelScore,
     angles_between,
@@ -136,6 +140,8 @@ class SessionScore:
         bank: names of the predictors of the force channel, in the order of selectors.
         torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
         measures: how the deadband of the force measures an error; None for the distance.
+        arm: the axes of a session in joint space; None for a session in Cartesian space. Its channels are
+            `joint_torque`, `joint_angle` and, with a gripper, `gripper_torque` and `gripper_angle`.
     """
 
     def __init__(
@@ -144,23 +150,30 @@ class SessionScore:
         bank: tuple[str, ...],
         torque_bank: tuple[str, ...] | None = None,
         measures: Measures | None = None,
+        arm: ArmLayout | None = None,
     ) -> None:
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._sides = (_SideScore(), _SideScore())
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
-        self._force = ChannelScore("", self._period, bank, measures=measures)
         self._quality, self._jumps = QualityStatistics(self._period), JumpsOfRecords()
-        self._from_slave = {"force": self._force}
-        self._from_master = {"position": ChannelScore("", self._period)}
-        rotates = torque_bank is not None
-        if rotates:
-            self._from_slave["torque"] = ChannelScore("rotation_", self._period, torque_bank)
-            self._from_master["orientation"] = ChannelScore("rotation_", self._period, error=angles_between)
-        self._ports = (
-            PortWork("output", "position", held=True, turns=turns if rotates else None, turning="rotation_raw"),
-            PortWork("raw", "output", held=False, turns=turns if rotates else None),
-        )
+        self._is_arm = arm is not None
+        self._from_slave: Mapping[str, ChannelScore | AxesScore]
+        self._from_master: Mapping[str, ChannelScore | AxesScore]
+        if arm is None:
+            self._from_slave, self._from_master = cartesian_channels(self._period, bank, torque_bank, measures)
+            turning = None if torque_bank is None else turns
+            self._ports = (
+                PortWork("output", "position", held=True, turns=turning, turning="rotation_raw"),
+                PortWork("raw", "output", held=False, turns=turning),
+            )
+        else:
+            self._from_slave, self._from_master = arm.channels(self._period)
+            self._ports = (
+                PortWork("joint_output", "joint_position", held=True),
+                PortWork("joint_raw", "joint_output", held=False),
+            )
+        self._felt = next(iter(self._from_slave))
         self._work: list[Series] = [np.empty(0), np.empty(0)]
         """Work at the port of each side, up to each of the waiting records [J]."""
         self._link_energy = LinkEnergy()
@@ -179,7 +192,7 @@ class SessionScore:
                 self._work[index] = work[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
-        if len(master):
+        if len(master) and not self._is_arm:  # the JND of a torque at each joint is not known
             self._quality.add_jumps(*self._jumps.of(master))
         for records, channels in ((master, self._from_master), (slave, self._from_slave)):
             if len(records):  # these figures need no records of the other side
@@ -202,8 +215,7 @@ class SessionScore:
         summary: dict[str, Any] = {
             "duration_s": duration,
             "ticks": {"master": master.timing(self._period), "slave": slave.timing(self._period)},
-            "force": {},
-            "position": {},
+            **{name: {} for name in (*self._from_slave, *self._from_master)},
             "link": {
                 "rtt_us": _percentiles(heard.rtt),
                 "one_way_us": _percentiles(heard.one_way),
@@ -230,14 +242,16 @@ class SessionScore:
             "energy": {
                 "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
                 "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
-                "link_generated_j": max(0.0, -self._link_energy.least) if self._force.felt.count else None,
+                "link_generated_j": (
+                    max(0.0, -self._link_energy.least) if self._from_slave[self._felt].felt.count else None
+                ),
             },
         }
         for name, channel in self._from_slave.items():
-            summary[name] = _packets(slave, master, duration, rotation=name == "torque") | channel.summary()
-        summary["force"] |= self._quality.summary() | {"violation_floor": self._violation_floor()}
+            summary[name] = _packets(slave, master, duration, name) | channel.summary()
+        summary[self._felt] |= self._quality.summary() | {"violation_floor": self._violation_floor()}
         for name, channel in self._from_master.items():
-            summary[name] = _packets(master, slave, duration, rotation=name == "orientation") | channel.summary()
+            summary[name] = _packets(master, slave, duration, name) | channel.summary()
         return summary
 
     def _violation_floor(self) -> float | None:
@@ -261,9 +275,10 @@ class SessionScore:
         self._link_energy.add(given, taken, in_session(matched) & in_session(now))
         counts = close & in_session(matched) & in_session(now)
         matched, now = matched[counts], now[counts]
-        displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))
-        magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
-        self._quality.add(distances(displayed, measured), *magnitudes)
+        if not self._is_arm:
+            displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))
+            magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
+            self._quality.add(distances(displayed, measured), *magnitudes)
         for channel in self._from_slave.values():
             channel.compare(now, matched)
         for channel in self._from_master.values():
@@ -292,10 +307,31 @@ def nearest_ticks(
     return ready, nearest, np.abs(master_at[nearest] - now) <= 0.75 * period
 
 
-def _packets(sender: _SideScore, receiver: _SideScore, duration: float, *, rotation: bool) -> dict[str, Any]:
+def score_of(system: System) -> SessionScore:
+    """The score of a session of this configuration."""
+    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm_in(system.model_dump(mode="json")))
+
+
+def cartesian_channels(
+    period: float, bank: tuple[str, ...], torque_bank: tuple[str, ...] | None, measures: Measures | None
+) -> tuple[dict[str, ChannelScore], dict[str, ChannelScore]]:
+    """The scores of the channels from the slave, the force first, and of those from the master."""
+    from_slave = {"force": ChannelScore("", period, bank, measures=measures)}
+    from_master = {"position": ChannelScore("", period)}
+    if torque_bank is not None:
+        from_slave["torque"] = ChannelScore("rotation_", period, torque_bank)
+        from_master["orientation"] = ChannelScore("rotation_", period, error=angles_between)
+    return from_slave, from_master
+
+
+COUNTED = {"torque": "rotation_", "orientation": "rotation_", "gripper_torque": "gripper_", "gripper_angle": "gripper_"}
+"""Prefix of the counters of a channel that is the second one of its direction."""
+
+
+def _packets(sender: _SideScore, receiver: _SideScore, duration: float, channel: str) -> dict[str, Any]:
     """The packets of one channel; counted by the receiver where the sender's records are on another host."""
     seen = sender if sender.ticks else receiver
-    prefix = "rotation_" if rotation else ""
+    prefix = COUNTED.get(channel, "")
     packets = seen.counter(f"{prefix}updates_{'sent' if sender.ticks else 'received'}")
     figures = {
         "samples": seen.engaged,
@@ -303,7 +339,7 @@ def _packets(sender: _SideScore, receiver: _SideScore, duration: float, *, rotat
         "packets_per_s": packets / duration if duration else None,
         "reduction": 1.0 - packets / seen.engaged if seen.engaged else None,
     }
-    if rotation:  # datagrams carry both channels of a direction, and are counted with the other one
+    if prefix:  # datagrams carry both channels of a direction, and are counted with the other one
         return figures
     datagrams = seen.counter("datagrams_sent" if sender.ticks else "datagrams_received")
     return figures | {

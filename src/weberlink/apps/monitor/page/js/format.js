@@ -17,6 +17,7 @@ export const AS = {
   count: (v) => (known(v) ? v.toLocaleString("en").replace(/,/g, "\u202f") : UNKNOWN),
   number1: (v) => (known(v) ? fixed(v, 1) : UNKNOWN),
   number2: (v) => (known(v) ? fixed(v, 2) : UNKNOWN),
+  signed: (v) => (known(v) ? fixed(v, 3) : UNKNOWN),
   pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
   rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
   percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),

@@ -19,8 +19,8 @@ export const column =
   (c, i) =>
     c[name] ? factor * c[name][i] : NaN;
 const component = (v, which, factor = 1) => (which === "norm" ? norm(v, factor) : axis(v, which, factor));
-const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
-const sent =
+export const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
+export const sent =
   (stream = "") =>
   (c, i) =>
     c[`${stream}sent`] && c[`${stream}sent`][i] > 0;
@@ -34,7 +34,7 @@ function roundUp(value) {
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((f) => f * power).find((step) => step >= value * 0.999);
 }
 export const upward = (least) => (low, high) => [0, roundUp(Math.max(least, 1.04 * high))];
-const around = (least) => (low, high) => {
+export const around = (least) => (low, high) => {
   const top = roundUp(Math.max(least, 1.04 * Math.max(Math.abs(low), Math.abs(high))));
   return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];
 };
@@ -277,7 +277,7 @@ export const PANELS = [
   },
 ];
 
-function padded(low, high, least) {
+export function padded(low, high, least) {
   const middle = (low + high) / 2;
   const half = Math.max(least, (high - low) / 2) * 1.1;
   const step = roundUp(half / 4);

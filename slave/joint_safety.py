@@ -1,0 +1,191 @@
+"""Protects a follower arm from decoded angles, axis by axis: engagement without a jump, limits, contact, trips."""
+
+from math import copysign, inf
+
+from weberlink.geometry.joints import Joints
+from weberlink.slave.safety import REBOUND, TRIP_PAUSE, Follower
+
+TRIP_RETREAT = 0.05
+"""How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
+CONTACT_SHARE = 0.1
+"""An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
+
+
+class JointPressLimit:
+    """Bounds the torque with which each axis presses on what it touches; the counterpart of `PressLimit`.
+
+    Against the torque of the environment, the commanded angle may lie at most `most / stiffness` beyond the measured
+    one, so that the position control of the axis presses with at most `most`. This holds for `REBOUND` after the
+    contact too. Motion away from the contact is not bounded.
+
+    Most followers sag under their own weight, which their position control holds by a distance to the command that is
+    no contact. So the command goes back only where the torque of the environment reaches `most`; below it, it only goes
+    no deeper. Otherwise an arm that takes up a light object would sink.
+
+    Args:
+        most: largest torque of each axis on the environment [N m], >= 0; 0 for one that measures no torque, which is
+            not bounded.
+        stiffness: of the position control of each axis [N m/rad], > 0; an infinite one is not bounded.
+        noise: uncertainty of a measured torque [N m]; a contact below it is none.
+    """
+
+    __slots__ = ("_contact", "_left", "_most", "_reach", "_sign")
+
+    def __init__(self, most: Joints, stiffness: Joints, noise: float) -> None:
+        if not all(torque >= 0.0 for torque in most):
+            raise ValueError(f"press limits must not be negative: {most}")
+        self._most = most
+        self._reach = tuple(inf if k == inf else torque / k for torque, k in zip(most, stiffness, strict=True))
+        self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) or inf for torque in most)
+        self._sign = [0.0] * len(most)
+        self._left = [0.0] * len(most)
+
+    def bounded(self, target: Joints, held: Joints, angles: Joints, torques: Joints, elapsed: float) -> Joints:
+        """The target, less deep on axes that press too far; itself if none does [rad].
+
+        Args:
+            target: angles that the arm is to be commanded to [rad].
+            held: those of the last command [rad].
+            angles: as measured [rad].
+            torques: of the environment on the arm [N m].
+            elapsed: time since the last call [s].
+        """
+        bounded = target
+        for axis, torque in enumerate(torques):
+            if abs(torque) >= self._contact[axis]:
+                self._sign[axis], self._left[axis] = copysign(1.0, torque), REBOUND
+            elif self._left[axis] <= 0.0:
+                continue
+            self._left[axis] -= elapsed
+            # Along the axis, with the direction out of the contact as positive.
+            sign = self._sign[axis]
+            deepest = sign * angles[axis] - self._reach[axis]
+            if abs(torque) < self._most[axis]:
+                deepest = min(deepest, sign * held[axis])
+            if sign * target[axis] < deepest:
+                bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])
+        return bounded
+
+    def near(self, held: Joints, angles: Joints) -> Joints:
+        """The held angles, each moved towards the measured one until it presses with no more than the limit [rad]."""
+        return tuple(
+            here if reach == inf else min(max(angle, here - reach), here + reach)
+            for angle, here, reach in zip(held, angles, self._reach, strict=True)
+        )
+
+
+class JointGuard(Follower[Joints]):
+    """Bounds the commanded angles by speed and range; the counterpart of `CommandGuard`.
+
+    Each axis moves on its own, at most at the speed. When it is released the arm holds. A torque above its limit trips
+    it: the axes of such torques back off along them, by `TRIP_RETREAT` from both the measured and the commanded angle,
+    and the others hold. It follows again once `TRIP_PAUSE` has passed and the command is as far out of the contact.
+
+    Args:
+        lower: least angles [rad].
+        upper: largest angles [rad].
+        trip: torque of the environment above which an axis trips [N m].
+        speed: largest speed of an axis while following [rad/s], > 0.
+        approach_speed: speed of the approach and of a retreat [rad/s], > 0.
+        ramp: time in which torque fades in and out [s], > 0.
+    """
+
+    __slots__ = ("_lower", "_pause", "_retreat_to", "_trip", "_upper", "_way_out")
+
+    def __init__(
+        self, *, lower: Joints, upper: Joints, trip: Joints, speed: float, approach_speed: float, ramp: float
+    ) -> None:
+        super().__init__((0.0,) * len(lower), toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        if not all(low <= high for low, high in zip(lower, upper, strict=True)):
+            raise ValueError(f"no range of angles from {lower} to {upper}")
+        self._lower, self._upper = lower, upper
+        # A reading that saturates at the limit is not above it.
+        self._trip = tuple(torque * (1.0 + 1e-9) for torque in trip)
+        self._retreat_to: Joints | None = None
+        self._way_out: tuple[Joints, Joints] | None = None  # end of the retreat; direction out, 0 on other axes
+        self._pause = 0.0
+
+    @property
+    def share(self) -> float:
+        """The part of the measured torques that may be shown to the operator now, 0..1."""
+        return self._share
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a trip keeps the arm from following."""
+        return self._way_out is not None
+
+    def place(self, where: Joints) -> None:
+        """Start afresh at these angles [rad]. A trip stays."""
+        self.reset()
+        self._held = where
+        self._retreat_to = None
+
+    def is_overloaded(self, torques: Joints) -> bool:
+        """Whether a torque of the environment is above its limit."""
+        for torque, most in zip(torques, self._trip):  # noqa: B905, SIM110 - strict and any() cost as much as the loop
+            if abs(torque) > most:
+                return True
+        return False
+
+    def trip(self, torques: Joints, where: Joints) -> None:
+        """Stop following and back off.
+
+        Args:
+            torques: of the environment, at least one above its limit [N m].
+            where: the measured angles [rad].
+        """
+        self.release()
+        out = tuple(
+            copysign(1.0, torque) if abs(torque) > most else 0.0
+            for torque, most in zip(torques, self._trip, strict=True)
+        )
+        # From the command where that is farther out: an arm that sags lies below a command that is no deeper.
+        retreat = [
+            held if sign == 0.0 else sign * (max(sign * held, sign * here) + TRIP_RETREAT)
+            for held, here, sign in zip(self._held, where, out, strict=True)
+        ]
+        self._retreat_to = self._inside(tuple(retreat))
+        self._way_out = self._retreat_to, out
+        self._pause = TRIP_PAUSE
+
+    def hold(self, elapsed: float) -> Joints:
+        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
+        self._pause -= elapsed
+        if self._retreat_to is not None:
+            self._held = toward(self._held, self._retreat_to, self._approach_speed * elapsed)
+        return super().hold(elapsed)
+
+    def follow(self, commanded: Joints, elapsed: float) -> Joints:
+        """The command of a tick in session: the decoded one within range and speed, or `hold` after a trip [rad]."""
+        goal = self._inside(commanded)
+        if self._way_out is not None:
+            if self._pause > 0.0 or not self._is_out(goal):
+                return self.hold(elapsed)
+            self._way_out = None
+        self._retreat_to = None
+        held = self.pursue(goal, elapsed)
+        self.clipped = self._following and held != commanded
+        return held
+
+    def _is_out(self, goal: Joints) -> bool:
+        """Whether the angles lie as far out of the contact that tripped as the arm has backed off."""
+        assert self._way_out is not None
+        place, out = self._way_out
+        return all(sign * (angle - away) >= 0.0 for sign, angle, away in zip(out, goal, place, strict=True))
+
+    def _inside(self, angles: Joints) -> Joints:
+        inside = [
+            low if angle < low else high if angle > high else angle
+            for angle, low, high in zip(angles, self._lower, self._upper, strict=True)
+        ]
+        return tuple(inside)
+
+
+def toward(start: Joints, goal: Joints, way: float) -> Joints:
+    """The goal on each axis that is within `way` of it; on others, the angle that is `way` nearer [rad]."""
+    moved = [
+        end if abs(end - angle) <= way else angle + copysign(way, end - angle)
+        for angle, end in zip(start, goal, strict=True)
+    ]
+    return tuple(moved)

@@ -1,0 +1,60 @@
+"""What is sensed of an arm, as an outgoing channel: its joints, or its gripper."""
+
+from math import inf
+from typing import Literal
+
+from weberlink.arms.contract import ArmReading
+from weberlink.geometry.joints import Joints, is_finite
+from weberlink.geometry.vector import ZERO, Vector
+
+
+class AxesSensor:
+    """Some axes of an arm, of which the angles or the torques are sent; a `weberlink.control.port.Sensor` of arms.
+
+    Args:
+        quantity: which part of a reading it takes.
+        first: the first axis.
+        last: the axis after the last one.
+        axes: how many the arm has, gripper included.
+
+    Attributes:
+        value: the newest usable measurement [rad | N m].
+        sent: what to encode of it [rad | N m]; its port sets it in every tick.
+        most: largest share of each deadband that may stay unsent; its port sets it where there is a limit.
+    """
+
+    def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
+        self._takes_angles = quantity == "angles"
+        self._first, self._last, self._axes = first, last, axes
+        self.value: Joints = (0.0,) * (last - first)
+        self.sent: Joints = self.value
+        self.most = inf
+
+    def complaint(self, reading: ArmReading) -> str | None:
+        """Why a reading cannot be used: of all axes, since neither end acts on some without the others."""
+        for name, values in (("angles", reading.angles), ("torques", reading.torques)):
+            if len(values) != self._axes:
+                return f"reports {len(values)} {name} for {self._axes} axes"
+            if not is_finite(values):
+                return f"reports the {name} {values}"
+        return None
+
+    def take(self, reading: ArmReading) -> None:
+        self.value = (reading.angles if self._takes_angles else reading.torques)[self._first : self._last]
+
+    def keep(self, values: Joints) -> None:
+        """Send these values, of all axes, from now on."""
+        self.sent = self.part(values)
+
+    def part(self, values: Joints) -> Joints:
+        """The entries of its axes, of a vector of all axes."""
+        return values[self._first : self._last]
+
+    def sample(self) -> tuple[Joints, Vector, float]:
+        return self.sent, ZERO, self.most
+
+
+def sensors(quantity: Literal["angles", "torques"], joints: int, axes: int) -> list[AxesSensor]:
+    """The sensor of the joints and, where there is one more axis, that of the gripper."""
+    made = [AxesSensor(quantity, 0, joints, axes)]
+    return made if axes == joints else [*made, AxesSensor(quantity, joints, axes, axes)]
