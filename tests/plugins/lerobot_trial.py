@@ -148,7 +148,7 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
         laws.check(
             f"lateness p99 of the {side} is unharmed by LeRobot",
             beside["p99_us"] <= most and beside["missed"] <= without["missed"] + 0.001 * beside["ticks"],
-            f"{beside['p99_us']:g} us, without {without['p99_us']:g} us; missed {beside['missed']} and {without['missed']}",
+            f"{beside['p99_us']:g} us, {beside['missed']} missed; else {without['p99_us']:g} us, {without['missed']}",
         )
     step_ms = float(np.percentile(took, 99)) * 1e3
     laws.check("a step of the loop never waits", step_ms < 10.0, f"p99 {step_ms:.2f} ms")
