@@ -34,7 +34,14 @@ from weberlink.system.composition.link import (
 )
 from weberlink.system.composition.master import check_button, check_force_ends
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-from weberlink.system.configuration.joints import (AngleCodecSettings, FollowerLimits, GripperCodecSettings, JointCodecSettings, LeaderLimits, per_axis)
+from weberlink.system.configuration.joints import (
+    AngleCodecSettings,
+    FollowerLimits,
+    GripperCodecSettings,
+    JointCodecSettings,
+    LeaderLimits,
+    per_axis,
+)
 from weberlink.system.rows import JointRows
 from weberlink.system.side import Side
 
