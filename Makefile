@@ -6,11 +6,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
+LEROBOT := $(VENV)/lerobot
 
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -41,6 +42,9 @@ test-compiled: compiled  ## the whole test suite on the compiled build
 
 hunt: $(DEV)  ## every property at ten times the examples, other ones each time; TIMES=100 for a night
 	$(BIN)/python -m pytest -n auto -m "hunt or (hypothesis and not realtime)" --hunt $(TIMES)
+
+lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, beside live sessions; installs torch: 7 GB
+	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -110,4 +114,10 @@ $(RUN): requirements.lock pyproject.toml
 $(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
+	touch $@
+
+$(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
+	$(PYTHON) -m venv $(LEROBOT)
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" -e ".[mujoco]" \
+		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@

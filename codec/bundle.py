@@ -83,10 +83,10 @@ class BundleChannel:
 
 def joint_channel(
     *,
-    predictor: str = "linear",
     bounds: Joints,
-    weber: float = 0.0,
     step: float,
+    predictor: str = "linear",
+    weber: float = 0.0,
     tick_period: float = 1e-3,
     rest: Joints | None = None,
     rate: UpdateRate | None = None,
@@ -94,10 +94,10 @@ def joint_channel(
     """Make the channel of a vector of joint values.
 
     Args:
-        predictor: a name of `PREDICTORS` that reads no position and sends no parameters.
         bounds: absolute threshold of each axis, > 0: the deadband of an angle [rad], the floor of a torque [N m].
-        weber: Weber factor of the value on its own axis, >= 0; 0 for angles.
         step: wire step, > 0 [rad or N m].
+        predictor: a name of `PREDICTORS` that reads no position and sends no parameters.
+        weber: Weber factor of the value on its own axis, >= 0; 0 for angles.
         tick_period: time between ticks [s], > 0.
         rest: values at both ends before the first update; None if nothing can be assumed.
         rate: largest rate of updates of the whole bundle; None for no limit.

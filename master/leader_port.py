@@ -1,17 +1,48 @@
 """The operator's end of the link with an arm: its angles are sensed, received torques are displayed joint by joint."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from math import inf
 from typing import ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, LeaderArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import LeadingControl
+from weberlink.control.contract import JointMaster
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.operator_end import OperatorEnd
 from weberlink.master.safety import ForceGate, TorqueLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row, placed
+
+
+class PressedAxes:
+    """How much of the deadbands of some angles may stay unsent while the follower presses on something.
+
+    There, an error e of an angle changes the torque by up to K e, with the stiffness K of the follower. So an error
+    stays unsent only if K e is within the deadband of the displayed torque.
+
+    Args:
+        bounds: deadbands of the angles [rad], > 0.
+        coupling: stiffness of the follower towards its command [N m/rad], > 0.
+        torque_bound: deadband of a torque of this size on this axis [N m].
+    """
+
+    def __init__(self, bounds: Joints, coupling: Joints, torque_bound: Callable[[int, float], float]) -> None:
+        self._axes = [
+            (index, 1.0 / (bound * stiffness))
+            for index, (bound, stiffness) in enumerate(zip(bounds, coupling, strict=True))
+        ]
+        self._torque_bound = torque_bound
+
+    def share(self, torques: Joints) -> float:
+        """The largest share of all deadbands, for these torques as displayed [N m]; inf where nothing is pressed."""
+        most = inf
+        for index, scale in self._axes:
+            torque = abs(torques[index])
+            bound = self._torque_bound(index, torque)
+            if torque > bound:
+                most = min(most, bound * scale)
+        return most
 
 
 class LeaderPort(OperatorEnd):
@@ -27,6 +58,7 @@ class LeaderPort(OperatorEnd):
         most: largest torques [N m], >= 0; 0 for an axis that displays none.
         slew: fastest change of the torques [N m/s], > 0.
         button: only while it is held, the follower follows and torque is displayed; None for always.
+        pressed: of the joints and, with one, of the gripper; None for a follower whose stiffness is not known.
 
     Attributes:
         joints: the sensor of the channel of the joints.
@@ -46,12 +78,13 @@ class LeaderPort(OperatorEnd):
         self,
         *,
         arm: LeaderArm,
-        control: LeadingControl[Joints],
+        control: JointMaster,
         endpoint: Endpoint,
         gate: ForceGate,
         most: Joints,
         slew: Joints,
         button: int | None = None,
+        pressed: Sequence[PressedAxes | None] = (),
     ) -> None:
         super().__init__(arm, gate, button)
         spec = arm.spec
@@ -64,9 +97,17 @@ class LeaderPort(OperatorEnd):
         self._limiter = TorqueLimiter(most, slew)
         self._displays = any(limit > 0.0 for limit in most)
         self._endpoint = endpoint
+        self._pressed = [
+            (sensor, axes) for sensor, axes in zip(self._sensors, pressed, strict=False) if axes is not None
+        ]
         self._nothing = [sensor.value for sensor in self._sensors]
         self._none: Joints = (0.0,) * spec.axes
         self.angles = self.command = self.decoded = self.output = self._none
+
+    @property
+    def angle_range(self) -> tuple[Joints, Joints]:
+        """Least and largest angles of all axes [rad]."""
+        return self.arm.spec.lower, self.arm.spec.upper
 
     def accept(self, reading: ArmReading) -> bool:
         self.angles = reading.angles
@@ -78,6 +119,8 @@ class LeaderPort(OperatorEnd):
         self.command = control.command(self.angles)
         for sensor in self._sensors:
             sensor.keep(self.command)
+        for sensor, axes in self._pressed:
+            sensor.most = axes.share(sensor.part(self.decoded))
         return control.credit
 
     def actuate(

@@ -1,8 +1,9 @@
 """What the ports of the operator's end share, of a haptic device or of a leader arm: the button and the gate."""
 
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
-from weberlink.master.devices.contract import ReportsTrouble
+from weberlink.arms.contract import LeaderArm
+from weberlink.master.devices.contract import Device, ReportsTrouble
 from weberlink.master.safety import ForceGate
 
 
@@ -22,7 +23,7 @@ class OperatorEnd:
     leads: Final = True
     tripped: Final = False
 
-    def __init__(self, source: "Source", gate: ForceGate, button: int | None) -> None:
+    def __init__(self, source: Device | LeaderArm, gate: ForceGate, button: int | None) -> None:
         self._source = source
         self.name: str = source.spec.name
         self.gate = gate
@@ -69,16 +70,3 @@ class OperatorEnd:
         self.gate.close()
 
     def release(self, *, retreat: bool) -> None: ...
-
-
-class Source(Protocol):
-    """What a device and a leader arm have in common."""
-
-    @property
-    def spec(self) -> Any: ...
-
-    def open(self, now: float) -> None: ...
-
-    def latest(self, now: float) -> Any: ...
-
-    def close(self) -> None: ...

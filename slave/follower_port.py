@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from weberlink.arms.contract import ArmFault, ArmReading, ExplainsArm, FollowerArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import FollowingControl
+from weberlink.control.contract import JointSlave
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.joint_safety import JointGuard, JointPressLimit
@@ -37,6 +37,7 @@ class FollowerPort:
         joints: the sensor of the channel of the joints' torques.
         gripper: that of the gripper; None without one.
         angles: as measured [rad].
+        angle_range: least and largest angles that may be commanded [rad].
         torques: of the environment, as measured [N m].
         shown: the part of them that the operator may feel [N m].
         applied: the commanded angles [rad].
@@ -56,7 +57,7 @@ class FollowerPort:
         self,
         *,
         arm: FollowerArm,
-        control: FollowingControl[Joints],
+        control: JointSlave,
         endpoint: Endpoint,
         lower: Joints,
         upper: Joints,
@@ -79,6 +80,7 @@ class FollowerPort:
         )
         self._press_limit = JointPressLimit(press, spec.stiffness_nm_rad, spec.torque_error_nm)
         self._endpoint = endpoint
+        self.angle_range = lower, upper
         self._is_overloaded = False
         self.contact_ticks = 0
         """Ticks in which the press limit held an axis back."""

@@ -6,7 +6,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.slave.safety import REBOUND, TRIP_PAUSE, Follower
 
 TRIP_RETREAT = 0.05
-"""How far an axis that trips backs off from where it is [rad]: 1 cm at the end of 20 cm. Chosen."""
+"""How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
 CONTACT_SHARE = 0.1
 """An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
 
@@ -19,11 +19,12 @@ class JointPressLimit:
     contact too. Motion away from the contact is not bounded.
 
     Most followers sag under their own weight, which their position control holds by a distance to the command that is
-    no contact. So the command goes back only where the torque of the environment is above `most`; below it, it only
-    goes no deeper. Otherwise an arm that takes up a light object would sink.
+    no contact. So the command goes back only where the torque of the environment reaches `most`; below it, it only goes
+    no deeper. Otherwise an arm that takes up a light object would sink.
 
     Args:
-        most: largest torque of each axis on the environment [N m], > 0.
+        most: largest torque of each axis on the environment [N m], >= 0; 0 for one that measures no torque, which is
+            not bounded.
         stiffness: of the position control of each axis [N m/rad], > 0; an infinite one is not bounded.
         noise: uncertainty of a measured torque [N m]; a contact below it is none.
     """
@@ -31,11 +32,11 @@ class JointPressLimit:
     __slots__ = ("_contact", "_left", "_most", "_reach", "_sign")
 
     def __init__(self, most: Joints, stiffness: Joints, noise: float) -> None:
-        if not all(torque > 0.0 for torque in most):
-            raise ValueError(f"press limits must be positive: {most}")
+        if not all(torque >= 0.0 for torque in most):
+            raise ValueError(f"press limits must not be negative: {most}")
         self._most = most
         self._reach = tuple(inf if k == inf else torque / k for torque, k in zip(most, stiffness, strict=True))
-        self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) for torque in most)
+        self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) or inf for torque in most)
         self._sign = [0.0] * len(most)
         self._left = [0.0] * len(most)
 
@@ -59,7 +60,7 @@ class JointPressLimit:
             # Along the axis, with the direction out of the contact as positive.
             sign = self._sign[axis]
             deepest = sign * angles[axis] - self._reach[axis]
-            if abs(torque) <= self._most[axis]:
+            if abs(torque) < self._most[axis]:
                 deepest = min(deepest, sign * held[axis])
             if sign * target[axis] < deepest:
                 bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])
@@ -77,8 +78,8 @@ class JointGuard(Follower[Joints]):
     """Bounds the commanded angles by speed and range; the counterpart of `CommandGuard`.
 
     Each axis moves on its own, at most at the speed. When it is released the arm holds. A torque above its limit trips
-    it: the axes of such torques back off by `TRIP_RETREAT` along them, the others hold. It follows again once
-    `TRIP_PAUSE` has passed and the command is as far out of the contact.
+    it: the axes of such torques back off along them, by `TRIP_RETREAT` from both the measured and the commanded angle,
+    and the others hold. It follows again once `TRIP_PAUSE` has passed and the command is as far out of the contact.
 
     Args:
         lower: least angles [rad].
@@ -139,12 +140,12 @@ class JointGuard(Follower[Joints]):
             copysign(1.0, torque) if abs(torque) > most else 0.0
             for torque, most in zip(torques, self._trip, strict=True)
         )
-        self._retreat_to = self._inside(
-            tuple(
-                held if sign == 0.0 else here + sign * TRIP_RETREAT
-                for held, here, sign in zip(self._held, where, out, strict=True)
-            )
-        )
+        # From the command where that is farther out: an arm that sags lies below a command that is no deeper.
+        retreat = [
+            held if sign == 0.0 else sign * (max(sign * held, sign * here) + TRIP_RETREAT)
+            for held, here, sign in zip(self._held, where, out, strict=True)
+        ]
+        self._retreat_to = self._inside(tuple(retreat))
         self._way_out = self._retreat_to, out
         self._pause = TRIP_PAUSE
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import ceil, pi, sin
 from random import Random
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from tests.control.walls import Wall
 from weberlink.control.contract import MasterControl, SlaveControl
@@ -77,16 +77,19 @@ class Course:
         return -min(0.0, *(a - b for a, b in zip(self.given, self.taken, strict=True)))
 
 
-class Direction:
+Signal = TypeVar("Signal")
+
+
+class Direction(Generic[Signal]):
     """One direction of the link, with the newest signal and credit that arrived."""
 
-    def __init__(self, link: Link, random: Random, first: tuple[float, int]) -> None:
+    def __init__(self, link: Link, random: Random, first: tuple[Signal, int]) -> None:
         self._link, self._random = link, random
-        self._flying: list[tuple[int, int, tuple[float, int]]] = []
+        self._flying: list[tuple[int, int, tuple[Signal, int]]] = []
         self._newest = -1
         self.known, self.credit = first
 
-    def carry(self, tick: int, signal: float, credit: int) -> None:
+    def carry(self, tick: int, signal: Signal, credit: int) -> None:
         """Send the signal and credit of this tick, and receive what arrives in it."""
         link, flying, chance = self._link, self._flying, self._random.random
         if chance() >= link.loss:
@@ -139,7 +142,7 @@ def operate(
     parts = hand.parts
     for tick in range(round(seconds / TICK)):
         moved = at
-        at, speed = _advance(hand, parts, at, speed, felt, intention(tick * TICK))
+        at, speed = advance(hand, parts, at, speed, felt, intention(tick * TICK))
         given = -felt * (at - moved)
         if learn is not None:
             learn(master, backward.known, at, tick)
@@ -163,7 +166,7 @@ def operate(
     return course
 
 
-def _advance(hand: Hand, parts: int, at: float, speed: float, felt: float, intended: float) -> tuple[float, float]:
+def advance(hand: Hand, parts: int, at: float, speed: float, felt: float, intended: float) -> tuple[float, float]:
     """A tick of the hand under a held force."""
     mass, stiffness, damping, step = hand.mass, hand.stiffness, hand.damping, TICK / parts
     for _ in range(parts):

@@ -20,6 +20,7 @@ class AxesSensor:
     Attributes:
         value: the newest usable measurement [rad | N m].
         sent: what to encode of it [rad | N m]; its port sets it in every tick.
+        most: largest share of each deadband that may stay unsent; its port sets it where there is a limit.
     """
 
     def __init__(self, quantity: Literal["angles", "torques"], first: int, last: int, axes: int) -> None:
@@ -27,6 +28,7 @@ class AxesSensor:
         self._first, self._last, self._axes = first, last, axes
         self.value: Joints = (0.0,) * (last - first)
         self.sent: Joints = self.value
+        self.most = inf
 
     def complaint(self, reading: ArmReading) -> str | None:
         """Why a reading cannot be used: of all axes, since neither end acts on some without the others."""
@@ -42,10 +44,14 @@ class AxesSensor:
 
     def keep(self, values: Joints) -> None:
         """Send these values, of all axes, from now on."""
-        self.sent = values[self._first : self._last]
+        self.sent = self.part(values)
+
+    def part(self, values: Joints) -> Joints:
+        """The entries of its axes, of a vector of all axes."""
+        return values[self._first : self._last]
 
     def sample(self) -> tuple[Joints, Vector, float]:
-        return self.sent, ZERO, inf
+        return self.sent, ZERO, self.most
 
 
 def sensors(quantity: Literal["angles", "torques"], joints: int, axes: int) -> list[AxesSensor]:

@@ -1,13 +1,10 @@
 """The interface of a control scheme: one class for each end of the link."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
-
-Place = TypeVar("Place", bound=Joints)
-"""A position [m], with forces [N]; or the angles of all axes of an arm [rad], with torques [N m]."""
 
 CREDIT_STEP = 1e-4
 """Energy of one unit of credit [J]. Energy handed over is rounded down to it, so rounding never creates energy."""
@@ -110,39 +107,8 @@ class Choosing(Switchable, Protocol):
         ...
 
 
-class LeadingControl(Control, Protocol[Place]):
-    """The operator's end of a scheme, of a hand's position or of an arm's angles.
-
-    Calls in a tick: `observe`, `command`, `render`, `displayed`.
-    """
-
-    def observe(self, position: Place, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
-        """Book the work of the last tick.
-
-        Args:
-            position: of the device [m | rad].
-            elapsed: time since the last call [s].
-            tick: the tick of the other side from which an update can have arrived by now.
-            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
-            quality: state of the link.
-        """
-        ...
-
-    def command(self, position: Place) -> Place:
-        """The position to send to the robot for this position of the device [m | rad]."""
-        ...
-
-    def render(self, force: Place) -> Place:
-        """The force to display, given the decoded one [N | N m]."""
-        ...
-
-    def displayed(self, force: Place) -> None:
-        """Take in the commanded force of the device, which is held until the next tick [N | N m]."""
-        ...
-
-
-class MasterControl(LeadingControl[Vector], Protocol):
-    """The operator's end of a scheme that also knows the contact.
+class MasterControl(Control, Protocol):
+    """The operator's end of a scheme.
 
     Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`.
     """
@@ -175,34 +141,97 @@ class MasterControl(LeadingControl[Vector], Protocol):
         """
         ...
 
-
-class FollowingControl(Control, Protocol[Place]):
-    """The teleoperator's end of a scheme. Calls in a tick: `follow`, then `observe` once the robot was read."""
-
-    def follow(self, target: Place, here: Place, elapsed: float, peer_credit: int, quality: LinkQuality) -> Place:
-        """The position to command [m | rad].
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
+        """Book the work of the last tick.
 
         Args:
-            target: decoded position of the operator [m | rad].
-            here: last commanded position [m | rad].
+            position: position of the device [m].
+            elapsed: time since the last call [s].
+            tick: the tick of the other side from which an update can have arrived by now.
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            quality: state of the link.
+        """
+        ...
+
+    def command(self, position: Vector) -> Vector:
+        """The position [m] to send to the robot for this position of the device [m]."""
+        ...
+
+    def render(self, force: Vector) -> Vector:
+        """The force to display [N], given the decoded one [N]."""
+        ...
+
+    def displayed(self, force: Vector) -> None:
+        """Take in the commanded force of the device [N], which is held until the next tick."""
+        ...
+
+
+class SlaveControl(Control, Protocol):
+    """The teleoperator's end of a scheme. Calls in a tick: `follow`, then `observe` once the robot was read."""
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
+        """The position to command [m].
+
+        Args:
+            target: decoded position of the operator [m].
+            here: last commanded position [m].
             elapsed: time since the last call [s].
             peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
             quality: state of the link.
         """
         ...
 
-    def observe(self, position: Place, force: Place) -> None:
+    def observe(self, position: Vector, force: Vector) -> None:
         """Book the work of this tick.
 
         Args:
-            position: commanded position [m | rad].
-            force: of the environment on the robot [N | N m].
+            position: commanded position [m].
+            force: force of the environment on the robot [N].
         """
         ...
 
 
-class SlaveControl(FollowingControl[Vector], Protocol):
-    """The teleoperator's end of a scheme of positions."""
+class JointMaster(Control, Protocol):
+    """The leader's end of a scheme for joints; angles and torques of all axes.
+
+    Calls in a tick: `observe`, `command`, `render`, `displayed`.
+    """
+
+    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
+        """Book the work of the last tick; as of `MasterControl`, for the angles of the leader [rad]."""
+        ...
+
+    def command(self, position: Joints) -> Joints:
+        """The angles to send [rad] for these angles of the leader [rad]."""
+        ...
+
+    def render(self, torque: Joints) -> Joints:
+        """The torques to display [N m], given the decoded ones [N m]."""
+        ...
+
+    def displayed(self, torque: Joints) -> None:
+        """Take in the commanded torques of the leader [N m], which are held until the next tick."""
+        ...
+
+
+class JointSlave(Control, Protocol):
+    """The follower's end of a scheme for joints. Calls in a tick: `follow`, then `observe` once the arm was read."""
+
+    def follow(self, target: Joints, here: Joints, elapsed: float, peer_credit: int, quality: LinkQuality) -> Joints:
+        """The angles to command [rad]; as of `SlaveControl`.
+
+        Args:
+            target: decoded angles of the leader [rad].
+            here: last commanded angles [rad].
+            elapsed: time since the last call [s].
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            quality: state of the link.
+        """
+        ...
+
+    def observe(self, position: Joints, torque: Joints) -> None:
+        """Book the work of this tick: commanded angles [rad], torques of the environment on the follower [N m]."""
+        ...
 
 
 @dataclass(frozen=True)

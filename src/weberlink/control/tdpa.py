@@ -46,6 +46,81 @@ FASTEST = 1.0
 """Largest speed of the operator's motion that the robot follows at once [m/s]; a faster one is a jump of the signal."""
 
 
+def book_hand(tank: EnergyTank, work: float, level: float, credit: int, elapsed: float, *, in_contact: bool) -> None:
+    """Book the work of the hand in a tick on the master's tank, and hand over what the robot needs.
+
+    Args:
+        tank: of the master.
+        work: of the hand on the device [J].
+        level: energy at which the tank counts as full [J].
+        credit: of the other side so far, in units of `CREDIT_STEP`.
+        elapsed: duration of the tick [s].
+        in_contact: whether the robot touches something.
+    """
+    tank.level += work
+    if work > 0.0:  # the work of the hand goes to the robot, except for what this tank lacks
+        tank.hand_over(min(work, tank.level - level))
+    tank.receive(credit)
+    if not in_contact:
+        tank.hand_over(min(tank.level, level) * min(1.0, elapsed / LEAK))
+    tank.spill(CAP * level)
+
+
+def book_robot(tank: EnergyTank, work: float, level: float, taken: float | None, elapsed: float) -> None:
+    """Book the work of the robot in a tick on the slave's tank, and hand over what it does not need.
+
+    Args:
+        tank: of the slave.
+        work: on the environment [J].
+        level: energy at which the tank counts as full [J].
+        taken: by the present contact so far, on this tank's account [J]; None without a contact.
+        elapsed: duration of the tick [s].
+    """
+    tank.level -= work
+    tank.hand_over(tank.level - level)
+    if taken is not None:
+        tank.hand_over((tank.level - (KEPT_IN_CONTACT * level + taken)) * min(1.0, elapsed / LEAK))
+
+
+class CatchUp:
+    """Where the operator's motion leads a robot that has fallen behind.
+
+    Args:
+        speed: at which it reduces its distance, added to the operator's own motion [m/s].
+    """
+
+    __slots__ = ("_speed", "_target")
+
+    def __init__(self, speed: float) -> None:
+        self._speed = speed
+        self._target: Vector | None = None
+
+    def reset(self) -> None:
+        self._target = None
+
+    def goal(self, target: Vector, here: Vector, elapsed: float, *, waits: bool = False) -> Vector:
+        """Where the target's own motion leads from `here`, and from there the catch-up motion towards it [m].
+
+        Args:
+            target: decoded position of the operator [m].
+            here: last commanded position [m].
+            elapsed: time since the last call [s].
+            waits: whether to follow the motion without catching up.
+        """
+        before, self._target = self._target, target
+        if before is None:
+            before = target
+        moved = dist(target, before)
+        share = min(1.0, FASTEST * elapsed / moved) if moved > 0.0 else 0.0
+        start = (
+            here[0] + share * (target[0] - before[0]),
+            here[1] + share * (target[1] - before[1]),
+            here[2] + share * (target[2] - before[2]),
+        )
+        way, drift = 0.0 if waits else self._speed * elapsed, dist(start, target)
+        return target if drift <= way else interpolate(start, target, way / drift)
+
+
 class _TankedPort:
     """One end of the scheme: a port with an energy tank."""
 
@@ -107,14 +182,7 @@ class TdpaMaster(_TankedPort):
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
-        tank = self._tank
-        tank.level += work
-        if work > 0.0:  # the work of the hand goes to the robot, except for what this tank lacks
-            tank.hand_over(min(work, tank.level - self._level))
-        tank.receive(peer_credit)
-        if not self._in_contact:
-            tank.hand_over(min(tank.level, self._level) * min(1.0, elapsed / LEAK))
-        tank.spill(CAP * self._level)
+        book_hand(self._tank, work, self._level, peer_credit, elapsed, in_contact=self._in_contact)
         self._elapsed, self._tick = elapsed, tick
 
     def command(self, position: Vector) -> Vector:
@@ -147,16 +215,15 @@ class TdpaMaster(_TankedPort):
 class TdpaSlave(_TankedPort):
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_catch_up_speed", "_elapsed", "_level", "_owed", "_port", "_prediction", "_target")
+    __slots__ = ("_catch_up", "_elapsed", "_level", "_owed", "_port", "_prediction")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
         self._level = settings.level
-        self._catch_up_speed = settings.catch_up_speed
+        self._catch_up = CatchUp(settings.catch_up_speed)
         self._port = MotionPort(settings.force_range, settings.coupling, FIRST_DEBT * settings.level)
         self._prediction = CreditPrediction(PREDICTED * settings.level)
         self._elapsed = 0.0
-        self._target: Vector | None = None
         self._owed = 0.0  # energy stored in the present contact that is on the master's account [J]
 
     def reset(self) -> None:
@@ -164,13 +231,13 @@ class TdpaSlave(_TankedPort):
         self._owed = 0.0
         self._tank.reset()
         self._prediction.reset()
-        self._target = None
+        self._catch_up.reset()
 
     def resume(self, peer_credit: int) -> None:
         self._port.reset()
         self._tank.renounce(peer_credit)
         self._prediction.reset(peer_credit)
-        self._target = None
+        self._catch_up.reset()
         self._owed = 0.0
 
     def begin(self) -> None:
@@ -189,42 +256,23 @@ class TdpaSlave(_TankedPort):
         energy = self._tank.level + ahead
         # To catch up is to press, which costs; without energy the robot would be stuck by what it cannot pay.
         is_empty = energy <= 0.0 and self._port.touches
-        goal = self._caught_up(target, here, elapsed, 0.0 if is_empty else self._catch_up_speed)
+        goal = self._catch_up.goal(target, here, elapsed, waits=is_empty)
         return self._port.affordable(goal, here, energy)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
         """As `follow`, without a limit by energy, while another scheme is active."""
         self._tank.ignore(peer_credit)
         self._prediction.reset(peer_credit)
-        return self._caught_up(target, here, elapsed, self._catch_up_speed)
-
-    def _caught_up(self, target: Vector, here: Vector, elapsed: float, speed: float) -> Vector:
-        """Where the target's own motion leads from here, and from there the catch-up motion towards it [m]."""
-        before, self._target = self._target, target
-        if before is None:
-            before = target
-        moved = dist(target, before)
-        share = min(1.0, FASTEST * elapsed / moved) if moved > 0.0 else 0.0
-        start = (
-            here[0] + share * (target[0] - before[0]),
-            here[1] + share * (target[1] - before[1]),
-            here[2] + share * (target[2] - before[2]),
-        )
-        way, drift = speed * elapsed, dist(start, target)
-        return target if drift <= way else interpolate(start, target, way / drift)
+        return self._catch_up.goal(target, here, elapsed)
 
     def observe(self, position: Vector, force: Vector) -> None:
-        tank = self._tank
         work = self._port.book(position, force)
         if self._owed > 0.0:
             returned = min(self._owed, max(0.0, -work))
             self._owed = min(self._owed - returned, self._port.taken)
             work += returned
-        tank.level -= work
-        tank.hand_over(tank.level - self._level)
-        if self._port.touches:
-            kept = KEPT_IN_CONTACT * self._level + max(0.0, self._port.taken - self._owed)
-            tank.hand_over((tank.level - kept) * min(1.0, self._elapsed / LEAK))
+        taken = max(0.0, self._port.taken - self._owed) if self._port.touches else None
+        book_robot(self._tank, work, self._level, taken, self._elapsed)
 
     def stand_by(self, position: Vector, force: Vector) -> None:
         """As `observe` while another scheme is active: the tank stays as it is."""

@@ -79,7 +79,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     udp = _transport(order.side, system, side.endpoint, link)
     transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
     capacity = int(RING_SECONDS * system.rate_hz)
-    described = description.Description(order.ring, description.describe(configuration, order.side))
+    described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
     described.publish()
     try:
         ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)

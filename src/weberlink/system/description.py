@@ -10,9 +10,11 @@ from getpass import getuser
 from pathlib import Path
 from socket import gethostname
 from tempfile import mkstemp
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
+from weberlink.geometry.joints import Joints
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, motion_bank
@@ -29,8 +31,23 @@ def path_beside(ring: str | Path) -> Path:
     return Path(ring).with_suffix(".json")
 
 
-def describe(configuration: Configuration, side: str) -> dict[str, Any]:
-    """Describe the daemon in this process; the path of the key is left out."""
+@runtime_checkable
+class HasAngleRange(Protocol):
+    """The port of an arm."""
+
+    @property
+    def angle_range(self) -> tuple[Joints, Joints]:
+        """Least and largest angles of all axes in the frame of the follower [rad]."""
+
+
+def describe(configuration: Configuration, side: str, port: Port | None = None) -> dict[str, Any]:
+    """Describe the daemon in this process; the path of the key is left out.
+
+    Args:
+        configuration: of the session.
+        side: master or slave.
+        port: of the side, where it is known; that of an arm adds the range of its angles.
+    """
     system = configuration.system
     force, torque = banks(system)
     return {
@@ -45,6 +62,11 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
         **({} if torque is None else {"torque_bank": list(torque)}),
         "schemes": list(SCHEMES),
         "changes": sorted(permitted(system)),
+        **(
+            dict(zip(("lower_rad", "upper_rad"), port.angle_range, strict=True))
+            if isinstance(port, HasAngleRange)
+            else {}
+        ),
     }
 
 

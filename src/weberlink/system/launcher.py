@@ -29,7 +29,7 @@ from time import monotonic, sleep, time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from weberlink.master.devices import pointer_link
+from weberlink.master.devices import pointer_link, remote_link
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
@@ -50,7 +50,7 @@ Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.(?:key|pointer|pose))")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.(?:key|pointer|leader|pose))")
 LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 TELL_S = 0.5
@@ -155,6 +155,7 @@ class Daemon:
             description.path_beside(self._ring),
             control_socket.path_beside(self._ring),
             pointer_link.socket_path(self.pid),
+            remote_link.target_path(self.pid),
         ):
             left.unlink(missing_ok=True)
 

@@ -108,7 +108,8 @@ def _state(side: str, record: Any, summary: dict[str, Any]) -> str:
 
 
 def _channels(summary: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    gap = 2 if "force" in summary else 1  # the names of an arm's channels are longer
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0))
     table.add_column("channel", no_wrap=True)
     for name in ("packets/s", "fewer", "all fewer", "B/s", "error RMS", "max", "outside"):
         table.add_column(name, justify="right", no_wrap=True)

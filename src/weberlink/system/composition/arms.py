@@ -1,6 +1,8 @@
 """Builds the sides of a session in joint space: a leader arm and a follower arm, from a configuration."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from math import inf
+from operator import mul, truediv
 from typing import Any
 
 from weberlink.arms.contract import ArmSpec, FollowerArm, LeaderArm
@@ -9,7 +11,7 @@ from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.joints import JointParameters, build_joint_master, build_joint_slave
 from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
-from weberlink.master.leader_port import LeaderPort
+from weberlink.master.leader_port import LeaderPort, PressedAxes
 from weberlink.master.mapping.mapped_leader import MappedLeader
 from weberlink.master.safety import ForceGate
 from weberlink.protocol import Role
@@ -32,7 +34,14 @@ from weberlink.system.composition.link import (
 )
 from weberlink.system.composition.master import check_button, check_force_ends
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-from weberlink.system.configuration.joints import FollowerLimits, LeaderLimits, per_axis
+from weberlink.system.configuration.joints import (
+    AngleCodecSettings,
+    FollowerLimits,
+    GripperCodecSettings,
+    JointCodecSettings,
+    LeaderLimits,
+    per_axis,
+)
 from weberlink.system.rows import JointRows
 from weberlink.system.side import Side
 
@@ -62,6 +71,7 @@ def build_leading(
     control = build_joint_master(system.control.scheme, _parameters(system, leader.spec, most))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
+    decoders = [BundleDecoder(channel) for channel in backward]
     port = LeaderPort(
         arm=leader,
         control=control,
@@ -70,17 +80,18 @@ def build_leading(
         most=most,
         slew=slew,
         button=None if engage is None else engage.button,
+        pressed=_pressed(system, lambda: tuning.settings.weber),
     )
-    decoders = [BundleDecoder(channel) for channel in backward]
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:
         decoders[0].retune(settings.weber, peer_tick)
 
+    tuning = tuning_of(system, control, retune, leads=True)
     return Side(
         port=port,
         outgoing=_outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),
         incoming=_incoming(("joint_torque", "gripper_torque"), decoders),
-        tuning=tuning_of(system, control, retune, leads=True),
+        tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * silence,
@@ -142,6 +153,31 @@ def build_following(
         stopwatch=stopwatch,
         rows=JointRows,
     )
+
+
+def _pressed(system: System, weber: Callable[[], float]) -> list[PressedAxes | None]:
+    """What may stay unsent of pressed joints and of a pressed gripper; None where the file states no stiffness.
+
+    Args:
+        system: of both sides.
+        weber: gives the Weber factor of the joints' torques, which a session may change.
+    """
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    floors = per_axis(joints.torque.floor_nm, len(joints.names))
+    made = [_pressed_axes(joints.angle, len(floors), lambda axis, torque: max(weber() * torque, floors[axis]))]
+    if gripper is not None:
+        grip = gripper.torque
+        made.append(_pressed_axes(gripper.angle, 1, lambda _, torque: max(grip.weber * torque, float(grip.floor_nm))))
+    return made
+
+
+def _pressed_axes(
+    angle: AngleCodecSettings, count: int, torque_bound: Callable[[int, float], float]
+) -> PressedAxes | None:
+    if angle.coupling_nm_rad is None:
+        return None
+    return PressedAxes(per_axis(angle.bound_rad, count), per_axis(angle.coupling_nm_rad, count), torque_bound)
 
 
 def _outgoing(
@@ -322,7 +358,32 @@ def notes(configuration: Configuration) -> Iterator[str]:
     if follower is not None:
         if not follower.spec.force_feedback:
             yield f"slave.robot: {follower.spec.name} measures no torque; nothing is felt"
+        yield from _coupling(configuration.system, follower.spec)
         yield from _of_arm("slave.robot", follower.spec)
+
+
+def _coupling(system: System, spec: ArmSpec) -> Iterator[str]:
+    """What to say of the coupling in the file, beside that of the follower."""
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    count = len(joints.names)
+    parts: list[tuple[str, JointCodecSettings | GripperCodecSettings, Joints]]
+    parts = [("joints", joints, spec.stiffness_nm_rad[:count])]
+    if gripper is not None:
+        parts.append(("gripper", gripper, spec.stiffness_nm_rad[count:]))
+    for part, coded, own in parts:
+        stated, bounds = coded.angle.coupling_nm_rad, per_axis(coded.angle.bound_rad, len(own))
+        floors = per_axis(coded.torque.floor_nm, len(own))
+        jump = max(map(truediv, map(mul, own, bounds), floors))
+        field = f"codec.{part}.angle.coupling_nm_rad"
+        if stated is None and jump > 1.0 and max(own) < inf:
+            yield (
+                f"{field}: not given, so an unsent error of an angle may change the torque by {jump:.2g} deadbands; "
+                f"give that of {spec.name}, {max(own):.3g}"
+            )
+        elif stated is not None and max(per_axis(stated, len(own))) < 0.5 * max(own) < inf:
+            most = max(per_axis(stated, len(own)))
+            yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
 
 
 def _of_arm(where: str, spec: ArmSpec) -> Iterator[str]:

@@ -16,6 +16,7 @@ JointPredictor = Literal["zoh", "linear"]
 
 _Angle = Annotated[float, Field(gt=0, le=1)]
 _Floor = Annotated[float, Field(gt=0, le=10)]
+_Stiffness = Annotated[float, Field(ge=1e-3, le=1e5)]
 _Torque = Annotated[float, Field(ge=1e-4, le=1e4)]
 _Slew = Annotated[float, Field(ge=1e-3, le=1e9)]
 _Range = Annotated[float, Field(ge=-100, le=100)]
@@ -43,6 +44,9 @@ class AngleCodecSettings(Settings):
     bound_rad: _Angle | tuple[_Angle, ...] = 0.005
     """Error that stays unsent, for all or for each [rad]. Chosen: a third of the JND of a person's shoulder angle,
     0.8 degrees (Tan et al., 1994); other joints of a person discern less."""
+    coupling_nm_rad: _Stiffness | tuple[_Stiffness, ...] | None = None
+    """Stiffness of the follower towards its commanded angles, for all or for each [N m/rad]: where it presses, an error
+    stays unsent only if it changes the torque by less than the deadband of the torque. None to leave that out."""
     step_rad: float = Field(default=0.0002, ge=0.0001, le=0.01)
     """Wire step [rad]; 16 bits span +-32767 steps."""
     max_updates_per_s: float | None = Field(default=None, ge=1, le=10_000)
@@ -78,9 +82,13 @@ class JointCodecSettings(Settings):
     def _one_each(self) -> Self:
         if len(set(self.names)) != len(self.names):
             raise ValueError("names: names each joint once")
-        for name, setting in (("angle.bound_rad", self.angle.bound_rad), ("torque.floor_nm", self.torque.floor_nm)):
+        for name, setting in (
+            ("angle.bound_rad", self.angle.bound_rad),
+            ("angle.coupling_nm_rad", self.angle.coupling_nm_rad),
+            ("torque.floor_nm", self.torque.floor_nm),
+        ):
             try:
-                per_axis(setting, len(self.names))
+                per_axis(setting or 0.0, len(self.names))
             except ValueError as error:
                 raise ValueError(f"{name} {error}") from None
         return self
@@ -91,6 +99,8 @@ class GripperAngleSettings(AngleCodecSettings):
 
     bound_rad: _Angle = 0.01
     """Error that stays unsent [rad]. Chosen: less than 1 mm at the tips of the fingers of small arms."""
+    coupling_nm_rad: _Stiffness | None = None
+    """Stiffness of the gripper of the follower [N m/rad], as for the joints."""
 
 
 class GripperTorqueSettings(JointTorqueCodecSettings):

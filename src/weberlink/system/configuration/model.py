@@ -21,6 +21,7 @@ from pydantic import (
 )
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
+from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
@@ -488,7 +489,8 @@ class MasterSettings(Settings):
     device: DriverSettings = DriverSettings(driver="operator")
     mapping: MappingSettings | None = None
     """Leave out where the two frames are one."""
-    joint_mapping: Any = None
+    joint_mapping: LeaderMappingSettings | None = None
+    """From the axes of a leader arm to those of the follower; leave out where they are the same."""
     engage: EngageSettings | None = None
     """Leave out where the robot is to follow without a button held."""
     limits: MasterLimits = MasterLimits()

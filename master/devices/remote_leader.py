@@ -1,0 +1,182 @@
+"""A leader arm without an arm: a program in another process, such as a policy, gives the angles."""
+
+from math import inf, pi
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
+from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
+from weberlink.master.devices.remote_link import LeaderTargets, TargetMemory
+
+LEADS = 1
+"""Bit of the button in a reading."""
+
+Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
+Angles = Annotated[tuple[Angle, ...], Field(min_length=1, max_length=MOST_JOINTS + 1)]
+
+
+class RemoteLeaderOptions(BaseModel):
+    """Options of `remote_leader`. A setting for each axis is one number for all, or a list: the gripper last."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    joints: tuple[str, ...] = Field(
+        min_length=1, max_length=MOST_JOINTS, description="names of the joints, without the gripper"
+    )
+    gripper: bool = Field(default=False, description="whether one more axis, the last, is a gripper")
+    lower_rad: Angle | Angles = Field(default=-pi, description="least angles [rad]")
+    upper_rad: Angle | Angles = Field(default=pi, description="largest angles [rad]")
+    home_rad: Angle | Angles = Field(default=0.0, description="angles until a program first leads [rad]")
+    speed_rad_s: float = Field(default=2.0, ge=1e-3, le=100.0, description="largest speed of an axis [rad/s]")
+    smooth_ms: float = Field(
+        default=30.0,
+        ge=1.0,
+        le=1000.0,
+        description="time constant of the filter that makes a motion of targets, which come at 30 to 60 Hz",
+    )
+    silence_ms: float = Field(
+        default=200.0, ge=10.0, le=5000.0, description="a program that has written nothing for longer has let go"
+    )
+
+    @property
+    def axes(self) -> int:
+        return len(self.joints) + self.gripper
+
+    def each(self, name: str) -> Joints:
+        """A setting, for each axis."""
+        value: float | Joints = getattr(self, name)
+        return value if isinstance(value, tuple) else (value,) * self.axes
+
+    @model_validator(mode="after")
+    def _one_for_each_axis(self) -> Self:
+        for name in ("lower_rad", "upper_rad", "home_rad"):
+            if len(self.each(name)) != self.axes:
+                raise ValueError(f"{name}: expected one number, or {self.axes}: joints, then the gripper")
+        ranges = self.each("lower_rad"), self.each("home_rad"), self.each("upper_rad")
+        for lower, home, upper in zip(*ranges, strict=True):
+            if not lower <= home <= upper or lower == upper:
+                raise ValueError(f"home_rad: {home:g} is not within lower_rad {lower:g} and upper_rad {upper:g}")
+        return self
+
+
+class JointMotion:
+    """Follows targets by a critically damped filter of second order, no axis faster than its limit.
+
+    All axes are slowed down by the same factor, so that a jump becomes a straight motion in joint space.
+
+    Attributes:
+        angles: [rad].
+    """
+
+    __slots__ = ("_rate", "_speed", "_velocity", "angles")
+
+    def __init__(self, smooth_ms: float, speed: float) -> None:
+        self._rate, self._speed = 1e3 / smooth_ms, speed
+        self.place(())
+
+    def place(self, angles: Joints) -> None:
+        """Be at angles [rad], at rest."""
+        self.angles, self._velocity = angles, (0.0,) * len(angles)
+
+    def follow(self, target: Joints, step: float) -> None:
+        """Move on by a step [s] towards a target [rad]."""
+        # Implicit Euler, so that it is stable at any step: v' = (v + r^2 h (target - x)) / (1 + r h)^2.
+        pull, faded = self._rate * self._rate * step, (1.0 + self._rate * step) ** -2
+        wanted = [(v + pull * (t - x)) * faded for v, t, x in zip(self._velocity, target, self.angles, strict=True)]
+        share = min(1.0, self._speed / max(1e-9, *map(abs, wanted)))
+        self._velocity = tuple([share * v for v in wanted])
+        self.angles = tuple([x + v * step for x, v in zip(self.angles, self._velocity, strict=True)])
+
+
+class RemoteLeader:
+    """An arm whose angles another process writes; a `weberlink.arms.contract.LeaderArm`.
+
+    Button 0 is pressed while a program leads: it has written, and its last target is not older than `silence_ms`. With
+    `master.engage: {button: 0}` the follower is led only then. Without a program the arm keeps its angles. It displays
+    no torque, since nobody holds it.
+
+    Args:
+        options: of the driver.
+        tick_period: [s].
+        source: of the targets; None for the shared memory of this process.
+    """
+
+    Options: ClassVar[type[RemoteLeaderOptions]] = RemoteLeaderOptions
+
+    def __init__(self, options: RemoteLeaderOptions, tick_period: float, source: LeaderTargets | None = None) -> None:
+        axes = options.axes
+        self._lower, self._upper = options.each("lower_rad"), options.each("upper_rad")
+        self.spec = ArmSpec(
+            name="remote_leader",
+            joints=options.joints,
+            gripper=options.gripper,
+            lower=self._lower,
+            upper=self._upper,
+            torque_nm=(0.0,) * axes,
+            stiffness_nm_rad=(inf,) * axes,
+            rate_hz=1.0 / tick_period,
+            calibrated=True,
+            buttons=1,
+            watchdog_s=0.0,
+        )
+        self._home, self._silence = options.each("home_rad"), options.silence_ms * 1e-3
+        self._source = TargetMemory() if source is None else source
+        self._motion = JointMotion(options.smooth_ms, options.speed_rad_s)
+        self._target: Joints = self._home
+        self._reading: ArmReading | None = None
+        self._leads_until = -inf
+        self._has_led = False
+
+    def open(self, now: float) -> None:
+        try:
+            self._source.open(self.spec.axes)
+        except OSError as error:
+            raise ArmFault(f"{self.spec.name}: its memory cannot be made: {error.strerror or error}") from None
+        self._motion.place(self._home)
+        self._target = self._home
+        self._leads_until, self._has_led = -inf, False
+        self._reading = self._read(now)
+
+    def latest(self, now: float) -> ArmReading:
+        before = self._reading
+        if before is None:
+            raise ArmFault(f"{self.spec.name} is not open")
+        if now > before.at:
+            self._look(now)
+            if now <= self._leads_until:
+                self._motion.follow(self._target, now - before.at)
+            else:
+                self._motion.place(self._motion.angles)
+            self._reading = before = self._read(now)
+        return before
+
+    def display(self, torques: Joints, now: float) -> None:  # noqa: ARG002 - nobody holds it
+        if not is_finite(torques):
+            raise ValueError(f"torques must be finite, not {torques}")
+
+    def close(self) -> None:
+        self._source.close()
+        self._reading = None
+
+    def _look(self, now: float) -> None:
+        arrived = self._source.newest()
+        if arrived is None:
+            return
+        self._target = tuple(
+            [min(max(a, low), high) for a, low, high in zip(arrived.angles, self._lower, self._upper, strict=True)]
+        )
+        self._leads_until = now + self._silence if arrived.leads else -inf
+        if arrived.leads and not self._has_led:  # the follower approaches from where it is, not by way of the home
+            self._has_led = True
+            self._motion.place(self._target)
+
+    def _read(self, now: float) -> ArmReading:
+        pressed = LEADS if now <= self._leads_until else 0
+        return ArmReading(now, self._motion.angles, (0.0,) * self.spec.axes, buttons=pressed)
+
+
+def limits(options: dict[str, Any]) -> tuple[Joints, Joints]:
+    """Least and largest angles that a remote leader of these options takes [rad]."""
+    checked = RemoteLeaderOptions.model_validate(options)
+    return checked.each("lower_rad"), checked.each("upper_rad")

@@ -1,0 +1,130 @@
+"""Stand-ins for the arms, the control schemes and the endpoint of a port, in virtual time."""
+
+from dataclasses import replace
+from math import inf
+from types import SimpleNamespace
+from typing import Any
+
+from weberlink.arms.contract import ArmReading, ArmSpec
+from weberlink.geometry.joints import Joints
+
+TICK = 1e-3
+SPEC = ArmSpec(
+    name="arm",
+    joints=("base", "elbow"),
+    gripper=True,
+    lower=(-2.0, -1.5, 0.0),
+    upper=(2.0, 1.5, 1.0),
+    torque_nm=(1.0, 1.0, 0.5),
+    stiffness_nm_rad=(10.0, 10.0, 5.0),
+    rate_hz=1000.0,
+    calibrated=True,
+    buttons=2,
+    watchdog_s=0.0,
+)
+
+
+def spec(**changes: Any) -> ArmSpec:
+    return replace(SPEC, **changes)
+
+
+class Hand:
+    """A leader arm where a test puts it."""
+
+    def __init__(self, spec: ArmSpec = SPEC) -> None:
+        self.spec = spec
+        self.angles: Joints = (0.0,) * spec.axes
+        self.buttons = 0
+        self.felt: list[Joints] = []
+
+    def open(self, now: float) -> None: ...
+
+    def latest(self, now: float) -> ArmReading:
+        return ArmReading(now, self.angles, (0.0,) * self.spec.axes, buttons=self.buttons)
+
+    def display(self, torques: Joints, now: float) -> None:
+        self.felt.append(torques)
+
+    def close(self) -> None: ...
+
+
+class Servos:
+    """A follower arm: each axis is pulled to its command by a spring, and to `sag` by its weight, without inertia.
+
+    Args:
+        walls: an axis stops there from above [rad]; the wall pushes it up.
+        angles: at the beginning [rad].
+        sag: how far the weight pulls each axis down from the command in free space [rad].
+    """
+
+    def __init__(
+        self, spec: ArmSpec = SPEC, *, walls: Joints | None = None, angles: Joints | None = None, sag: float = 0.0
+    ) -> None:
+        self.spec = spec
+        self.walls = walls or (-inf,) * spec.axes
+        self.angles: Joints = angles or (0.0,) * spec.axes
+        self.commands: list[Joints] = []
+        self.torques: Joints = (0.0,) * spec.axes
+        self.load: Joints = self.torques
+        """Torque of something that the arm holds [N m]."""
+        self.sag = sag
+        self.is_open = False
+
+    def open(self, now: float) -> None:
+        self.is_open = True
+
+    def latest(self, now: float) -> ArmReading:
+        return ArmReading(now, self.angles, self.torques)
+
+    def follow(self, angles: Joints, now: float) -> None:
+        self.commands.append(angles)
+        free = [
+            angle - self.sag + load / k
+            for angle, load, k in zip(angles, self.load, self.spec.stiffness_nm_rad, strict=True)
+        ]
+        self.angles = tuple(max(angle, wall) for angle, wall in zip(free, self.walls, strict=True))
+        self.torques = tuple(
+            load + k * (there - angle)
+            for load, k, there, angle in zip(self.load, self.spec.stiffness_nm_rad, self.angles, free, strict=True)
+        )
+
+    def close(self) -> None:
+        self.is_open = False
+
+
+class Transparent:
+    """Both ends of a control scheme that changes nothing, and remembers what it was told."""
+
+    active = "none"
+    tank = 0.0
+    stiffness: Joints = (1.0,)
+
+    def __init__(self) -> None:
+        self.credit = 7
+        self.told: list[tuple[Any, ...]] = []
+        self.answer: Joints | None = None
+        """Instead of what `render` and `follow` are given."""
+
+    def reset(self) -> None: ...
+
+    def resume(self, peer_credit: int) -> None: ...
+
+    def observe(self, *values: Any) -> None:
+        self.told.append(values)
+
+    def command(self, position: Joints) -> Joints:
+        return position
+
+    def render(self, torque: Joints) -> Joints:
+        return self.answer or torque
+
+    def displayed(self, torque: Joints) -> None:
+        self.told.append(("displayed", torque))
+
+    def follow(self, target: Joints, *_: Any) -> Joints:
+        return self.answer or target
+
+
+def link() -> Any:
+    """An endpoint in touch with its peer; set `liveness.in_touch_at`."""
+    return SimpleNamespace(peer_credit=0, liveness=SimpleNamespace(in_touch_at=0.0))

@@ -1,0 +1,69 @@
+"""Readings at any moment: between neighbours, exact at samples, never ahead of the newest, late by the stated lag."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from weberlink.arms.interpolation import Interpolation, TimedValues
+
+numbers = st.floats(-1e3, 1e3)
+steps = st.lists(st.tuples(st.floats(1e-4, 0.1), numbers, numbers), min_size=1, max_size=6)
+
+
+def filled(interpolation: Interpolation, walk: list[tuple[float, float, float]]) -> list[TimedValues]:
+    at, samples = 100.0, []
+    for step, a, b in walk:
+        at += step
+        samples.append(TimedValues(at, (a, b)))
+        interpolation.add(samples[-1])
+    return samples
+
+
+@given(steps, st.floats(0.0, 0.05), st.integers(2, 6))
+def test_sample_is_exact_at_its_time_plus_lag(walk: list[tuple[float, float, float]], lag: float, keep: int) -> None:
+    interpolation = Interpolation(lag, keep)
+    for sample in filled(interpolation, walk)[-keep:]:
+        given_back = interpolation.at(sample.at + lag)
+        assert given_back.values == pytest.approx(sample.values, rel=1e-6, abs=1e-6)
+        assert given_back.at == pytest.approx(sample.at, abs=1e-9)
+
+
+@given(steps, st.floats(0.0, 1.0), st.data())
+def test_in_between_it_is_on_the_line(
+    walk: list[tuple[float, float, float]], share: float, data: st.DataObject
+) -> None:
+    assume(len(walk) > 1)
+    interpolation = Interpolation(0.01, 6)
+    samples = filled(interpolation, walk)
+    a, b = data.draw(st.sampled_from(list(pairwise(samples))))
+    now = a.at + share * (b.at - a.at) + 0.01
+    between = interpolation.at(now)
+    exact = (now - 0.01 - a.at) / (b.at - a.at)
+    for low, high, value in zip(a.values, b.values, between.values, strict=True):
+        assert value == pytest.approx(low + exact * (high - low), rel=1e-6, abs=1e-6)
+        assert min(low, high) - 1e-9 <= value <= max(low, high) + 1e-9
+
+
+@given(st.lists(st.tuples(st.floats(1e-4, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=8))
+def test_time_is_monotonic_and_late_by_the_lag(steps: list[tuple[float, float]]) -> None:
+    lag = 0.02
+    interpolation = Interpolation(lag, keep=8)
+    first = at = now = 100.0
+    last = -1.0
+    for step, wait in steps:
+        at += step
+        first = at if first == 100.0 else first
+        interpolation.add(TimedValues(at, (at,)))
+        now = max(now, at) + wait
+        reading = interpolation.at(now)
+        assert reading.at >= last
+        assert reading.at == pytest.approx(min(max(now - lag, first), at), abs=1e-9)
+        assert reading.values[0] == pytest.approx(reading.at, abs=1e-9)
+        last = reading.at
+
+
+def test_nothing_is_made_up_before_the_first_sample() -> None:
+    with pytest.raises(LookupError):
+        Interpolation(0.0).at(1.0)

@@ -1,0 +1,133 @@
+"""A leader arm led by a program, in virtual time: motion, limits, and what it does without the program."""
+
+from itertools import pairwise
+from math import inf, nan
+
+import pytest
+from pydantic import ValidationError
+
+from tests.pace import TICK
+from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.geometry.joints import Joints
+from weberlink.master.devices.leaders import load
+from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
+from weberlink.master.devices.remote_link import LeaderTarget
+
+OPTIONS = {"joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)}
+START = 10.0
+
+
+class Program:
+    """Targets by the time of the tick, at 30 Hz, between two times [s]."""
+
+    def __init__(self, target: Joints, begins: float = 0.0, ends: float = inf) -> None:
+        self.target, self._begins, self._ends = target, begins, ends
+        self.axes = 0
+        self._tick = 0
+
+    def open(self, axes: int) -> None:
+        self.axes = axes
+
+    def newest(self) -> LeaderTarget | None:
+        self._tick += 1
+        is_due = self._tick % 33 == 1 and self._begins <= self._tick * TICK < self._ends
+        return LeaderTarget(self.target, True, self._tick) if is_due else None
+
+    def close(self) -> None: ...
+
+
+def led(program: Program, seconds: float, **options: object) -> list[ArmReading]:
+    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS | options), TICK, program)
+    arm.open(START)
+    return [arm.latest(START + (tick + 1) * TICK) for tick in range(round(seconds / TICK))]
+
+
+def fastest(readings: list[ArmReading]) -> float:
+    return max(abs(b - a) for p, q in pairwise(readings) for a, b in zip(p.angles, q.angles, strict=True)) / TICK
+
+
+def test_arm_begins_where_the_program_is() -> None:
+    """The follower approaches from where it is, so the leader need not come from its home."""
+    program = Program((0.5, -0.5, 0.6), begins=0.1)
+    readings = led(program, 0.5)
+    assert program.axes == 3
+    assert readings[50].angles == (0.0, 0.0, 0.0)
+    assert readings[50].buttons == 0
+    assert readings[-1].angles == (0.5, -0.5, 0.6)
+    assert readings[-1].buttons == 1
+
+
+def test_jump_becomes_a_bounded_straight_motion() -> None:
+    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program := Program((0.0, 0.0, 0.0)))
+    arm.open(START)
+    readings = [arm.latest(START + (tick + 1) * TICK) for tick in range(100)]
+    program.target = (0.5, -1.0, 0.25)
+    readings += [arm.latest(START + (tick + 101) * TICK) for tick in range(1500)]
+    assert 1.8 < fastest(readings) <= 2.0 * (1 + 1e-9)
+    assert readings[-1].angles == pytest.approx((0.5, -1.0, 0.25), abs=1e-6)
+    for reading in readings:
+        pan, lift, gripper = reading.angles
+        assert (2.0 * pan, 4.0 * gripper) == pytest.approx((-lift, -lift), abs=1e-9)
+
+
+def test_targets_are_kept_within_the_limits() -> None:
+    assert led(Program((9.0, -9.0, -9.0)), 0.2)[-1].angles == (1.0, -1.5, 0.0)
+
+
+def test_silent_program_has_let_go() -> None:
+    """The arm stops where it is, and leads again when the program returns, without a jump."""
+    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program := Program((0.0, 0.0, 0.0), ends=0.3))
+    arm.open(START)
+    readings = [arm.latest(START + (tick + 1) * TICK) for tick in range(250)]
+    program.target = (1.0, 0.0, 0.0)
+    readings += [arm.latest(START + (tick + 251) * TICK) for tick in range(750)]
+    pressed = [reading.buttons for reading in readings]
+    assert pressed.index(0, 1) == pytest.approx((0.298 + 0.2) / TICK, abs=2)
+    held = readings[-1].angles
+    assert 0.05 < held[0] < 1.0
+    assert readings[-400].angles == held
+    program._ends = inf
+    again = [arm.latest(START + (tick + 1001) * TICK) for tick in range(1000)]
+    assert fastest([readings[-1], *again]) <= 2.0 * (1 + 1e-9)
+    assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)
+
+
+def test_same_time_gives_the_same_reading() -> None:
+    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, Program((0.1, 0.1, 0.1)))
+    arm.open(START)
+    assert arm.latest(START + TICK) is arm.latest(START + TICK)
+
+
+def test_arm_that_is_not_open_is_a_fault() -> None:
+    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, Program((0.0, 0.0, 0.0)))
+    with pytest.raises(ArmFault, match="not open"):
+        arm.latest(START)
+    arm.open(START)
+    arm.display((0.1, 0.0, 0.0), START)
+    with pytest.raises(ValueError, match="finite"):
+        arm.display((nan, 0.0, 0.0), START)
+    arm.close()
+    arm.close()
+    with pytest.raises(ArmFault):
+        arm.latest(START)
+
+
+def test_table_loads_it_with_its_spec() -> None:
+    driver = load("remote_leader")
+    spec = driver(driver.Options.model_validate(OPTIONS), TICK).spec
+    assert (spec.axes, spec.joints, spec.gripper, spec.torque_nm) == (3, ("pan", "lift"), True, (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"lower_rad": (-1.0, -1.0)}, "lower_rad: expected one number, or 3"),
+        ({"home_rad": (0.0, 2.0, 0.0)}, "home_rad: 2 is not within"),
+        ({"lower_rad": 1.0, "upper_rad": 1.0, "home_rad": 1.0}, "home_rad: 1 is not within"),
+        ({"joints": ()}, "joints"),
+        ({"speed_rad_s": 0.0}, "speed_rad_s"),
+    ],
+)
+def test_options_that_make_no_arm_are_refused(options: dict[str, object], complaint: str) -> None:
+    with pytest.raises(ValidationError, match=complaint):
+        RemoteLeaderOptions.model_validate(OPTIONS | options)

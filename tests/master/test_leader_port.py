@@ -1,0 +1,233 @@
+"""The port of a leader arm: what it sends, what it displays, and when it displays nothing."""
+
+from itertools import pairwise
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.arms.ends import TICK, Hand, Transparent, link, spec
+from tests.compiled import replaces_methods
+from tests.examples import examples
+from weberlink.arms.contract import ArmReading
+from weberlink.control.port import Port
+from weberlink.geometry.joints import Joints
+from weberlink.master.leader_port import LeaderPort
+from weberlink.master.safety import ForceGate
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
+
+pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
+MOST = (1.0, 0.8, 0.5)
+SLEW = (50.0, 50.0, 20.0)
+RAMP, SILENCE = 0.05, 0.1
+Values = list[Joints | None]
+
+
+class Leading:
+    """A leader port in virtual time."""
+
+    def __init__(self, hand: Hand | None = None, most: Joints = MOST, button: int | None = None) -> None:
+        self.hand = hand or Hand()
+        self.control, self.link = Transparent(), link()
+        self.port = LeaderPort(
+            arm=self.hand,
+            control=self.control,
+            endpoint=self.link,
+            gate=ForceGate(ramp=RAMP, silence=SILENCE, fade_share=0.8),
+            most=most,
+            slew=SLEW[: len(most)],
+            button=button,
+        )
+        self.now = 0.0
+        self.port.open(0.0)
+
+    def sense(self) -> None:
+        reading = self.port.latest(self.now)
+        for sensor in (self.port.joints, self.port.gripper):
+            if sensor is not None:
+                assert sensor.complaint(reading) is None
+                sensor.take(reading)
+        self.port.accept(reading)
+        self.port.account(TICK, 0.0, encodes=True)
+
+    def tick(self, *values: Joints | None, engaged: bool = True, in_touch: bool = True) -> Joints:
+        """A tick; returns the torques displayed in it."""
+        self.now += TICK
+        if in_touch:
+            self.link.liveness.in_touch_at = self.now
+        self.sense()
+        self.port.actuate(values, self.now, TICK, TICK, engaged=engaged)
+        return self.port.output
+
+    def opened(self, *values: Joints | None) -> "Leading":
+        for _ in range(round(2 * RAMP / TICK)):
+            self.tick(*values)
+        assert self.port.gate.gain == 1.0
+        return self
+
+
+def test_it_is_a_port() -> None:
+    port: Port = Leading().port
+    assert (port.kind, port.leads, port.at_rest, port.enabled) == ("device", True, True, True)
+
+
+def test_command_of_control_is_sent_by_channel() -> None:
+    leading = Leading()
+    leading.hand.angles = (0.1, -0.2, 0.3)
+    leading.sense()
+    assert leading.port.gripper is not None
+    assert leading.port.joints.sample() == ((0.1, -0.2), (0.0, 0.0, 0.0), inf)
+    assert leading.port.gripper.sample() == ((0.3,), (0.0, 0.0, 0.0), inf)
+    assert leading.control.told[0][0] == (0.1, -0.2, 0.3)
+    assert leading.port.account(TICK, 0.0, encodes=True) == leading.control.credit
+
+
+def test_torques_of_both_channels_reach_their_axes() -> None:
+    leading = Leading().opened((0.2, -0.3), (0.1,))
+    assert leading.hand.felt[-1] == (0.2, -0.3, 0.1)
+    assert leading.control.told[-1] == ("displayed", (0.2, -0.3, 0.1))
+
+
+def test_arm_without_gripper_has_one_channel() -> None:
+    hand = Hand(spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0)))
+    leading = Leading(hand, most=(1.0, 1.0)).opened((0.2, -0.3))
+    assert leading.port.gripper is None
+    assert leading.hand.felt[-1] == (0.2, -0.3)
+
+
+wild = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([nan, inf, -inf]))
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.none(), st.tuples(wild, wild)),
+            st.one_of(st.none(), st.tuples(wild)),
+            st.booleans(),
+            st.booleans(),
+        ),
+        max_size=60,
+    )
+)
+@examples(50)
+def test_whatever_is_decoded_torque_is_bounded_and_finite(
+    ticks: list[tuple[Joints | None, Joints | None, bool, bool]],
+) -> None:
+    leading = Leading().opened((0.0, 0.0), (0.0,))
+    for joints, gripper, engaged, in_touch in ticks:
+        before = leading.port.output
+        displayed = leading.tick(joints, gripper, engaged=engaged, in_touch=in_touch)
+        for torque, last, most, slew in zip(displayed, before, MOST, SLEW, strict=True):
+            assert abs(torque) <= most
+            # The slew limit, and the gate: it opens in the ramp and closes in the last fifth of the silence limit.
+            assert abs(torque - last) <= slew * TICK + most * TICK / (0.2 * SILENCE) + 1e-9
+
+
+def test_each_axis_is_limited_alone() -> None:
+    leading = Leading().opened((5.0, 0.1), (0.2,))
+    assert leading.port.output == (1.0, 0.1, 0.2)
+    assert leading.port.clipped
+
+
+def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
+    leading = Leading().opened((0.8, 0.1), (0.0,))
+    shown = [leading.tick((-0.8, 0.1), (0.0,)) for _ in range(40)]
+    assert [torques[0] for torques in shown[:3]] == pytest.approx([0.75, 0.7, 0.65])
+    assert {torques[1] for torques in shown} == {0.1}
+    assert shown[-1][0] == -0.8
+    assert leading.port.slew_ticks == 31
+
+
+def test_torque_fades_in_from_zero_after_engagement() -> None:
+    leading = Leading()
+    shown = [leading.tick((0.5, 0.0), (0.0,))[0] for _ in range(60)]
+    assert shown[0] <= 0.5 * TICK / RAMP * (1 + 1e-9)
+    assert max(b - a for a, b in pairwise(shown)) <= 0.5 * TICK / RAMP * (1 + 1e-9)
+    assert shown[-1] == 0.5
+
+
+def test_torque_is_zero_at_silence_limit_without_jump() -> None:
+    leading = Leading().opened((0.5, -0.4), (0.1,))
+    shown = [leading.tick((0.5, -0.4), (0.1,), in_touch=False) for _ in range(round(SILENCE / TICK) + 1)]
+    assert shown[-1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert max(a[0] - b[0] for a, b in pairwise(shown)) <= 0.5 * TICK / (0.2 * SILENCE) * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("restart", ["restart", "reset"])
+def test_restart_begins_at_no_torque(restart: str) -> None:
+    leading = Leading().opened((0.5, 0.0), (0.0,))
+    getattr(leading.port, restart)()
+    assert leading.port.at_rest
+    assert abs(leading.tick((0.5, 0.0), (0.0,))[0]) <= 0.5 * TICK / RAMP * (1 + 1e-9)
+
+
+def test_end_of_session_fades_to_rest() -> None:
+    leading = Leading().opened((0.5, 0.0), (0.0,))
+    for _ in range(round(RAMP / TICK) + 1):
+        leading.tick((0.5, 0.0), (0.0,), engaged=False)
+    assert leading.port.at_rest
+    assert leading.hand.felt[-1] == (0.0, 0.0, 0.0)
+
+
+def test_halt_displays_nothing_at_once() -> None:
+    leading = Leading().opened((0.5, 0.0), (0.3,))
+    leading.port.halt(leading.now)
+    assert leading.hand.felt[-1] == (0.0, 0.0, 0.0)
+
+
+def test_arm_without_torque_is_never_told_any() -> None:
+    leading = Leading(most=(0.0, 0.0, 0.0)).opened((0.5, 0.0), (0.3,))
+    leading.port.halt(leading.now)
+    assert leading.hand.felt == []
+    assert leading.control.told[-1] == ("displayed", (0.0, 0.0, 0.0)), "the scheme books what the hand feels"
+    assert not leading.port.clipped
+
+
+def test_button_of_engagement_enables() -> None:
+    leading = Leading(button=1)
+    leading.sense()
+    assert not leading.port.enabled
+    row = Row()
+    leading.port.report(row, is_led=False)
+    assert row.ramping == RELEASED
+    leading.hand.buttons = 2
+    leading.sense()
+    assert leading.port.enabled
+    leading.hand.buttons = 1
+    leading.sense()
+    assert not leading.port.enabled
+
+
+@pytest.mark.parametrize(
+    ("angles", "complaint"),
+    [((0.0, nan, 0.0), "nan"), ((0.0, 0.0, inf), "inf"), ((0.0, 0.0), "2 angles for 3 axes")],
+)
+def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
+    port = Leading().port
+    assert port.gripper is not None
+    for sensor in (port.joints, port.gripper):
+        assert complaint in (sensor.complaint(ArmReading(0.0, angles, (0.0, 0.0, 0.0))) or "")
+
+
+def test_torque_of_control_that_is_not_finite_is_none() -> None:
+    leading = Leading().opened((0.0, 0.0), (0.0,))
+    leading.control.answer = (nan, 0.1, 0.1)
+    assert leading.tick((0.5, 0.0), (0.0,)) == (0.0, 0.0, 0.0)
+
+
+def test_record_has_the_gripper_in_the_last_place() -> None:
+    leading = Leading()
+    leading.hand.angles = (0.1, -0.2, 0.3)
+    leading.opened((5.0, 0.1), (0.2,))
+    row = Row()
+    leading.port.report(row, is_led=True)
+    assert row.joint_position == row.joint_raw == (0.1, -0.2, 0, 0, 0, 0, 0, 0, 0.3)
+    assert row.joint_decoded == (5.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert row.joint_output == (1.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+
+
+def test_limits_of_other_axes_are_refused() -> None:
+    with pytest.raises(ValueError, match="3 axes"):
+        Leading(most=(1.0, 1.0))

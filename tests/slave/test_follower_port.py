@@ -1,0 +1,277 @@
+"""The port of a follower arm: how it engages, what it commands, what it shows, and when it holds."""
+
+from itertools import pairwise
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.arms.ends import SPEC, TICK, Servos, Transparent, link, spec
+from tests.compiled import replaces_methods
+from tests.examples import examples
+from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.control.port import Port
+from weberlink.geometry.joints import Joints
+from weberlink.slave.follower_port import FollowerPort
+from weberlink.slave.safety import TRIP_PAUSE
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
+
+pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
+LOWER, UPPER = (-1.8, -1.2, 0.0), (1.8, 1.2, 0.9)
+SPEED, APPROACH, RAMP = 4.0, 0.5, 0.05
+PRESS, TRIP = (0.8, 0.8, 0.4), (2.0, 2.0, 1.0)
+
+
+class Following:
+    """A follower port in virtual time."""
+
+    def __init__(self, arm: Servos | None = None, *, press: Joints = PRESS, trip: Joints = TRIP) -> None:
+        self.arm = arm or Servos()
+        self.control = Transparent()
+        self.port = FollowerPort(
+            arm=self.arm,
+            control=self.control,
+            endpoint=link(),
+            lower=LOWER,
+            upper=UPPER,
+            speed=SPEED,
+            approach_speed=APPROACH,
+            ramp=RAMP,
+            press=press,
+            trip=trip,
+            by_button=True,
+        )
+        self.now = 0.0
+        self.trips = 0
+        self.port.open(0.0)
+
+    def sense(self) -> None:
+        reading = self.port.latest(self.now)
+        for sensor in (self.port.joints, self.port.gripper):
+            assert sensor is not None
+            assert sensor.complaint(reading) is None
+            sensor.take(reading)
+        self.trips += self.port.accept(reading)
+        self.port.account(TICK, 0.0, encodes=True)
+
+    def tick(self, *values: Joints | None, engaged: bool = True) -> Joints:
+        """A tick; returns the angles commanded in it."""
+        self.now += TICK
+        self.port.actuate(values, self.now, TICK, TICK, engaged=engaged)
+        self.sense()
+        return self.arm.commands[-1]
+
+    def there(self, *values: Joints) -> "Following":
+        """Follows these angles, and shows all that it feels."""
+        for _ in range(5000):
+            self.tick(*values)
+            row = self.row()
+            if not row.ramping:
+                return self
+        raise AssertionError("it never arrived")
+
+    def row(self) -> Row:
+        row = Row()
+        self.port.report(row, is_led=True)
+        return row
+
+
+def test_it_is_a_port() -> None:
+    port: Port = Following().port
+    assert (port.kind, port.leads, port.at_rest, port.tripped) == ("robot", False, True, False)
+
+
+wild = st.one_of(st.floats(-10.0, 10.0), st.sampled_from([nan, inf, -inf, 1e300]))
+
+
+@given(
+    st.lists(
+        st.tuples(st.one_of(st.none(), st.tuples(wild, wild)), st.one_of(st.none(), st.tuples(wild)), st.booleans()),
+        max_size=60,
+    )
+)
+@examples(50)
+def test_whatever_is_decoded_commands_are_slow_and_in_range(
+    ticks: list[tuple[Joints | None, Joints | None, bool]],
+) -> None:
+    following = Following()
+    last = following.port.applied
+    for joints, gripper, engaged in ticks:
+        applied = following.tick(joints, gripper, engaged=engaged)
+        for angle, before, low, high in zip(applied, last, LOWER, UPPER, strict=True):
+            assert low <= angle <= high
+            assert abs(angle - before) <= SPEED * TICK * (1 + 1e-9)
+        last = applied
+
+
+def test_it_begins_where_the_arm_is() -> None:
+    following = Following(Servos(angles=(0.3, -0.4, 0.2)))
+    assert following.tick(None, None) == (0.3, -0.4, 0.2)
+
+
+def test_it_approaches_slowly_then_follows_at_once() -> None:
+    following, before = Following(), (0.0, 0.0, 0.0)
+    while following.row().ramping != 0:
+        applied = following.tick((0.2, -0.1), (0.3,))
+        assert all(abs(a - b) <= APPROACH * TICK * (1 + 1e-9) for a, b in zip(applied, before, strict=True))
+        before = applied
+    assert following.now == pytest.approx(0.3 / APPROACH + RAMP, abs=3 * TICK)
+    assert following.tick((0.203, -0.1), (0.303,)) == (0.203, -0.1, 0.303)
+
+
+def test_no_torque_is_shown_until_it_is_there() -> None:
+    following = Following(Servos(walls=(-0.02, -inf, -inf)))
+    shown = []
+    for _ in range(400):
+        following.tick((-0.05, 0.1), (0.0,))
+        shown.append(following.port.joints.sample()[0][0])
+    arrival = round(0.1 / APPROACH / TICK)
+    assert shown[: arrival - 1] == [0.0] * (arrival - 1)
+    assert max(b - a for a, b in pairwise(shown)) <= 0.3 * TICK / RAMP * (1 + 1e-9)
+    assert shown[-1] == pytest.approx(10.0 * 0.03)
+
+
+def test_gripper_shows_its_torque_on_its_own_channel() -> None:
+    following = Following(Servos(walls=(-inf, -inf, 0.3), angles=(0.0, 0.0, 0.4))).there((0.0, 0.0), (0.25,))
+    assert following.port.gripper is not None
+    assert following.port.joints.sample() == ((0.0, 0.0), (0.0, 0.0, 0.0), inf)
+    assert following.port.gripper.sample()[0] == pytest.approx((5.0 * 0.05,))
+
+
+@pytest.mark.parametrize("values", [((0.5, 0.0), None), (None, (0.5,)), ((0.5, nan), (0.5,)), ((0.5, 0.0), (inf,))])
+def test_it_holds_until_all_angles_are_there(values: tuple[Joints | None, ...]) -> None:
+    following = Following()
+    assert following.tick(*values) == (0.0, 0.0, 0.0)
+
+
+def test_gripper_that_is_not_led_holds() -> None:
+    following = Following(Servos(angles=(0.0, 0.0, 0.4))).there((0.1, 0.0))
+    assert following.port.applied == (0.1, 0.0, 0.4)
+
+
+@pytest.mark.parametrize("retreat", [True, False])
+def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
+    following = Following(Servos(walls=(-0.02, -inf, -inf))).there((-0.05, 0.1), (0.2,))
+    following.port.release(retreat=retreat)
+    held = {following.tick(None, None, engaged=False) for _ in range(round(RAMP / TICK) + 1)}
+    assert held == {(-0.05, 0.1, 0.2)}
+    assert following.port.joints.sample()[0] == (0.0, 0.0)
+    applied = following.tick((0.5, 0.1), (0.2,))
+    assert applied[0] == pytest.approx(-0.05 + APPROACH * TICK), "the next approach is slow again"
+
+
+def test_it_presses_with_no_more_than_the_limit() -> None:
+    following = Following(Servos(walls=(-0.02, -inf, 0.1), angles=(0.0, 0.0, 0.4)))
+    largest = [0.0, 0.0, 0.0]
+    for tick in range(3000):
+        following.tick((-min(1.0, tick * 4e-4), 0.3), (0.0,))
+        largest = [max(most, abs(torque)) for most, torque in zip(largest, following.arm.torques, strict=True)]
+    assert largest[0] == pytest.approx(PRESS[0], rel=0.05)
+    assert largest[2] == pytest.approx(PRESS[2], rel=0.05)
+    assert following.port.applied[1] == 0.3, "an axis in free space goes on"
+    assert following.row().contact_ticks > 0
+    assert following.trips == 0
+
+
+def test_arm_that_sags_keeps_a_light_load_up() -> None:
+    following = Following(Servos(sag=0.07)).there((0.5, 0.0), (0.5,))
+    following.arm.load = (-0.3, 0.0, 0.0)
+    for _ in range(1000):
+        following.tick((0.5, 0.0), (0.5,))
+    assert following.port.applied[0] == 0.5
+
+
+def test_torque_above_the_limit_trips_and_backs_off() -> None:
+    following = Following().there((0.0, 0.0), (0.2,))
+    following.arm.torques = (0.0, 2.5, 0.0)
+    following.sense()
+    assert following.trips == 1
+    assert following.port.tripped
+    for _ in range(round(TRIP_PAUSE / TICK) + 10):
+        following.tick((0.0, -0.3), (0.2,))
+    assert following.port.applied == (0.0, pytest.approx(0.05), 0.2)
+    assert following.port.joints.sample()[0] == (0.0, 0.0)
+    following.tick((0.0, 0.06), (0.2,))
+    assert not following.port.tripped
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        ArmReading(0.0, (0.0, nan, 0.0), (0.0, 0.0, 0.0)),
+        ArmReading(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, inf)),
+        ArmReading(0.0, (0.0, 0.0, 0.0), (0.0, 0.0)),
+    ],
+)
+def test_unusable_reading_is_named_and_never_held(reading: ArmReading) -> None:
+    following = Following().there((0.1, 0.0), (0.2,))
+    port = following.port
+    assert port.gripper is not None
+    assert port.joints.complaint(reading) is not None
+    assert port.gripper.complaint(reading) is not None
+    port.arm.latest = lambda now: reading  # type: ignore[method-assign]
+    port.settle(following.now)
+    following.now += TICK
+    port.actuate([None, None], following.now, TICK, TICK, engaged=False)
+    assert following.arm.commands[-1] == (0.1, 0.0, 0.2)
+
+
+def test_arm_that_opens_without_angles_is_closed_again() -> None:
+    arm = Servos(angles=(nan, 0.0, 0.0))
+    with pytest.raises(ArmFault, match="nan"):
+        Following(arm)
+    assert not arm.is_open
+
+
+def test_angles_of_control_that_are_not_finite_are_not_commanded() -> None:
+    following = Following().there((0.1, 0.0), (0.2,))
+    following.control.answer = (0.1, nan, 0.2)
+    assert following.tick((0.2, 0.0), (0.2,)) == (0.1, 0.0, 0.2)
+
+
+def test_after_a_stall_it_holds_without_pressing_more() -> None:
+    following = Following(Servos(sag=0.05)).there((0.5, 0.0), (0.5,))
+    following.port.settle(following.now)
+    assert following.tick(None, None, engaged=False) == (0.5, 0.0, 0.5), "it does not sag twice"
+    following.arm.angles = (0.0, 0.0, 0.5)
+    following.port.settle(following.now)
+    assert following.tick(None, None, engaged=False) == pytest.approx((0.08, 0.0, 0.5))
+
+
+def test_session_begins_with_an_approach() -> None:
+    following = Following().there((0.1, 0.0), (0.2,))
+    following.port.reset()
+    assert following.tick((0.3, 0.0), (0.2,))[0] == pytest.approx(0.1 + APPROACH * TICK)
+    assert following.port.joints.sample()[0] == (0.0, 0.0)
+
+
+def test_control_books_commands_and_all_torques() -> None:
+    following = Following(Servos(walls=(-0.02, -inf, -inf)))
+    following.tick((-0.05, 0.1), (0.0,))
+    assert following.control.told[-1] == (following.port.applied, following.port.torques)
+    assert following.port.account(TICK, 0.0, encodes=False) == following.control.credit
+
+
+def test_halt_repeats_the_last_command() -> None:
+    following = Following().there((0.1, 0.0), (0.2,))
+    following.port.halt(following.now)
+    assert following.arm.commands[-1] == (0.1, 0.0, 0.2)
+
+
+def test_record_has_the_gripper_in_the_last_place() -> None:
+    following = Following(Servos(walls=(-0.02, -inf, -inf))).there((-0.05, 0.1), (0.2,))
+    row = following.row()
+    assert row.joint_output == (-0.05, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert row.joint_position == (-0.02, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert row.joint_raw == pytest.approx((0.3, 0, 0, 0, 0, 0, 0, 0, 0))
+    following.port.report(row, is_led=False)
+    assert row.ramping == RELEASED
+
+
+def test_limits_of_other_axes_are_refused() -> None:
+    with pytest.raises(ValueError, match="3 axes"):
+        Following(press=(1.0, 1.0))
+    with pytest.raises(ValueError, match="2 axes"):
+        Following(Servos(spec(gripper=False)), trip=SPEC.torque_nm)
