@@ -173,6 +173,19 @@ def test_slave_on_another_clock_is_aligned(sides: dict[str, Any]) -> None:
     assert apart.max() <= 0.5 * 0.002 + 1e-6
 
 
+def test_files_of_two_hosts_give_the_same_frames(dataset: Path, sides: dict[str, Any], tmp_path: Path) -> None:
+    elsewhere = sides["slave"].copy()
+    elsewhere["at"] += 5000.0  # another host's clock; `peer_at` relates it to the master's
+    paths = [
+        recording(tmp_path / "operator.mcap", {"master": sides["master"]}),
+        recording(tmp_path / "robot.mcap", {"slave": elsewhere}),
+    ]
+    status, _, errors = export(*paths)
+    assert (status, errors) == (0, "")
+    for key in ("observation.state", "action", "observation.force_window", "leader.force_window"):
+        np.testing.assert_array_equal(column(tmp_path / "operator-lerobot", key), column(dataset, key), key)
+
+
 def test_gripper_of_unknown_range_is_no_position(sides: dict[str, Any], tmp_path: Path) -> None:
     facts = {name: text for name, text in FACTS.items() if name not in RANGE}
     path = recording(tmp_path / "old.mcap", sides, facts)

@@ -72,7 +72,7 @@ def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> 
     report = document(out.read_text(encoding="utf-8"))
     report["felt"] = report["force"]
     assert len(shown) > 25
-    assert float(shown["force.packets"]) > 0
+    assert float(shown["felt.packets"]) > 0
     for path, exact in shown.items():
         if path.startswith(("joint_", "gripper_")):
             assert exact == "", "of an arm alone"
