@@ -89,7 +89,7 @@ def test_current_tells_the_torque_where_calibrated(calibrated: tuple[float, ...]
     assert arm.sample.torques[1] == pytest.approx(0.4, abs=0.07)
 
 
-def test_weight_is_not_taken_for_contact() -> None:
+def test_weight_is_carried_and_not_taken_for_contact() -> None:
     pytest.importorskip("mujoco")
     from weberlink.arms.models import load  # noqa: PLC0415
 
@@ -98,6 +98,12 @@ def test_weight_is_not_taken_for_contact() -> None:
     arm.go(stretched, 2.0)
     assert abs(load("so101").gravity(arm.sample.angles)[1]) > 0.4
     assert arm.sample.torques == pytest.approx((0.0,) * 6, abs=0.02)
+    assert arm.sample.angles == pytest.approx(stretched, abs=0.02)
+    arm.exchange.close()
+    before = arm.emulator.angles
+    arm.port.pause(1.0)
+    arm.emulator.advance(arm.port.now)
+    assert arm.emulator.angles == pytest.approx(before, abs=0.02)
 
 
 def test_angles_beyond_the_range_are_not_commanded() -> None:
