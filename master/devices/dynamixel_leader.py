@@ -10,7 +10,7 @@ from pydantic import Field
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.arms.dynamixel.arm_exchange import TorqueExchange, model_gravity, no_gravity
-from weberlink.arms.dynamixel.bus import USB, latency_advice
+from weberlink.arms.dynamixel.bus import ARM_USB, latency_advice
 from weberlink.arms.dynamixel.layouts import KOCH_LEADER, OMX_LEADER, ArmLayout
 from weberlink.arms.dynamixel.motor_models import CurrentLaw, MotorModel
 from weberlink.arms.dynamixel.motors import watchdog_units
@@ -74,7 +74,7 @@ class DynamixelLeader(ThreadedArm[Joints]):
         ValueError: `gravity` is asked for and MuJoCo is not installed.
     """
 
-    USB: ClassVar[tuple[UsbId, ...]] = USB
+    USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:

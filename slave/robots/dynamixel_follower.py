@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from weberlink.arms.contract import ArmSpec
 from weberlink.arms.dynamixel.arm_exchange import Gravity, PositionExchange, model_gravity, no_gravity
-from weberlink.arms.dynamixel.bus import USB, MotorPort, latency_advice
+from weberlink.arms.dynamixel.bus import ARM_USB, MotorPort, latency_advice
 from weberlink.arms.dynamixel.layouts import KOCH_FOLLOWER, OPEN_MANIPULATOR_X, ArmLayout
 from weberlink.arms.dynamixel.motor_models import LOAD_FULL
 from weberlink.arms.dynamixel.motors import watchdog_units
@@ -139,7 +139,7 @@ class OpenManipulatorXOptions(DynamixelFollowerOptions):
 class DynamixelFollower(ThreadedArm[Joints | None]):
     """A follower on a bus of Dynamixel motors. Their bus watchdogs stop them when this process stops."""
 
-    USB: ClassVar[tuple[UsbId, ...]] = USB
+    USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:

@@ -116,7 +116,9 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
     from lerobot.processor import make_default_processors  # noqa: PLC0415
     from lerobot.scripts.lerobot_teleoperate import teleop_loop  # noqa: PLC0415
 
-    robot, teleop = devices(live, observe=True, force_window=34)
+    from tests.plugins.trialcamera import TrialCameraConfig  # noqa: PLC0415 - needs LeRobot
+
+    robot, teleop = devices(live, observe=True, force_window=34, cameras={"front": TrialCameraConfig()})
     names = ("teleop_action_processor", "robot_action_processor", "robot_observation_processor")
     processors = dict(zip(names, make_default_processors(), strict=True))
     took: list[float] = []
@@ -128,7 +130,9 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
 
     lateness = Lateness(live)
     with robot, teleop:
-        laws.check("features are flat floats", set(robot.observation_features.values()) == {float})
+        features = dict(robot.observation_features)
+        laws.check("a camera is an image", features.pop("front") == (48, 64, 3))
+        laws.check("all other features are floats", set(features.values()) == {float}, len(features))
         for _ in range(max(1, round(seconds / PIECE_S))):
             lateness.measure("nothing", lambda: sleep(PIECE_S))
             lateness.measure("LeRobot", loop)
@@ -140,6 +144,7 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
             moved.append([abs(action[name] - observation[name]) for name in action])
             sleep(1.0 / FPS)
         laws.check("an observation has its features", set(observation) == set(robot.observation_features))
+        laws.check("its image is the camera's", observation["front"].shape == (48, 64, 3))
         laws.check(
             "an action has its features", set(action) == set(teleop.action_features) == set(robot.action_features)
         )

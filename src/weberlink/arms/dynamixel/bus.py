@@ -29,6 +29,8 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 
 USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
 """ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""
+ARM_USB: Final = (*USB, UsbId(0x1A86, 0x55D3))
+"""Those, and the bus servo board of Waveshare that a Koch arm has (CH343); arms with Feetech servos have it too."""
 SYSFS: Final = Path("/sys/bus/usb-serial/devices")
 BITS_PER_BYTE: Final = 10
 STATUS_OVERHEAD: Final = OVERHEAD + 1
