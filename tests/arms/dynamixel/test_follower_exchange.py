@@ -132,6 +132,18 @@ def test_limp_on_close_takes_torque_off() -> None:
     assert not any(servo.torque_on for servo in bench.emulator.servos)
 
 
+def test_alarm_that_keeps_torque_on_does_not_prevent_release() -> None:
+    """An XM430 as delivered goes on at a low supply."""
+    bench = open_manipulator_x(OpenManipulatorXOptions(on_close=OnClose.LIMP))
+    sample = bench.run(lambda _: WORK, bench.exchange.open(), 0.02)[-1]
+    bench.emulator.inject("low_voltage", 1)
+    with pytest.raises(HardwareFault, match=r"joint1 \(id 11\): input voltage out of range.* 9.0 V now"):
+        bench.run(lambda _: WORK, sample, 0.02)
+    assert all(servo.torque_on for servo in bench.emulator.servos)
+    bench.exchange.close()
+    assert not any(servo.torque_on for servo in bench.emulator.servos)
+
+
 def test_dead_host_leaves_arm_where_it_is() -> None:
     bench = koch()
     sample = bench.run(lambda _: (0.5, 0.0, 0.0, 0.0, 0.0, 0.815), bench.exchange.open(), 0.1)[-1]

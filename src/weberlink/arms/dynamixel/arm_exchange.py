@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from importlib import import_module
 from math import expm1, pi
 from time import monotonic, sleep
@@ -205,9 +204,7 @@ class TorqueExchange(ArmExchange[Joints]):
         return ArmSample(at, angles, (0.0,) * len(angles))
 
     def _leave(self, motors: Motors) -> None:
-        with suppress(HardwareFault):
-            motors.command([0] * len(self._models))
-        motors.leave(hold=False)
+        motors.release()
 
 
 class PositionExchange(ArmExchange[Joints | None]):
@@ -297,4 +294,4 @@ class PositionExchange(ArmExchange[Joints | None]):
         if self.hold_on_close:
             motors.stay()
         else:
-            motors.leave(hold=False)
+            motors.release()
