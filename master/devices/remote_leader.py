@@ -77,16 +77,25 @@ class JointMotion:
 
     def place(self, angles: Joints) -> None:
         """Be at angles [rad], at rest."""
-        self.angles, self._velocity = angles, (0.0,) * len(angles)
+        self.angles = angles
+        self.stop()
+
+    def stop(self) -> None:
+        """Be at rest."""
+        self._velocity = [0.0] * len(self.angles)
 
     def follow(self, target: Joints, step: float) -> None:
         """Move on by a step [s] towards a target [rad]."""
         # Implicit Euler, so that it is stable at any step: v' = (v + r^2 h (target - x)) / (1 + r h)^2.
         pull, faded = self._rate * self._rate * step, (1.0 + self._rate * step) ** -2
-        wanted = [(v + pull * (t - x)) * faded for v, t, x in zip(self._velocity, target, self.angles, strict=True)]
-        share = min(1.0, self._speed / max(1e-9, *map(abs, wanted)))
-        self._velocity = tuple([share * v for v in wanted])
-        self.angles = tuple([x + v * step for x, v in zip(self.angles, self._velocity, strict=True)])
+        angles = self.angles
+        wanted = [(v + pull * (t - x)) * faded for v, t, x in zip(self._velocity, target, angles)]  # noqa: B905 - costs
+        fastest = max(*wanted, -min(wanted))
+        if fastest > self._speed:
+            share = self._speed / fastest
+            wanted = [share * v for v in wanted]
+        self._velocity = wanted
+        self.angles = tuple([x + v * step for x, v in zip(angles, wanted)])  # noqa: B905 - as above
 
 
 class RemoteLeader:
@@ -120,6 +129,7 @@ class RemoteLeader:
             buttons=1,
             watchdog_s=0.0,
         )
+        self._no_torque: Joints = (0.0,) * axes
         self._home, self._silence = options.each("home_rad"), options.silence_ms * 1e-3
         self._source = TargetMemory() if source is None else source
         self._motion = JointMotion(options.smooth_ms, options.speed_rad_s)
@@ -146,8 +156,8 @@ class RemoteLeader:
             self._look(now)
             if now <= self._leads_until:
                 self._motion.follow(self._target, now - before.at)
-            else:
-                self._motion.place(self._motion.angles)
+            elif before.buttons:
+                self._motion.stop()
             self._reading = before = self._read(now)
         return before
 
@@ -173,7 +183,7 @@ class RemoteLeader:
 
     def _read(self, now: float) -> ArmReading:
         pressed = LEADS if now <= self._leads_until else 0
-        return ArmReading(now, self._motion.angles, (0.0,) * self.spec.axes, buttons=pressed)
+        return ArmReading(now, self._motion.angles, self._no_torque, buttons=pressed)
 
 
 def limits(options: dict[str, Any]) -> tuple[Joints, Joints]:

@@ -31,7 +31,9 @@ PIECE_S = 5.0
 """Length of one piece of a comparison: a ring holds 10 s."""
 SIDES = ("master", "slave")
 LATER_US, LATER = 100.0, 1.5
-"""Lateness p99 beside LeRobot may be so much, or so many times, what it is without."""
+"""Lateness p99 beside LeRobot may be so much more, or so many times, what it is without."""
+MISSED = 0.001
+"""Share of ticks that may be missed in addition."""
 
 Found = dict[str, Any]
 
@@ -96,14 +98,15 @@ class Lateness:
             ring.close()
 
     def figures(self) -> Found:
+        """The median over the pieces, since a stall of the host spoils one piece; the largest value of all."""
         found: Found = {}
         for (side, beside), pieces in self._pieces.items():
-            late = np.concatenate([piece["lateness_us"] for piece in pieces])
-            missed = sum(int(piece["ticks_missed"][-1] - piece["ticks_missed"][0]) for piece in pieces)
-            p50, p99, p999 = np.percentile(late, (50, 99, 99.9)).round(1).tolist()
+            late = [np.percentile(piece["lateness_us"], (50, 99)) for piece in pieces]
+            missed = [int(piece["ticks_missed"][-1] - piece["ticks_missed"][0]) for piece in pieces]
+            p50, p99 = np.median(late, axis=0).round(1).tolist()
             found.setdefault(side, {})[beside] = {
-                "ticks": len(late), "missed": missed, "p50_us": p50, "p99_us": p99, "p999_us": p999,
-                "max_us": round(float(late.max()), 1),
+                "ticks": sum(map(len, pieces)), "p50_us": p50, "p99_us": p99, "missed": float(np.median(missed)),
+                "max_us": round(max(float(piece["lateness_us"].max()) for piece in pieces), 1),
             }  # fmt: skip
         return found
 
@@ -113,7 +116,9 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
     from lerobot.processor import make_default_processors  # noqa: PLC0415
     from lerobot.scripts.lerobot_teleoperate import teleop_loop  # noqa: PLC0415
 
-    robot, teleop = devices(live, observe=True, force_window=34)
+    from tests.plugins.trialcamera import TrialCameraConfig  # noqa: PLC0415 - needs LeRobot
+
+    robot, teleop = devices(live, observe=True, force_window=34, cameras={"front": TrialCameraConfig()})
     names = ("teleop_action_processor", "robot_action_processor", "robot_observation_processor")
     processors = dict(zip(names, make_default_processors(), strict=True))
     took: list[float] = []
@@ -125,7 +130,9 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
 
     lateness = Lateness(live)
     with robot, teleop:
-        laws.check("features are flat floats", set(robot.observation_features.values()) == {float})
+        features = dict(robot.observation_features)
+        laws.check("a camera is an image", features.pop("front") == (48, 64, 3))
+        laws.check("all other features are floats", set(features.values()) == {float}, len(features))
         for _ in range(max(1, round(seconds / PIECE_S))):
             lateness.measure("nothing", lambda: sleep(PIECE_S))
             lateness.measure("LeRobot", loop)
@@ -137,6 +144,7 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
             moved.append([abs(action[name] - observation[name]) for name in action])
             sleep(1.0 / FPS)
         laws.check("an observation has its features", set(observation) == set(robot.observation_features))
+        laws.check("its image is the camera's", observation["front"].shape == (48, 64, 3))
         laws.check(
             "an action has its features", set(action) == set(teleop.action_features) == set(robot.action_features)
         )
@@ -145,11 +153,9 @@ def teleoperate(live: LiveArms, laws: Laws, seconds: float) -> Found:
     for side, by in figures.items():
         without, beside = by["nothing"], by["LeRobot"]
         most = max(LATER * without["p99_us"], without["p99_us"] + LATER_US)
-        laws.check(
-            f"lateness p99 of the {side} is unharmed by LeRobot",
-            beside["p99_us"] <= most and beside["missed"] <= without["missed"] + 0.001 * beside["ticks"],
-            f"{beside['p99_us']:g} us, without {without['p99_us']:g} us; missed {beside['missed']} and {without['missed']}",
-        )
+        is_unharmed = beside["p99_us"] <= most and beside["missed"] <= without["missed"] + MISSED * PIECE_S * 1e3
+        words = ", ".join(f"{name} {each['p99_us']:g} us, {each['missed']:g} missed" for name, each in by.items())
+        laws.check(f"ticks of the {side} are as late beside LeRobot as without", is_unharmed, words)
     step_ms = float(np.percentile(took, 99)) * 1e3
     laws.check("a step of the loop never waits", step_ms < 10.0, f"p99 {step_ms:.2f} ms")
     return {"lateness": figures, "step_p99_ms": step_ms, "follower_to_leader_median": np.median(moved, 0).tolist()}
@@ -176,7 +182,7 @@ def record(live: LiveArms, laws: Laws, folder: Path, seconds: float) -> Found:
     state = np.stack([np.asarray(row) for row in dataset.hf_dataset["observation.state"]])
     names = dataset.features["observation.state"]["names"]
     windows = [i for i, name in enumerate(names) if name.count(".") == 2]
-    laws.check("its frames are of 30 Hz", len(dataset) >= 0.9 * FPS * seconds, len(dataset))
+    laws.check("its frames are of 30 Hz", len(dataset) >= 0.8 * FPS * seconds, len(dataset))
     laws.check(
         "a window holds 34 ticks of every axis", len(windows) == 34 * (len(names) - len(windows)) / 2, len(windows)
     )
@@ -265,7 +271,7 @@ def killed(live: LiveArms, laws: Laws) -> float | None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=10.0, help="of teleoperation, and of a lead")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of teleoperation; of a lead, a third of it")
     parser.add_argument("--json", type=Path, default=None, help="write the figures here")
     arguments = parser.parse_args()
     laws = Laws()
@@ -278,7 +284,7 @@ def main() -> int:
             found["record"] = record(live, laws, Path(name), 5.0)
         found["session"] = {key: live.summary.get(key) for key in ("outcome", "verdict", "faults")}
         laws.check("no fault was met", not any(live.summary["faults"].values()), live.summary["faults"])
-        found["lead"] = lead(laws, arguments.seconds)
+        found["lead"] = lead(laws, arguments.seconds / 3)
     found["broken"] = laws.broken
     text = json.dumps(found, indent=1)
     write(text)

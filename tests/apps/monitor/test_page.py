@@ -173,7 +173,7 @@ def test_arm_shows_axes_by_name(page: Browser, server: ScriptedServer) -> None:
         ["gripper, torque", "4.0", "1\u202f000", "99.6 %"],
     ]
     figures = page.text("panel-figures")
-    assert "12.30 mN" in figures and "0.120°" in figures and "torque packets 24" in figures
+    assert "12.3 mN" in figures and "0.120°" in figures and "torque packets 24" in figures
     clean(page, server)
 
 
@@ -218,7 +218,7 @@ def test_figures_equal_the_report_exactly(page: Browser, server: ScriptedServer)
     )
     assert len(shown) > 25
     for path, exact, text in shown:
-        expected: Any = REPORT
+        expected: Any = REPORT | {"felt": REPORT["force"]}
         for key in path.split("."):
             expected = expected.get(key) if isinstance(expected, dict) else None
         if expected is None:
@@ -440,8 +440,14 @@ def test_drawing_can_be_paused_and_windowed(page: Browser, server: ScriptedServe
 
 @pytest.mark.parametrize(
     ("width", "greeting"),
-    [(1000, session.hello()), (1000, session.hello_of_six()), (2200, session.hello_of_six())],
-    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF"],
+    [
+        (1000, session.hello()),
+        (1000, session.hello_of_six()),
+        (2200, session.hello_of_six()),
+        (1000, session.hello_of_arm()),
+        (400, session.hello_of_arm()),
+    ],
+    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF", "narrow, arm", "phone, arm"],
 )
 def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, width: int, greeting: Message) -> None:
     boxes = (
@@ -452,7 +458,8 @@ def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, 
     try:
         visit(page, server, greeting)
         before = page.run(boxes)
-        server.say(*told(), session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
+        rows = told() if greeting.get("axes") is None else of_arm()[1:-1]
+        server.say(*rows, session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
         page.wait(lambda: page.data("faults") == "3", "the figures")
         assert page.run(boxes) == before
         assert page.run("return document.documentElement.scrollWidth") <= width

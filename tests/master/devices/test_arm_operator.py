@@ -32,9 +32,8 @@ def run(made: ArmOperator, ticks: int, torques: Joints = NONE) -> ArmReading:
     return reading
 
 
-@pytest.mark.parametrize("name", ["koch_leader", "open_manipulator_x"])
-def test_every_axis_moves_without_a_script(name: str) -> None:
-    made = operator(model=name, hand={"stiffness_nm_rad": 50.0, "damping_nm_s_rad": 1.0}, steps=1)
+def test_every_axis_moves_without_a_script() -> None:
+    made = operator(hand={"stiffness_nm_rad": 50.0, "damping_nm_s_rad": 1.0}, steps=1)
     farthest = [0.0] * made.spec.axes
     home = made.latest(0.0).angles
     for tick in range(1, 22_001):
@@ -159,7 +158,7 @@ def test_it_is_read_only_while_open() -> None:
         ({"script": [*REST, {"motion": "move", "gripper_rad": 9.0}]}, r"script\.1: gripper: expected 0 to 1\.632 rad"),
         ({"script": [{"motion": "swing", "amplitude_rad": (1.0,)}]}, r"script\.0\.amplitude_rad: expected 6 angles"),
         ({"hand": {"damping_nm_s_rad": (1.0,)}}, r"hand\.damping_nm_s_rad: expected one value, or one for each of 6"),
-        ({"hand": {"stiffness_nm_rad": 0.0}}, r"hand\.stiffness_nm_rad: expected at least 1e-06"),
+        ({"hand": {"stiffness_nm_rad": 0.0}}, r"hand\.stiffness_nm_rad: expected 1e-06 to "),
     ],
 )
 def test_wrong_options_are_named(options: dict[str, Any], message: str) -> None:

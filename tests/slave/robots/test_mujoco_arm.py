@@ -82,7 +82,7 @@ def test_readings_are_limited_to_the_motors() -> None:
     for tick in range(1, 1500):
         made.follow((0.0, 1.2, 0.0, 0.0, 0.0, 0.0), tick * TICK)
         felt = max(felt, *map(abs, made.latest(tick * TICK).torques))
-    assert felt == 0.5
+    assert 0.49 < felt <= 0.5
 
 
 def test_a_box_is_gripped_and_lifted() -> None:
@@ -130,7 +130,7 @@ def test_no_gain_goal_or_contact_makes_it_diverge(
 @pytest.mark.parametrize("stiffness", [1.0, 30.0, 100.0])
 def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
     """Springs without damping pull the arm into a hard table: backward Euler and contacts may only take energy."""
-    made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e12, objects=[HARD])
+    made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e9, objects=[HARD])
     way = 0.9 if name == "so101" else -0.9
     goal = (0.4, way, 0.5, 0.5 * way, 0.5, 0.5)
     energies = []
@@ -202,8 +202,8 @@ def test_a_long_silence_is_skipped() -> None:
     ("options", "message"),
     [
         ({"stiffness_nm_rad": (1.0, 2.0)}, "stiffness_nm_rad: expected one value, or one for each of 6 axes; got 2"),
-        ({"stiffness_nm_rad": 0.0}, "stiffness_nm_rad: expected at least 1e-06"),
-        ({"torque_nm": -1.0}, "torque_nm: expected at least 0"),
+        ({"stiffness_nm_rad": 0.0}, "stiffness_nm_rad: expected 1e-06 to "),
+        ({"torque_nm": -1.0}, "torque_nm: expected 0 to "),
         ({"home_rad": (0.0,)}, "home_rad: expected 6 angles, got 1"),
         ({"home_rad": (9.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, "home_rad: shoulder_pan: expected -1.92 to 1.92 rad, got 9"),
         ({"model": "no_such_file.xml"}, "model: there is no file no_such_file.xml"),

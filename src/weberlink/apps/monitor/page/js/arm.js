@@ -10,8 +10,8 @@ const degrees = (value) => (Number.isFinite(value) ? `${AS.number1(DEGREES * val
 const CELLS = [
   ["master", "joint_position", degrees],
   ["slave", "joint_position", degrees],
-  ["slave", "joint_raw", AS.signed],
-  ["master", "joint_output", AS.signed],
+  ["slave", "joint_raw", AS.number3],
+  ["master", "joint_output", AS.number3],
 ];
 
 const by = (id) => document.getElementById(id);
@@ -19,7 +19,7 @@ const by = (id) => document.getElementById(id);
 export class ArmTable {
   constructor(store) {
     this.store = store;
-    this.drawn = 0;
+    this.drawn = -Infinity; // when the figures were last written
   }
 
   // Makes a row for each axis and each channel of the session.
@@ -28,12 +28,17 @@ export class ArmTable {
     by("axes").replaceChildren(...axes.map((name) => row(name, CELLS.length)));
     const channels = Object.keys(CHANNELS).filter((name) => !name.startsWith("gripper") || axes.at(-1) === "gripper");
     by("arm-channels").replaceChildren(...(axes.length ? channels : []).map((name) => row(CHANNELS[name], 3, name)));
-    this.drawn = 0;
+    this.drawn = -Infinity;
   }
 
   draw(time) {
     const now = performance.now();
-    if (!this.store.axes || now - this.drawn < EVERY_MS) return;
+    clearTimeout(this.later);
+    if (!this.store.axes) return;
+    if (now - this.drawn < EVERY_MS) {
+      this.later = setTimeout(() => this.draw(time), EVERY_MS);
+      return;
+    }
     this.drawn = now;
     for (const [axis, { cells }] of [...by("axes").rows].entries())
       CELLS.forEach(([side, field, text], k) => {

@@ -2,7 +2,7 @@
 //
 // The choice of a chart is the number of an axis.
 
-import { around, column, padded, sent, upward, where } from "./panels.js";
+import { column, padded, sent, upward, where } from "./panels.js";
 
 const DEGREES = 180 / Math.PI;
 const rates = (ring, colour, name, gripper) => ({
@@ -46,7 +46,7 @@ export const ARM_PANELS = [
       ];
     },
     band: [2, 3],
-    range: () => around(0.05),
+    range: () => (low, high) => padded(low, high, 0.02),
     axis: (v) => `${v}`,
   },
   {

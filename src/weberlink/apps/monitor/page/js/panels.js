@@ -34,7 +34,7 @@ function roundUp(value) {
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((f) => f * power).find((step) => step >= value * 0.999);
 }
 export const upward = (least) => (low, high) => [0, roundUp(Math.max(least, 1.04 * high))];
-export const around = (least) => (low, high) => {
+const around = (least) => (low, high) => {
   const top = roundUp(Math.max(least, 1.04 * Math.max(Math.abs(low), Math.abs(high))));
   return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];
 };
