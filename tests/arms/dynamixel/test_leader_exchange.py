@@ -64,6 +64,15 @@ def test_currents_stay_within_limit() -> None:
     assert options.most[0] == pytest.approx(0.146 * (0.2 * 1.47) ** 0.5, rel=0.01)
 
 
+def test_calibrated_torques_are_true_ones() -> None:
+    options = KochLeaderOptions(torque_ratio=(0.7,) * 6)
+    bench = leader_bench(koch(constant_ratio=0.7), options)
+    bench.run(lambda _: (0.04,) * 6, bench.exchange.open(), 0.05)
+    assert torques(bench.emulator) == pytest.approx((0.04,) * 6, abs=3e-3)  # type: ignore[arg-type]
+    bench.run(lambda _: (1.0,) * 6, bench.exchange.open(), 0.05)
+    assert torques(bench.emulator) == pytest.approx(options.most)  # type: ignore[arg-type]
+
+
 def test_sign_and_offset_apply_to_angle_and_torque() -> None:
     options = KochLeaderOptions(sign=(-1,) * 6, offset_rad=(0.1,) * 6, lower_rad=(-3.0,) * 6, upper_rad=(3.0,) * 6)
     bench = leader_bench(koch(start_rad=(0.2,) * 6), options)
