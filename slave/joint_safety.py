@@ -9,6 +9,8 @@ TRIP_RETREAT = 0.05
 """How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
 CONTACT_SHARE = 0.1
 """An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
+FULL_SHARE = 0.95
+"""Share of the largest press that counts as all of it: filtered, a measurement that saturates stays below. Chosen."""
 
 
 class JointPressLimit:
@@ -60,7 +62,7 @@ class JointPressLimit:
             # Along the axis, with the direction out of the contact as positive.
             sign = self._sign[axis]
             deepest = sign * angles[axis] - self._reach[axis]
-            if abs(torque) < self._most[axis]:
+            if abs(torque) < FULL_SHARE * self._most[axis]:
                 deepest = min(deepest, sign * held[axis])
             if sign * target[axis] < deepest:
                 bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])

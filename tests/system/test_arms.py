@@ -1,4 +1,4 @@
-"""Sessions in joint space in virtual time: the shipped pair of arms, what a file may say of arms, report and recording."""
+"""Sessions in joint space in virtual time: the shipped pair of arms, wrong files, the report and the recording."""
 
 from io import StringIO
 from pathlib import Path
@@ -118,7 +118,7 @@ def test_file_allows_the_schemes_that_arms_have() -> None:
     ],
 )
 def test_wrong_file_is_told_with_its_place(override: str, expected: str) -> None:
-    with pytest.raises(ConfigurationError, match="arms.yaml") as error:
+    with pytest.raises(ConfigurationError, match=r"arms\.yaml") as error:
         build_simulation(load(CONFIGS / FILE, [override]))
     assert expected in str(error.value)
 
