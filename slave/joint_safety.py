@@ -6,9 +6,11 @@ from weberlink.geometry.joints import Joints
 from weberlink.slave.safety import REBOUND, TRIP_PAUSE, Follower
 
 TRIP_RETREAT = 0.05
-"""How far an axis that trips backs off from where it is [rad]: 1 cm at the end of 20 cm. Chosen."""
+"""How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
 CONTACT_SHARE = 0.1
 """An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
+FULL_SHARE = 0.95
+"""Share of the largest press that counts as all of it: filtered, a measurement that saturates stays below. Chosen."""
 
 
 class JointPressLimit:
@@ -60,7 +62,7 @@ class JointPressLimit:
             # Along the axis, with the direction out of the contact as positive.
             sign = self._sign[axis]
             deepest = sign * angles[axis] - self._reach[axis]
-            if abs(torque) < self._most[axis]:
+            if abs(torque) < FULL_SHARE * self._most[axis]:
                 deepest = min(deepest, sign * held[axis])
             if sign * target[axis] < deepest:
                 bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])
@@ -78,8 +80,8 @@ class JointGuard(Follower[Joints]):
     """Bounds the commanded angles by speed and range; the counterpart of `CommandGuard`.
 
     Each axis moves on its own, at most at the speed. When it is released the arm holds. A torque above its limit trips
-    it: the axes of such torques back off by `TRIP_RETREAT` along them, the others hold. It follows again once
-    `TRIP_PAUSE` has passed and the command is as far out of the contact.
+    it: the axes of such torques back off along them, by `TRIP_RETREAT` from both the measured and the commanded angle,
+    and the others hold. It follows again once `TRIP_PAUSE` has passed and the command is as far out of the contact.
 
     Args:
         lower: least angles [rad].
@@ -140,12 +142,12 @@ class JointGuard(Follower[Joints]):
             copysign(1.0, torque) if abs(torque) > most else 0.0
             for torque, most in zip(torques, self._trip, strict=True)
         )
-        self._retreat_to = self._inside(
-            tuple(
-                held if sign == 0.0 else here + sign * TRIP_RETREAT
-                for held, here, sign in zip(self._held, where, out, strict=True)
-            )
-        )
+        # From the command where that is farther out: an arm that sags lies below a command that is no deeper.
+        retreat = [
+            held if sign == 0.0 else sign * (max(sign * held, sign * here) + TRIP_RETREAT)
+            for held, here, sign in zip(self._held, where, out, strict=True)
+        ]
+        self._retreat_to = self._inside(tuple(retreat))
         self._way_out = self._retreat_to, out
         self._pause = TRIP_PAUSE
 

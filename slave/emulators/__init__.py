@@ -3,5 +3,10 @@
 from weberlink.hardware.emulator import EmulatorClass
 from weberlink.registry import Registry
 
-EMULATORS = {"dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator"}
+EMULATORS = {
+    "dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator",
+    "koch_follower": "weberlink.arms.emulators.dynamixel.joint_arm:KochFollowerEmulator",
+    "open_manipulator_x": "weberlink.slave.emulators.dynamixel:DynamixelEmulator",
+    "so101_follower": "weberlink.arms.emulators.feetech:So101FollowerEmulator",
+}
 load = Registry[EmulatorClass]("emulated robot", EMULATORS).load

@@ -10,6 +10,7 @@ thousands of times a second.
 from collections.abc import Sequence
 from math import copysign
 
+from weberlink.arms.emulators.dynamixel.arm import STEP
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots.dynamixel.arm import (
     COULOMB_N_M,
@@ -28,8 +29,6 @@ from weberlink.slave.scenes.scene import Scene
 Symmetric = list[float]
 """The lower triangle of a symmetric 4 x 4 matrix, row by row."""
 
-STEP = 0.0005
-"""Of integration [s]."""
 STOP_STIFFNESS = 200.0  # [N m/rad]; a guess, only meant to stop the arm
 STOP_DAMPING = 0.5  # [N m s]
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)

@@ -1,22 +1,16 @@
-"""An emulated OpenMANIPULATOR-X on its bus: five servos, the arm, and the scene that its tip touches.
+"""An emulated OpenMANIPULATOR-X on its bus: five servos, the arm, and the scene that its tip touches."""
 
-Mechanics advance on a fixed grid of steps, and instructions and watchdogs take effect when they are due, independent of
-when `advance` is called. Temperature, backlash and cables are not modelled.
-"""
-
-from collections import deque
-from collections.abc import Mapping
-from math import inf
-from random import Random
-from typing import Annotated, ClassVar, Self
+from collections.abc import Sequence
+from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from weberlink.arms.dynamixel.motor_models import XM430_W350
+from weberlink.arms.dynamixel.packet import HIGHEST_ID
+from weberlink.arms.dynamixel.registers import BAUD_RATES
+from weberlink.arms.emulators.dynamixel.arm import ArmEmulator
 from weberlink.geometry.vector import Vector
-from weberlink.hardware.emulator import WireFaults
-from weberlink.slave.emulators.arm_dynamics import STEP, EmulatedArm, Gripper
-from weberlink.slave.emulators.bus import ServoBus
-from weberlink.slave.emulators.servo import TORQUE_N_M_PER_A, Measured, Servo, amperes
+from weberlink.slave.emulators.arm_dynamics import EmulatedArm, Gripper
 from weberlink.slave.robots.dynamixel.arm import (
     COULOMB_N_M,
     LOWER,
@@ -26,13 +20,8 @@ from weberlink.slave.robots.dynamixel.arm import (
     Joints,
     arm_pose,
 )
-from weberlink.slave.robots.dynamixel.packet import HIGHEST_ID
-from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, OPENMANIPULATOR_X_MODEL
 from weberlink.slave.scenes.settings import SceneSettings, build
 
-GAP_STEPS = round(1.0 / STEP)
-"""Most steps per call; the rest of a longer silence is skipped."""
-OVERLOAD = 1 << 5
 EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
 EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
@@ -54,7 +43,7 @@ class DynamixelEmulatorOptions(BaseModel):
     coulomb_n_m: EmulatedJointFriction = Field(default=COULOMB_N_M, description="dry friction of the joints")
     viscous_n_m_s: EmulatedJointFriction = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
     torque_constant_n_m_a: float = Field(
-        default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
+        default=XM430_W350.constant, gt=0.0, le=10.0, description="of the motors with their gears"
     )
     rotor_inertia_kg_m2: float = Field(
         default=ROTOR_INERTIA_KG_M2, ge=0.0, le=1.0, description="of each motor, seen at its joint"
@@ -93,25 +82,13 @@ class DynamixelEmulatorOptions(BaseModel):
         return self
 
 
-class DynamixelEmulator:
-    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`."""
+class DynamixelEmulator(ArmEmulator):
+    """See `weberlink.arms.emulators.dynamixel.arm`."""
 
     Options = DynamixelEmulatorOptions
-    transport: ClassVar[str] = "serial"
-    OWN_FAULTS: ClassVar[Mapping[str, str]] = {
-        "overload": "a joint raises its alarm and goes limp; 1 to 4, 5 for the gripper",
-        "trip_watchdog": "the bus watchdog of every motor with its torque on trips; any value",
-        "stuck_encoder": "a joint measures a constant angle from now on; 1 to 5, 0 for none",
-        "dead": "a joint does not receive or answer, its motor keeps its order; 1 to 5, 0 for none",
-        "restart": "power cycle, which also ends `dead`; any value",
-        "wrong_model": "every motor reports this model number, 1060 is an XL430-W250; 0: its own",
-    }
 
     def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:
         self._options = options = DynamixelEmulatorOptions() if options is None else options
-        self.faults = WireFaults()
-        self._random = Random(options.seed)  # noqa: S311 - noise of a sensor
-        self._noise = 1e-3 * options.current_noise_ma
         self.arm = EmulatedArm(
             build(options.scene) if options.scene else None,
             options.start_rad,
@@ -122,16 +99,13 @@ class DynamixelEmulator:
         self.gripper = Gripper()
         self.held = options.held
         """Whether a person still holds the arm."""
-        self.currents = [0.0] * 5
-        """Present currents of joints 1 to 4 and gripper [A]."""
-        self.largest_current = 0.0
-        """Of any motor since the start [A]."""
-        self._stuck: dict[int, float] = {}
-        self._injected: deque[tuple[str, float]] = deque()
-        self.servos = tuple(self._servo(index, id_) for index, id_ in enumerate(options.ids))
-        """Joints 1 to 4, gripper."""
-        self.bus = ServoBus(self.servos, options.baud)
-        self._steps: int | None = None
+        super().__init__(
+            options.ids,
+            (XM430_W350,) * 5,
+            baud=options.baud,
+            noise_a=1e-3 * options.current_noise_ma,
+            seed=options.seed,
+        )
 
     @property
     def tip(self) -> Vector:
@@ -143,114 +117,16 @@ class DynamixelEmulator:
         """Of the scene on the tip [N]."""
         return self.arm.force
 
-    @property
-    def watchdog_trips(self) -> int:
-        """Of all servos since the start."""
-        return sum(servo.watchdog_trips for servo in self.servos)
+    def _performed(self) -> None:
+        self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
 
-    def receive(self, data: bytes, now: float) -> None:
-        self.advance(now)
-        self.bus.receive(data, now)
+    def _place(self, index: int) -> tuple[float, float]:
+        if index < 4:
+            return self.arm.angles[index], self.arm.velocities[index]
+        return self.gripper.angle, self.gripper.velocity
 
-    def advance(self, now: float) -> None:
-        if self._steps is None:
-            self._steps = int(now / STEP)
-        while self._injected:
-            self._suffer(*self._injected.popleft(), now)
-        while True:
-            request, deadline = self.bus.next_request, self._deadline()
-            due = min(request, deadline)
-            if due > now:
-                break
-            self._move_to(due)
-            if request <= deadline:
-                self.bus.perform(due)
-                self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
-            else:
-                for servo in self.servos:
-                    servo.watch(due)
-        self._move_to(now)
-
-    def replies(self, now: float) -> list[bytes]:
-        return self.bus.leaving(now)
-
-    def next_timer(self) -> float | None:
-        soonest = min(self.bus.next_request, self.bus.next_reply, self._deadline())
-        return soonest if soonest < inf else None
-
-    def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults at the next `advance`; callable from any thread.
-
-        Raises:
-            ValueError: unknown fault or value.
-        """
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        least = {"overload": 1, "stuck_encoder": 0, "dead": 0}.get(name)
-        if least is not None and value not in range(least, 6):
-            raise ValueError(f"{name}: expected a joint from {least} to 5, got {value:g}")
-        if name == "wrong_model" and not 0 <= value <= 0xFFFF:
-            raise ValueError(f"{name}: expected a model number, got {value:g}")
-        self._injected.append((name, value))
-
-    def _suffer(self, name: str, value: float, now: float) -> None:
-        index = int(value) - 1
-        match name:
-            case "overload":
-                self.servos[index].alarm(OVERLOAD)
-            case "trip_watchdog":
-                for servo in self.servos:
-                    servo.trip()
-            case "stuck_encoder":
-                self._stuck = {} if index < 0 else {index: self._angle(index)}
-            case "dead":
-                self.bus.dead = set() if index < 0 else {self.servos[index].id}
-            case "wrong_model":
-                for servo in self.servos:
-                    servo.rename(int(value) or OPENMANIPULATOR_X_MODEL)
-            case _:
-                self.bus.restart()
-                for servo in self.servos:
-                    servo.reboot(now)
-
-    def _deadline(self) -> float:
-        """When a bus watchdog would trip next."""
-        return min([servo.deadline for servo in self.servos])
-
-    def _servo(self, index: int, id_: int) -> Servo:
-        return Servo(id_, lambda: self._measured(index), baud=self._options.baud)
-
-    def _angle(self, index: int) -> float:
-        return self.arm.angles[index] if index < 4 else self.gripper.angle
-
-    def _measured(self, index: int) -> Measured:
-        """Sensor values of a servo, with noise."""
-        current = self.currents[index] + self._random.gauss(0.0, self._noise)
-        if index in self._stuck:
-            return Measured(self._stuck[index], 0.0, current)
-        velocity = self.arm.velocities[index] if index < 4 else self.gripper.velocity
-        return Measured(self._angle(index), velocity, current)
-
-    def _move_to(self, now: float) -> None:
-        """Advance the mechanics to a time, on the grid of steps."""
-        assert self._steps is not None
-        end = int(now / STEP)
-        begin = max(self._steps, end - GAP_STEPS)
-        self._steps = max(end, self._steps)
-        for _ in range(begin, end):
-            self._step()
-
-    def _step(self) -> None:
-        arm, gripper = self.arm, self.gripper
-        angles, velocities = [*arm.angles, gripper.angle], (*arm.velocities, gripper.velocity)
-        for index, angle in self._stuck.items():
-            angles[index] = angle
-        self.currents = currents = [
-            amperes(servo.drive, angle, velocity)
-            for servo, angle, velocity in zip(self.servos, angles, velocities, strict=True)
-        ]
-        self.largest_current = max(self.largest_current, *currents, -min(currents))
+    def _move(self, currents: Sequence[float]) -> None:
         torques = [self._options.torque_constant_n_m_a * current for current in currents]
         if not self.held:
-            arm.step(torques)
-        gripper.step(torques[4])
+            self.arm.step(torques)
+        self.gripper.step(torques[4])

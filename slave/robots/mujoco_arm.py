@@ -1,6 +1,7 @@
 """The follower `mujoco_arm`: an arm under position control of its joints, computed by MuJoCo, and what it may touch."""
 
 from importlib import import_module
+from math import exp, pi
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -22,14 +23,13 @@ class ArmObject(BaseModel):
 
     position_m: Vector = Field(description="of its centre; of a table, a point on its surface")
     time_constant_s: float = Field(
-        default=0.004,
+        default=0.01,
         ge=1e-5,
         le=1.0,
-        description="in which a contact pushes out what is in it (`solref` of MuJoCo): shorter is harder; at least two "
-        "steps of the simulation count",
+        description="in which a contact, critically damped, pushes out what is in it (`solref` of MuJoCo): shorter is "
+        "harder, down to two steps of the simulation",
     )
-    damping_ratio: float = Field(default=1.0, ge=0.01, le=10.0, description="of a contact; below 1 it bounces")
-    friction: float = Field(default=1.0, ge=0.0, le=10.0, description="coefficient of sliding friction")
+    friction: float = Field(default=0.5, ge=0.0, le=10.0, description="coefficient of sliding friction")
 
     def shape(self, package: Any) -> tuple[Any, list[float]]:
         """Kind of the geom, and its size as MuJoCo has it."""
@@ -41,7 +41,7 @@ class ArmObject(BaseModel):
 
     def _add_geom(self, body: Any, package: Any, position: Vector, mass: float = 0.0) -> None:
         kind, size = self.shape(package)
-        solref = [self.time_constant_s, self.damping_ratio]
+        solref = [self.time_constant_s, 1.0]
         sliding = [self.friction, 0.005, 0.0001]
         body.add_geom(
             type=kind, size=size, pos=list(position), mass=mass, solref=solref, friction=sliding,
@@ -100,6 +100,9 @@ class MujocoArmOptions(ModelOptions):
     damping_ratio: float = Field(
         default=0.7, ge=0.0, le=10.0, description="of each axis alone, at home; friction of the model counts"
     )
+    sensing_hz: float = Field(
+        default=50.0, ge=0.1, le=1e6, description="bandwidth of the torque sensing, a low-pass filter of first order"
+    )
     objects: tuple[Annotated[Table | Box | Ball, Field(discriminator="kind")], ...] = Field(
         default=(), max_length=20, description="to touch, beside those of the file"
     )
@@ -108,8 +111,9 @@ class MujocoArmOptions(ModelOptions):
 class MujocoArm(ComputedArm):
     """Goes to the commanded angles by springs and dampers at its joints, whose torques are limited.
 
-    Its torques are those of contacts and end stops, the mean since the last reading, limited to the torques of the
-    motors. Gravity of the arm is compensated.
+    Its torques are those of contacts and end stops, limited to the torques of the motors: of the mean since the last
+    reading, through a low-pass filter as that of motors which measure their current. (A contact of MuJoCo that slides
+    pushes in some steps and not in others.) Gravity of the arm is compensated.
     """
 
     Options: ClassVar[type[MujocoArmOptions]] = MujocoArmOptions
@@ -149,19 +153,22 @@ class MujocoArm(ComputedArm):
         )
         super().__init__(spec, simulation, home)
         self._goals = home
-        self._none = (0.0,) * count
+        self._none = self._felt = (0.0,) * count
+        self._omega = 2.0 * pi * options.sensing_hz
 
     def open(self, now: float) -> None:
         super().open(now)
-        self._goals = self._home
+        self._goals, self._felt = self._home, self._none
 
     def follow(self, angles: Joints, now: float) -> None:  # noqa: ARG002
         self._goals = self._finite(angles, "angles")
 
     def _advance(self, elapsed: float) -> tuple[Joints, bool]:
         self._simulation.advance(self._goals, self._none, elapsed)
-        felt = zip(self._simulation.torque, self._limit, strict=True)
-        return tuple([min(max(torque, -most), most) for torque, most in felt]), False
+        share = 1.0 - exp(-self._omega * elapsed)
+        inputs = zip(self._felt, self._simulation.torque, self._limit, strict=True)
+        self._felt = tuple([old + share * (min(max(torque, -most), most) - old) for old, torque, most in inputs])
+        return self._felt, False
 
 
 def _furnish(spec: Any, objects: tuple[ArmObject, ...]) -> None:

@@ -8,8 +8,10 @@ from time import sleep
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
+from tests.apps import arm_sessions
 from tests.system.processes import ENGAGED, Program, document, free_port, until
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
@@ -19,8 +21,10 @@ from weberlink.studies.evaluate.replay import signal_of
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
-from weberlink.system.scoring.recorded import put_together
-from weberlink.telemetry.record import COUNTERS
+from weberlink.system.scoring.recorded import ADDED, put_together
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import COUNTERS, FIELDS, JOINTS, Field
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 
@@ -426,6 +430,60 @@ def test_the_status_line_says_when_the_recorder_is_gone():
     assert "RECORDING" not in status_line({}, summary)
     assert "RECORDING" not in status_line({}, summary | {"recording": {"running": True}})
     assert "NOT RECORDING" in status_line({}, summary | {"recording": {"running": False}})
+
+
+def test_tables_of_arms_have_a_column_per_joint(tmp_path):
+    ticks = arm_sessions.records("slave", 200)
+    path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": ticks})
+    for to in ("csv", "parquet"):
+        status, _, errors = weberlink("export", path, "--to", to)
+        assert (status, errors) == (0, "")
+    with (tmp_path / "arms-slave.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    table = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "arms-slave.parquet")
+    for name in ("joint_position", "joint_raw", "joint_output"):
+        for place, joint in enumerate(JOINTS):
+            written = np.array([float(row[f"{name}_{joint}"]) for row in rows], np.float32)
+            assert (written == ticks[name][:, place]).all()
+            assert (table[f"{name}_{joint}"].to_numpy() == ticks[name][:, place]).all()
+
+
+def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None:
+    """The same recording as a release with these fields would write it."""
+    kept = np.dtype([(field.name, DTYPE[field.name]) for field in fields])
+    others = {field.name for field in FIELDS} - set(kept.names)
+    text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in others))
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start("ros2", "weberlink")
+        writer.add_metadata("weberlink", whole.facts)
+        schema = writer.register_schema(SCHEMA_NAME, "ros2msg", text.encode())
+        for side, records in whole.records.items():
+            origin = whole.origins[side]
+            channel = writer.register_channel(origin.topic, "cdr", schema, origin.to_metadata())
+            old = np.empty(len(records), kept)
+            for name in kept.names:
+                old[name] = records[name]
+            for index, record in enumerate(old):
+                writer.add_message(channel, index, ENCAPSULATION + record.tobytes(), index, index)
+        writer.add_metadata("end", {"outcome": "complete"})
+        writer.finish()
+
+
+def test_recording_from_before_arms_still_reads(simulated, tmp_path):
+    whole = read_recording(simulated[0])
+    path = tmp_path / "touch.mcap"
+    write_with_fields(path, whole, [field for field in FIELDS if field.name not in ADDED])
+    assert not set(ADDED) & set(read_recording(path).records["slave"].dtype.names)
+    now, then = info(simulated[0]), info(path)
+    assert {key: then[key] for key in then if key != "files"} == {key: now[key] for key in now if key != "files"}
+    for to in ("csv", "ros", "lerobot"):
+        status, _, errors = weberlink("export", path, "--to", to)
+        assert (status, errors) == (0, "")
+    again = read_recording(tmp_path / "touch-ros.mcap").records["slave"]
+    assert again.tobytes() == whole.records["slave"].tobytes()
+    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh", "--json", "-")
+    assert (status, errors) == (0, "")
 
 
 def status_of(pid: int) -> bytes:

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from typer.testing import CliRunner
 
+from tests.apps import arm_sessions
 from tests.system.systems import CONFIGS
 from weberlink.apps.ros_export import RATE_HZ
 from weberlink.cli import app
@@ -160,3 +161,20 @@ def test_ros_package_is_that_of_the_recordings() -> None:
     assert ElementTree.parse(PACKAGE / "package.xml").findtext("name") == "weberlink_msgs"
     used = set(re.findall(r"^(\w+)/\w+ ", SCHEMA_TEXT, re.M))
     assert used == {"geometry_msgs"}, "dependencies of the package"
+
+
+def test_arms_have_joint_states(tmp_path: Path) -> None:
+    ticks = {side: arm_sessions.records(side, 500) for side in ("master", "slave")}
+    path = arm_sessions.recording(tmp_path / "arms.mcap", ticks)
+    assert "joint states" in weberlink("export", path, "--to", "ros")
+    found = decoded(tmp_path / "arms-ros.mcap")
+    assert set(found) == {"/weberlink/master", "/weberlink/slave", "/weberlink/leader", "/weberlink/follower"}
+    names, places = [*arm_sessions.NAMES, "gripper"], list(arm_sessions.PLACES)
+    for topic, side, torque in (("leader", "master", "joint_output"), ("follower", "slave", "joint_raw")):
+        states = [message for _, message in found[f"/weberlink/{topic}"]]
+        few = ticks[side][:: round(1000.0 / RATE_HZ)]
+        assert all(list(state.name) == names and not len(state.velocity) for state in states)
+        np.testing.assert_array_equal([list(state.position) for state in states], few["joint_position"][:, places])
+        np.testing.assert_array_equal([list(state.effort) for state in states], few[torque][:, places])
+    _, tick = found["/weberlink/slave"][100]
+    assert list(tick.joint_raw) == ticks["slave"]["joint_raw"][100].tolist()

@@ -76,12 +76,12 @@ class Course:
 
 
 def intention(at: float, *, sways: bool = True) -> Joints:
-    """Two presses of the wall in three seconds, then taps at 4 Hz, while the other joints sway [rad]."""
-    if at < 3.0:
-        phase = (at % 1.5) / 1.5
+    """A press of the wall for 1.5 s, then taps at 4 Hz, while the other joints sway [rad]."""
+    if at < 1.5:
+        phase = at / 1.5
         press = 0.05 - 0.13 * min(1.0, 4.0 * phase, max(0.0, 4.0 * (0.9 - phase)))
     else:
-        press = 0.08 * sin(2.0 * pi * 4.0 * (at - 3.0)) - 0.01
+        press = 0.08 * sin(2.0 * pi * 4.0 * (at - 1.5)) - 0.01
     sway = [0.02 * sways * sin(2.0 * pi * rate * at) for rate in (0.7, 1.1, 0.0, 1.9, 2.3, 3.1, 0.9)]
     return tuple(sway[axis] + press * (axis in (2, 4)) for axis in range(AXES))
 
@@ -103,7 +103,7 @@ def operate(
     normal: Joints = ELBOW,
     link: Link,
     hand: Hand = HAND,
-    seconds: float = 3.6,
+    seconds: float = 2.1,
     sways: bool = True,
 ) -> Course:
     """Run both ends from rest; each tick sends all axes and the credit."""
@@ -144,7 +144,7 @@ def operate(
 def test_tdpa_makes_no_energy(normal: Joints, stiffness: float, delay: float) -> None:
     course = operate("tdpa", stiffness=stiffness, normal=normal, link=Link(delay, loss=0.05, seed=2))
     assert course.generated <= BOUND
-    assert course.largest(course.torques) >= 0.6
+    assert course.largest(course.torques) >= 0.3
     assert course.largest(course.wall_torques) >= 0.6
 
 
@@ -169,12 +169,12 @@ def test_a_still_arm_pays_for_one_joint_alone() -> None:
 
 def test_without_control_the_same_world_makes_energy() -> None:
     """Otherwise the tests above could not fail."""
-    course = operate("none", stiffness=20.0, link=Link(0.05, loss=0.05, seed=2), seconds=2.0)
+    course = operate("none", stiffness=20.0, link=Link(0.05, loss=0.05, seed=2), seconds=1.5)
     assert course.generated > 100.0 * BOUND
 
 
 def test_without_control_or_delay_both_ends_are_one() -> None:
-    course = operate("none", stiffness=20.0, link=Link(), seconds=1.0)
+    course = operate("none", stiffness=20.0, link=Link(), seconds=0.5)
     assert course.robot == course.hand
     assert course.torques[1:] == course.wall_torques[:-1]
     assert course.largest(course.torques) > 0.5
@@ -221,7 +221,7 @@ def test_three_axes_at_a_lever_of_one_are_the_cartesian_scheme() -> None:
     master, slave = build_joint_master("tdpa", joint), build_joint_slave("tdpa", joint)
     whole, half = TdpaMaster(shared), TdpaSlave(shared)
     here = there = at = (0.0, 0.0, 0.0)
-    for tick in range(1500):
+    for tick in range(600):
         at = tuple(q + random.gauss(0.0, 1e-3) for q in at)  # type: ignore[assignment]
         credit += random.random() < 0.3
         force = (max(0.0, -50.0 * here[0]), 0.0, random.gauss(0.0, 0.1))

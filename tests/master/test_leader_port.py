@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.arms.ends import TICK, Hand, Transparent, link, spec
+from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmReading
 from weberlink.control.port import Port
@@ -17,6 +18,7 @@ from weberlink.master.safety import ForceGate
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
+pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
 MOST = (1.0, 0.8, 0.5)
 SLEW = (50.0, 50.0, 20.0)
 RAMP, SILENCE = 0.05, 0.1

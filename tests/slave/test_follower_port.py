@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.arms.ends import SPEC, TICK, Servos, Transparent, link, spec
+from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.control.port import Port
@@ -17,6 +18,7 @@ from weberlink.slave.safety import TRIP_PAUSE
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
+pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled class
 LOWER, UPPER = (-1.8, -1.2, 0.0), (1.8, 1.2, 0.9)
 SPEED, APPROACH, RAMP = 4.0, 0.5, 0.05
 PRESS, TRIP = (0.8, 0.8, 0.4), (2.0, 2.0, 1.0)

@@ -79,13 +79,19 @@ def test_arm_outside_its_range_holds_there_until_led() -> None:
 
 def test_trip_backs_off_the_axes_that_were_too_strong() -> None:
     tripped = guard()
-    torques, where = (0.9, -1.4, 0.1), (0.0, 0.03, 0.4)
+    torques, where = (0.9, -1.4, 0.1), (0.0, -0.03, 0.4)
     assert tripped.is_overloaded(torques)
     tripped.trip(torques, where)
     way = [tripped.follow((0.3, 0.3, 0.4), TICK) for _ in range(600)]
     assert max(steps(way)) <= APPROACH * TICK * (1 + 1e-9)
-    assert way[-1] == (0.0, pytest.approx(0.03 - TRIP_RETREAT), 0.4)
+    assert way[-1] == (0.0, pytest.approx(-0.03 - TRIP_RETREAT), 0.4)
     assert tripped.tripped
+
+
+def test_sagging_axis_backs_off_from_its_command() -> None:
+    tripped = guard()
+    tripped.trip((0.0, 1.4, 0.0), (0.0, -0.08, 0.4))
+    assert [tripped.hold(TICK) for _ in range(200)][-1] == (0.0, pytest.approx(TRIP_RETREAT), 0.4)
 
 
 def test_after_a_trip_it_follows_once_led_out() -> None:

@@ -114,7 +114,7 @@ def test_stall_of_leader_restarts_torque_at_zero_and_follower_slowly(file: Path,
     approach = [moved(a.slave, b.slave) for a, b in pairwise(run[end - 1 : end + 20])]
     assert 0.0 < max(approach) <= APPROACH * TICK * (1 + 1e-4)
     assert run[-1].master.state == run[-1].slave.state == State.ENGAGED.value
-    assert largest(of(run[-1].master, "output")) > 0.5, "it works again"
+    assert largest(of(run[-1].master, "output")) > 0.2, "it works again"
 
 
 def test_silence_of_follower_ends_torque_before_its_limit(file: Path) -> None:

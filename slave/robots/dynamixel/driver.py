@@ -4,6 +4,10 @@ from math import ceil
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.bus import USB, latency_advice
+from weberlink.arms.dynamixel.motors import watchdog_units
+from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
@@ -11,13 +15,9 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
-from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.bus import USB, latency_advice
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass
-from weberlink.slave.robots.dynamixel.motors import watchdog_units
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, OnClose, worst_force_error
-from weberlink.slave.robots.interpolation import Interpolation
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "dynamixel"

@@ -5,16 +5,17 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
+from weberlink.arms.dynamixel.motor_models import XM430_W350
+from weberlink.arms.dynamixel.motors import Motors
+from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
-from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
-from weberlink.slave.robots.dynamixel.motors import Motors
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
-from weberlink.slave.robots.interpolation import Interpolation, TimedValues
 
 PATIENCE_S: Final = 0.1
 """How long the last command holds when no more come [s]."""
@@ -84,7 +85,9 @@ class ArmExchange:
     def _begin(self, port: MotorPort) -> ArmSample:
         options = self._options
         bus = MotorBus(port, options.baud, options.ids, options.margin_s, self._clock, self._pause)
-        motors = self._motors = Motors(bus, options.baud, options.watchdog_s, self._current)
+        motors = self._motors = Motors(
+            bus, options.baud, options.watchdog_s, self._current, (XM430_W350,) * 4, "an OpenMANIPULATOR-X"
+        )
         motors.find()
         if motors.current_limit < registers.counts_of_current(WEIGHT_A):
             raise HardwareFault(

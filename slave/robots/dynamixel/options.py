@@ -8,6 +8,9 @@ from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from weberlink.arms.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
+from weberlink.arms.dynamixel.packet import HIGHEST_ID
+from weberlink.arms.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 from weberlink.geometry.vector import Vector, add, scale
 from weberlink.slave.robots.dynamixel.arm import (
     AXIS_X_M,
@@ -19,11 +22,8 @@ from weberlink.slave.robots.dynamixel.arm import (
     arm_pose,
     inverse_nearest,
 )
-from weberlink.slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
 from weberlink.slave.robots.dynamixel.external_force import JointFriction, force_error
 from weberlink.slave.robots.dynamixel.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
-from weberlink.slave.robots.dynamixel.packet import HIGHEST_ID
-from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 
 READ_REQUEST: Final = 18
 WRITE_REQUEST: Final = 26

@@ -1,14 +1,16 @@
-"""The `info` and `export` commands: describe recordings, and write them as tables, as a signal, and for ROS tools."""
+"""The `info` and `export` commands: describe recordings, and write them as tables, for ROS tools, and for LeRobot."""
 
 import csv
 import os
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
@@ -18,16 +20,28 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
-from weberlink.telemetry.record import AXES
+from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.recording.message import BEGUN
 
-FORMATS = ("csv", "parquet", "ros")
+FORMATS = ("csv", "parquet", "ros", "lerobot")
+ARROW = ("parquet", "lerobot")
+"""Formats that need pyarrow, which is in the extra of that name."""
 BLOCK_ROWS = 50_000
 """Rows converted at a time: Python numbers take far more memory than an array."""
 
 
 class ExportError(Exception):
     """A file cannot be written."""
+
+
+class DatasetOptions(NamedTuple):
+    """What a LeRobot dataset takes beside the recording: frames per second, and what was done, in words."""
+
+    fps: int = 30
+    task: str = "teleoperation"
+
+
+DEFAULTS = DatasetOptions()
 
 
 @dataclass(frozen=True)
@@ -76,11 +90,11 @@ def describe(paths: Sequence[Path]) -> RecordingDescription:
     return RecordingDescription(document)
 
 
-def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
+def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: DatasetOptions = DEFAULTS) -> list[str]:
     """Write files beside the first recording, or into the folder; returns a line for each.
 
     `csv` and `parquet` are a table for each side; with `csv` also the signal that `evaluate` reads, what the robot was
-    commanded and felt while engaged. `ros` is one MCAP file for ROS tools.
+    commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot dataset.
 
     Raises:
         ConfigurationError: for a format or a file that cannot be used, or a file that exists already.
@@ -88,11 +102,11 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
     """
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
-    if to == "parquet":
-        need("pyarrow", "parquet", "--to parquet")
+    if to in ARROW:
+        need("pyarrow", to, f"--to {to}")
     recordings, session = _read(paths)
     target = folder if folder is not None else paths[0].parent
-    outputs = dict(_outputs(recordings, session, to))
+    outputs = dict(_outputs(recordings, session, to, dataset))
     outs = {name: target / f"{paths[0].stem}-{name}" for name in outputs}
     for out in outs.values():
         if out.exists():
@@ -108,12 +122,15 @@ Output = Callable[[Path], str]
 """Writes a file that is not there yet, and says what is in it."""
 
 
-def _outputs(recordings: Sequence[Any], session: Any, to: str) -> Iterator[tuple[str, Output]]:
+def _outputs(recordings: Sequence[Any], session: Any, to: str, dataset: DatasetOptions) -> Iterator[tuple[str, Output]]:
     """The end of the name of each file, and what writes it."""
     from weberlink.system.scoring.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
 
     if to == "ros":
         yield "ros.mcap", lambda path: _write_ros(recordings, session, path)
+        return
+    if to == "lerobot":
+        yield "lerobot", _lerobot(recordings, session, dataset)
         return
     times = time_axis(session)
     for side, records in session.sides.items():
@@ -152,7 +169,38 @@ def _write_ros(recordings: Sequence[Any], session: Any, path: Path) -> str:
 
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
     count = write_ros(session, first.origins, first.facts, path)
-    return f"{count} messages; poses, forces and frames at {RATE_HZ:g} Hz"
+    what = "poses, forces and frames" if session.arm is None else "joint states"
+    return f"{count} messages; {what} at {RATE_HZ:g} Hz"
+
+
+def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -> Output:
+    from weberlink.apps.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
+    from weberlink.apps.lerobot_frames import NoFramesError, frames_of  # noqa: PLC0415
+
+    if not 1 <= dataset.fps <= session.rate_hz:
+        raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
+    try:
+        frames = frames_of(session, dataset.fps)
+    except NoFramesError as error:
+        raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
+    cut = [f"{each.path} is {_ended({'complete': each.complete, 'outcome': each.outcome})}" for each in recordings]
+    notes = [note for note, each in zip(cut, recordings, strict=True) if not each.complete]
+
+    def output(path: Path) -> str:
+        return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
+
+    return output
+
+
+def _robot(recordings: Sequence[Any]) -> str | None:
+    """The driver of the follower; None if it is not known."""
+    from weberlink.system.scoring.recorded import CONFIGURATION  # noqa: PLC0415 - reads with an optional library
+
+    text = next((each.facts[CONFIGURATION] for each in recordings if CONFIGURATION in each.facts), "")
+    try:
+        return str(yaml.safe_load(text)["slave"]["robot"]["driver"])  # `put_together` has read it
+    except (KeyError, TypeError):
+        return None
 
 
 def _place(write: Output, path: Path) -> str:
@@ -162,6 +210,8 @@ def _place(write: Output, path: Path) -> str:
         told = write(draft)
         draft.rename(path)
     except BaseException:
+        if draft.is_dir():
+            shutil.rmtree(draft)
         draft.unlink(missing_ok=True)
         raise
     return told
@@ -215,13 +265,15 @@ def _ended(file: dict[str, Any]) -> str:
 
 
 def _columns(records: Records) -> dict[str, NDArray[Any]]:
-    """Flat columns; a vector becomes three, named by axis."""
+    """Flat columns; a vector becomes one for each of its axes, named by it."""
     columns: dict[str, NDArray[Any]] = {}
     for name in records.dtype.names or ():
-        if records[name].ndim == 1:
-            columns[name] = records[name]
+        values = records[name]
+        if values.ndim == 1:
+            columns[name] = values
         else:
-            columns |= {f"{name}_{axis}": records[name][:, index] for index, axis in enumerate(AXES)}
+            axes = AXES if values.shape[1] == len(AXES) else JOINTS
+            columns |= {f"{name}_{axis}": values[:, index] for index, axis in enumerate(axes)}
     return columns
 
 

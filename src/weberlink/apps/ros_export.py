@@ -1,6 +1,7 @@
 """`export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
 
-Beside every tick it has, at `RATE_HZ`, poses of hand and robot, felt and measured forces, and the frames of all four.
+Beside every tick it has, at `RATE_HZ`, poses of hand and robot, felt and measured forces, and the frames of all four;
+of a session of arms, the states of the joints of leader and follower.
 They are made here and not while recording: the recorder stays cheap, its files lean, and old recordings gain them too.
 """
 
@@ -13,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
+from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
@@ -28,19 +30,24 @@ from weberlink.telemetry.recording.message import (
     Origin,
     Rows,
 )
-from weberlink.telemetry.recording.ros import SCHEMAS, Motion, pose_stamped, transforms, wrench_stamped
+from weberlink.telemetry.recording.ros import SCHEMAS, Motion, joint_state, pose_stamped, transforms, wrench_stamped
 
 RATE_HZ = 100.0
 """Of poses, forces and frames; ticks are not thinned out."""
 CHUNK_ROWS = 4096
-POSE, WRENCH, FRAMES = SCHEMAS
+POSE, WRENCH, FRAMES, STATE = SCHEMAS
 NO_PROFILE = {"offered_qos_profiles": ""}
 """Players of ROS 2 ask for this key; without a profile they use their default."""
 
 Times = NDArray[np.uint64]
 
 
-def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Mapping[str, str], path: Path) -> int:
+def write_ros(
+    session: RecordedSession,
+    origins: Mapping[str, Origin],
+    facts: Mapping[str, str],
+    path: Path,
+) -> int:
     """Write the file; returns the number of messages.
 
     Args:
@@ -57,15 +64,16 @@ def write_ros(session: RecordedSession, origins: Mapping[str, Origin], facts: Ma
     try:
         numbers = {SCHEMA_NAME: file.add_schema(SCHEMA_NAME, SCHEMA_ENCODING, SCHEMA_TEXT)}
         numbers |= {name: file.add_schema(name, SCHEMA_ENCODING, text) for name, text in SCHEMAS.items()}
+        some = slice(None, None, max(1, round(session.rate_hz / RATE_HZ)))
         for side, records in session.sides.items():
             times = clock.log_times_ns(records["at"])
             origin = Origin(side, session.rate_hz, clock.wall_s, clock.monotonic_s)
             channel = file.add_channel(origin.topic, MESSAGE_ENCODING, numbers[SCHEMA_NAME], origin.to_metadata())
             _add(file, channel, times, _own_fields(records))
-            for topic, schema, bodies in _shown(side, records, times, session.rate_hz):
+            for topic, schema, bodies in _shown(side, records[some], times[some], session.arm):
                 if topic not in shown:
                     shown[topic] = file.add_channel(topic, MESSAGE_ENCODING, numbers[schema], NO_PROFILE)
-                _add(file, shown[topic], times[:: _stride(session.rate_hz)], bodies)
+                _add(file, shown[topic], times[some], bodies)
         file.finish(Metadata(END, {"outcome": COMPLETE}))
     finally:
         file.close()
@@ -80,14 +88,13 @@ def _own_fields(records: Rows) -> Rows:
     return rows
 
 
-def _stride(rate_hz: float) -> int:
-    return max(1, round(rate_hz / RATE_HZ))
-
-
-def _shown(side: str, records: Rows, times: Times, rate_hz: float) -> Iterator[tuple[str, str, Rows]]:
+def _shown(side: str, few: Rows, at: Times, arm: ArmLayout | None) -> Iterator[tuple[str, str, Rows]]:
     """Topic, schema and bodies of what a side shows."""
-    some = slice(None, None, _stride(rate_hz))
-    few, at = records[some], times[some]
+    if arm is not None:
+        body, torques = ("leader", few["joint_output"]) if side == "master" else ("follower", few["joint_raw"])
+        angles = few["joint_position"]
+        yield f"/weberlink/{body}", STATE, joint_state(at, arm.axes, angles[:, arm.places], torques[:, arm.places])
+        return
     zero = np.zeros((len(few), 3))
     if side == "master":
         body, force_name, place, turn = "hand", "felt", few["position"], few["rotation_raw"]

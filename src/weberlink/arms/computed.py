@@ -82,13 +82,18 @@ class ComputedArm:
         return values
 
 
+MOST = 1e9
+"""Largest value of an option for each axis, in its unit."""
+
+
 def per_axis(option: str, value: PerAxis, count: int, *, least: float = 0.0) -> Joints:
     """One value for each axis; raises ValueError, naming the option, for a wrong number of them or a wrong one."""
     values = value if isinstance(value, tuple) else (value,) * count
     if len(values) != count:
         raise ValueError(f"{option}: expected one value, or one for each of {count} axes; got {len(values)}")
-    if any(each < least for each in values):
-        raise ValueError(f"{option}: expected at least {least:g}; got {min(values):g}")
+    for each in values:
+        if not least <= each <= MOST:
+            raise ValueError(f"{option}: expected {least:g} to {MOST:g}, got {each:g}")
     return values
 
 

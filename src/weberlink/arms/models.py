@@ -79,7 +79,7 @@ class ArmModel:
         self._followers = self._coupled()
         joints = self._axes()
         labels = [self._model.joint(i).name for i in joints]
-        self.gripper = labels[-1] == GRIPPER
+        self.gripper = labels[-1:] == [GRIPPER]
         self.names = tuple(labels[:-1] if self.gripper else labels)
         self._check(joints, labels)
         first = int(self._model.jnt_dofadr[joints[0]])

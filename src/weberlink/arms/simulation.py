@@ -16,6 +16,8 @@ from weberlink.geometry.joints import Joints, is_finite
 
 LONGEST_GAP = 0.1
 """Longest time that an arm moves on per call [s]; the rest of a longer silence is skipped."""
+END_STOP_S = 0.004
+"""Time constant in which an end stop pushes an axis back [s]."""
 STRETCH = 0.25
 """Share by which a step may be longer, so that a tick that is a little late takes no additional step."""
 
@@ -162,6 +164,7 @@ class ArmSimulation:
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = 10.0
+        model.jnt_solref[model.dof_jntid[self._axes]] = (END_STOP_S, 1.0)
         model.body_gravcomp[model.body_treeid == model.dof_treeid[self._axes.start]] = 1.0
 
 

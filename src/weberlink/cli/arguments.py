@@ -14,6 +14,12 @@ from weberlink.cli.output import STANDARD_OUTPUT, fail
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import TargetError, check_file, check_folder
 
+# Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
+# too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
+# of web servers, notebooks and ZeroMQ. IANA assigns 8724 to nobody; Linux takes it for no outgoing connection.
+MONITOR_PORT = 8724
+"""Port of the live page where none is given."""
+
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
 OptionalFile = Annotated[
     Path | None, typer.Argument(metavar="[FILE]", help="Configuration; by default one that needs no hardware.")

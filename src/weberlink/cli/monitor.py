@@ -5,12 +5,13 @@ from typing import Annotated, Any
 
 import typer
 
+from weberlink.cli.arguments import MONITOR_PORT
 from weberlink.cli.output import errors, fail
 from weberlink.system.order import FAILED, MISCONFIGURED
 
 
 def monitor(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any free port.")] = 8765,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any free port.")] = MONITOR_PORT,
     listen: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
     ] = "127.0.0.1",

@@ -41,21 +41,32 @@ def info(
 
 def export(
     recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, parquet (extra: weberlink[parquet]) or ros.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="csv, parquet (extra: weberlink[parquet]), ros, or lerobot (extra: weberlink[lerobot]).",
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
             "--out", metavar="DIR", callback=folder_target, help="Folder of the files; default: that of the recording."
         ),
     ] = None,
+    fps: Annotated[int, typer.Option("--fps", metavar="HZ", help="Frames per second of a LeRobot dataset.")] = 30,
+    task: Annotated[
+        str, typer.Option("--task", metavar="TEXT", help="What was done, in words, for a LeRobot dataset.")
+    ] = "teleoperation",
 ) -> None:
-    """Convert a recording to tables or for ROS tools."""
-    from weberlink.apps.recordings import ExportError  # noqa: PLC0415
+    """Convert a recording to tables, for ROS tools, or for LeRobot."""
+    from weberlink.apps.recordings import DatasetOptions, ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 
     try:
         with errors():
-            lines = run(recordings, to, out)
+            lines = run(recordings, to, out, DatasetOptions(fps, task))
     except ExportError as error:
         fail(str(error), FAILED)
     typer.echo("\n".join(lines))

@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli.arguments import Duration, Json, OptionalFile, Set
+from weberlink.cli.arguments import MONITOR_PORT, Duration, Json, OptionalFile, Set
 from weberlink.cli.output import errors, fail, finish
 from weberlink.system.order import FAILED, MISCONFIGURED
 
-PORT = 8765
 NAME = "weberlink try"
 
 
@@ -25,7 +24,9 @@ def visit(
     duration: Duration = None,
     port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help=f"Port of the page; default: {PORT}, or a free one if that is in use."),
+        typer.Option(
+            min=0, max=65535, help=f"Port of the page; default: {MONITOR_PORT}, or a free one if that is in use."
+        ),
     ] = None,
     browse: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
     listen: Annotated[
@@ -49,13 +50,13 @@ def visit(
         fail(f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED)
     order = _order(file, scene, set_ or [], duration, scripted=scripted)
     try:
-        listening = address.bind(listen, PORT if port is None else port, or_any=port is None)
+        listening = address.bind(listen, MONITOR_PORT if port is None else port, or_any=port is None)
     except address.MonitorError as error:
         fail(str(error), FAILED)
     token = access.new_token()
     _tell(f"{address.url(listening)} (Ctrl-C ends it)")
-    if port is None and listening.getsockname()[1] != PORT:
-        _tell(f"port {PORT} is in use, so this page has another one")
+    if port is None and listening.getsockname()[1] != MONITOR_PORT:
+        _tell(f"port {MONITOR_PORT} is in use, so this page has another one")
     if not access.is_loopback(listen):
         _tell(f"other hosts: {address.public_url(listening, token)}")
         _tell("warning: who has this address may drive and change the session, and nothing is encrypted")

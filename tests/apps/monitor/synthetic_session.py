@@ -162,3 +162,32 @@ def _row(side: str, k: int) -> Message:
         "model": 3,
     }
     return row
+
+
+ARM = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
+
+
+def hello_of_arm(**other: Any) -> Message:
+    """The greeting of a session of two arms."""
+    return hello(axes=ARM, scene=[], predictors=["zoh"], changes=["weber"], **other)
+
+
+def arm(side: str, begin: float, end: float) -> Message:
+    """Rows of an arm: each axis swings, and the follower touches something while it is on one side."""
+    rows = samples(side, begin, end)
+    for name in ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model"):
+        del rows["columns"][name]
+    angles = [[0.4 * sin(2.0 * t + axis) for t in rows["t"]] for axis in range(len(ARM))]
+    torques = [[max(0.0, 0.5 * angle) for angle in axis] for axis in angles]
+    felt = [[0.97 * torque for torque in axis] for axis in torques]
+    count = range(round(begin * ROWS_PER_S), round(end * ROWS_PER_S))
+    rows["columns"] |= {
+        "joint_position": angles if side == "master" else [[angle - 0.01 for angle in axis] for axis in angles],
+        "joint_raw": angles if side == "master" else torques,
+        "joint_output": felt if side == "master" else angles,
+        "gripper_updates_sent": [k // (3 * SENT_EVERY) for k in count],
+        "gripper_sent": [int(k % (3 * SENT_EVERY) == 0) for k in count],
+    }
+    if side == "slave":
+        rows["columns"]["joint_bound"] = [[max(0.02, 0.13 * torque) for torque in axis] for axis in torques]
+    return rows

@@ -15,16 +15,16 @@ from weberlink.apps.monitor.access import Admission, origin
 @pytest.mark.parametrize(
     ("host", "expected"),
     [
-        ("127.0.0.1:8765", True),
+        ("127.0.0.1:8724", True),
         ("127.0.0.1", True),
-        ("localhost:8765", True),
+        ("localhost:8724", True),
         ("LOCALHOST:9999", True),
-        ("[::1]:8765", True),
-        ("evil.example:8765", False),
+        ("[::1]:8724", True),
+        ("evil.example:8724", False),
         ("127.0.0.1.evil.example", False),
         ("evil.example@127.0.0.1", False),
-        ("127.0.0.1:8765/x", False),
-        ("192.0.2.1:8765", False),
+        ("127.0.0.1:8724/x", False),
+        ("192.0.2.1:8724", False),
         ("[::1", False),
         ("[::1]x", False),
         ("127.0.0.1:x", False),
@@ -38,7 +38,7 @@ def test_loopback_server_accepts_only_local_host_names(host: str | None, expecte
 
 @pytest.mark.parametrize(
     ("host", "expected"),
-    [("192.0.2.1:8765", True), ("[2001:db8::1]", True), ("localhost", True), ("evil.example:8765", False)],
+    [("192.0.2.1:8724", True), ("[2001:db8::1]", True), ("localhost", True), ("evil.example:8724", False)],
 )
 def test_public_server_accepts_addresses_but_no_foreign_name(host: str, expected: bool) -> None:
     assert access.host_allowed(host, access.names("0.0.0.0")) is expected
@@ -47,8 +47,8 @@ def test_public_server_accepts_addresses_but_no_foreign_name(host: str, expected
 
 def test_single_served_address_is_the_only_host() -> None:
     allowed = access.names("192.0.2.7")
-    assert access.host_allowed("192.0.2.7:8765", allowed)
-    assert not access.host_allowed("127.0.0.1:8765", allowed)
+    assert access.host_allowed("192.0.2.7:8724", allowed)
+    assert not access.host_allowed("127.0.0.1:8724", allowed)
 
 
 @given(st.text())
@@ -61,17 +61,17 @@ def test_arbitrary_headers_never_raise(text: str) -> None:
     ("header", "expected"),
     [
         (None, True),
-        ("http://127.0.0.1:8765", True),
+        ("http://127.0.0.1:8724", True),
         ("http://127.0.0.1:9999", False),
-        ("https://127.0.0.1:8765", False),
-        ("http://localhost:8765", False),
+        ("https://127.0.0.1:8724", False),
+        ("http://localhost:8724", False),
         ("http://evil.example", False),
         ("null", False),
     ],
 )
 def test_foreign_origins_are_refused(header: str | None, expected: bool) -> None:
-    assert access.origin_allowed(header, "127.0.0.1:8765") is expected
-    assert not access.origin_allowed("http://127.0.0.1:8765", None)
+    assert access.origin_allowed(header, "127.0.0.1:8724") is expected
+    assert not access.origin_allowed("http://127.0.0.1:8724", None)
 
 
 @pytest.mark.parametrize(("family", "address"), [(socket.AF_INET, "127.0.0.1"), (socket.AF_INET6, "::1")])

@@ -122,6 +122,79 @@ def test_6_dof_session_has_torque_and_orientation(page: Browser, server: Scripte
     clean(page, server)
 
 
+REPORT_OF_ARM: Message = {name: figures for name, figures in REPORT.items() if name not in ("force", "position")} | {
+    "joint_torque": REPORT["force"] | {"error_rms": 0.0123},
+    "joint_angle": REPORT["position"] | {"error_rms": 0.0021},
+    "gripper_torque": {"packets_per_s": 2.5, "reduction": 0.9975, "error_rms": 0.004, "violation_fraction": 0.0},
+    "gripper_angle": {"packets_per_s": 9.5, "reduction": 0.9905, "error_rms": 0.003, "violation_fraction": None},
+}
+NOW_OF_ARM = {"joint_torque": 12.0, "joint_angle": 38.0, "gripper_torque": 4.0, "gripper_angle": 9.0}
+
+
+def of_arm(**other: object) -> list[Message]:
+    """All messages of a session of two arms."""
+    rows = [session.arm(side, 0.0, 6.0) for side in ("master", "slave")]
+    saved = {name: 1.0 - pace / 1000.0 for name, pace in NOW_OF_ARM.items()}
+    figures = session.figures(REPORT_OF_ARM, packets_per_s_now=NOW_OF_ARM, reduction_now=saved)
+    return [session.hello_of_arm(**other), *rows, session.felt(0.0, 6.0), figures]
+
+
+def test_arm_shows_axes_by_name(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, *of_arm())
+    page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
+    assert seen(page) == {
+        "joint-torque",
+        "joint-angle",
+        "joint-packets",
+        "felt",
+        "delay",
+        "ticks",
+        "energy",
+        "timeline",
+    }
+    assert page.run("return document.getElementById('panel-scene').clientHeight") == 0
+    table = "return [...document.getElementById(arguments[0]).rows].map(r => [...r.cells].map(c => c.textContent))"
+    page.wait(lambda: page.run(table, "axes")[0][1] not in ("", UNKNOWN), "the angles")
+    rows = page.run(table, "axes")
+    assert [row[0] for row in rows] == session.ARM
+    last = {side: session.arm(side, 0.0, 6.0)["columns"] for side in ("master", "slave")}
+    values = (
+        "return [...document.getElementById('axes').rows].map(r => [...r.cells].slice(1).map(c => c.dataset.value))"
+    )
+    for axis, (leader, follower, measured, felt) in enumerate(page.run(values)):
+        assert float(leader) == last["master"]["joint_position"][axis][-1]
+        assert float(follower) == last["slave"]["joint_position"][axis][-1]
+        assert float(measured) == last["slave"]["joint_raw"][axis][-1]
+        assert float(felt) == last["master"]["joint_output"][axis][-1]
+    assert page.run(table, "arm-channels") == [
+        ["joints, angles", "38.0", "1\u202f000", "96.2 %"],
+        ["joints, torques", "12.0", "1\u202f000", "98.8 %"],
+        ["gripper, angle", "9.0", "1\u202f000", "99.1 %"],
+        ["gripper, torque", "4.0", "1\u202f000", "99.6 %"],
+    ]
+    figures = page.text("panel-figures")
+    assert "12.3 mN" in figures and "0.120°" in figures and "torque packets 24" in figures
+    clean(page, server)
+
+
+def test_axis_of_arm_charts_can_be_chosen(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, *of_arm())
+    legend = "return document.querySelector('#panel-joint-angle .legend').textContent"
+    page.wait(lambda: "°" in page.run(legend) and UNKNOWN not in page.run(legend).split("°")[0], "the angle")
+    first = page.run(legend)
+    for panel in ("joint-torque", "joint-angle", "joint-packets"):
+        page.wait(lambda panel=panel: page.pixels(f"#panel-{panel} canvas") > 5, panel)
+    choose = (
+        "const s = document.querySelector('#panel-joint-angle select'); s.selectedIndex = 5;"
+        "s.dispatchEvent(new Event('change')); return [...s.options].map(o => o.text)"
+    )
+    assert page.run(choose) == session.ARM
+    page.wait(lambda: page.run(legend) != first and "°" in page.run(legend), "the gripper")
+    server.say(session.hello(session="1235"), *told(), session.figures(REPORT))
+    page.wait(lambda: seen(page) == set(PANELS), "the Cartesian session")
+    assert page.run("return document.getElementById('panel-arm').clientHeight") == 0
+
+
 def test_deadband_is_green_and_packets_are_marks(page: Browser, server: ScriptedServer) -> None:
     visit(page, server, session.hello(), *told(), anew=True)  # the charts are empty before
 
@@ -145,7 +218,7 @@ def test_figures_equal_the_report_exactly(page: Browser, server: ScriptedServer)
     )
     assert len(shown) > 25
     for path, exact, text in shown:
-        expected: Any = REPORT
+        expected: Any = REPORT | {"felt": REPORT["force"]}
         for key in path.split("."):
             expected = expected.get(key) if isinstance(expected, dict) else None
         if expected is None:
@@ -367,8 +440,14 @@ def test_drawing_can_be_paused_and_windowed(page: Browser, server: ScriptedServe
 
 @pytest.mark.parametrize(
     ("width", "greeting"),
-    [(1000, session.hello()), (1000, session.hello_of_six()), (2200, session.hello_of_six())],
-    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF"],
+    [
+        (1000, session.hello()),
+        (1000, session.hello_of_six()),
+        (2200, session.hello_of_six()),
+        (1000, session.hello_of_arm()),
+        (400, session.hello_of_arm()),
+    ],
+    ids=["narrow", "narrow, 6 DoF", "wide, 6 DoF", "narrow, arm", "phone, arm"],
 )
 def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, width: int, greeting: Message) -> None:
     boxes = (
@@ -379,7 +458,8 @@ def test_layout_is_stable_at_every_width(page: Browser, server: ScriptedServer, 
     try:
         visit(page, server, greeting)
         before = page.run(boxes)
-        server.say(*told(), session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
+        rows = told() if greeting.get("axes") is None else of_arm()[1:-1]
+        server.say(*rows, session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
         page.wait(lambda: page.data("faults") == "3", "the figures")
         assert page.run(boxes) == before
         assert page.run("return document.documentElement.scrollWidth") <= width

@@ -6,6 +6,7 @@ import pytest
 
 from weberlink.hardware.emulator import WireFaults
 from weberlink.master import devices
+from weberlink.master.devices import leaders
 from weberlink.master.emulators import EMULATORS, load
 
 every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
@@ -13,7 +14,7 @@ every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
 
 @every_emulator
 def test_emulator_is_named_like_its_driver(name: str) -> None:
-    assert name in devices.drivers()
+    assert name in {**devices.drivers(), **leaders.drivers()}
 
 
 @every_emulator

@@ -1,8 +1,8 @@
 """A host in virtual time: sends instructions to an emulated bus and collects what is said."""
 
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 
 IDS = (11, 12, 13, 14, 15)
 

@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import (
     BROADCAST,
     Packet,
     StatusPacketReader,
     encode_packet,
 )
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 
 READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
 

@@ -11,13 +11,13 @@ from pydantic import ValidationError
 
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.emulators.arm_dynamics import STILL
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.robots.dynamixel import packet
 from weberlink.slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, arm_pose
-from weberlink.slave.robots.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 from weberlink.slave.scenes.settings import object_settings
 
 HOME = (0.0, -1.05, 0.35, 0.70)

@@ -5,10 +5,8 @@ from math import pi
 import pytest
 
 from tests.slave.emulators.host import Host
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.emulators.servo import OFF, Measured, Servo
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import (
     ACCESS_ERROR,
     ALERT,
     DATA_LENGTH_ERROR,
@@ -18,6 +16,8 @@ from weberlink.slave.robots.dynamixel.packet import (
     Packet,
     StatusPacket,
 )
+from weberlink.arms.emulators.dynamixel.servo import OFF, Measured, Servo
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 
 TURN = 2.0 * pi
 

@@ -94,7 +94,8 @@ def _predictors(description: Mapping[str, Any]) -> list[str]:
 
 def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as configured; the daemon knows later changes."""
-    force = system.get("codec", {}).get("force", {})
+    codec = system.get("codec", {})
+    force = (codec.get("joints") or {}).get("torque") or codec.get("force", {})
     return {
         "weber": force.get("weber"),
         "predictor": force.get("predictor"),

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from weberlink.apps.monitor.rows import listed
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.session import Records
 
 MOST_BINS = 600
@@ -48,9 +49,11 @@ class History:
     Args:
         rate_hz: tick rate [Hz].
         origin: start of the session on the clock of the records [s]; what was before counts for the first bin.
+        arm: the axes of a session in joint space, whose force is the torque of one of them; None for another session.
     """
 
-    def __init__(self, rate_hz: float, origin: float) -> None:
+    def __init__(self, rate_hz: float, origin: float, arm: ArmLayout | None = None) -> None:
+        self._arm = arm
         self.step_s = FIRST_STEP_S
         """Width of a bin [s]."""
         self._period = 1.0 / rate_hz
@@ -66,10 +69,11 @@ class History:
             return
         at = self._places(records["at"])
         self._until = max(self._until, float(records["at"][-1]) - self._origin + self._period)
-        force = records["output"] if side == MASTER else records["raw"]
-        self._put(f"force_{side}", at, np.linalg.norm(np.asarray(force, dtype=np.float64), axis=1))
+        self._put(f"force_{side}", at, self._force(side, records))
         self._put("records", at, np.ones(len(records)))
         self._put("packets", at, self._increments(side, records, "updates_sent", "sent"))
+        if self._arm is not None:
+            self._put("packets", at, self._increments(side, records, "gripper_updates_sent", "gripper_sent"))
         self._put("missed", at, self._increments(side, records, "ticks_missed", None))
         rtt = np.asarray(records["rtt_us"], dtype=np.float64)
         known = np.isfinite(rtt)
@@ -103,6 +107,13 @@ class History:
                 "missed": [int(count) for count in bins["missed"]],
             },
         }
+
+    def _force(self, side: str, records: Records) -> NDArray[np.float64]:
+        """The force at each tick [N]; of an arm, the largest torque of an axis [N m]."""
+        field = "output" if side == MASTER else "raw"
+        if self._arm is None:
+            return np.asarray(np.linalg.norm(np.asarray(records[field], dtype=np.float64), axis=1))
+        return np.asarray(np.abs(records[f"joint_{field}"][:, self._arm.places]).max(axis=1), dtype=np.float64)
 
     def _places(self, at: NDArray[np.float64]) -> Indices:
         """Bins of moments, after as many doublings as it takes."""

@@ -46,7 +46,8 @@ class MonitorSettings:
     """What to serve, and where."""
 
     listen: str = "127.0.0.1"
-    port: int = 8765
+    port: int = 0
+    """0 for any free one."""
     session: str | None = None
     """Name of the session to follow; None for all."""
     browse: bool = False

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from weberlink.apps.monitor.rings import joined
 from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
+from weberlink.system.configuration import SLAVE
+from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.channel import deviations_of, in_session
 from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
@@ -39,6 +41,10 @@ COLUMNS = {
     "settings": None,
 }
 """Columns that the page draws, with their decimal places; None for integers."""
+CARTESIAN = ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model")
+"""Those of them that a session in joint space lacks."""
+ARM = {"joint_position": 6, "joint_raw": 6, "joint_output": 6, "gripper_updates_sent": None, "gripper_sent": None}
+"""Further columns of a session in joint space; its vectors have the axes of the arm alone."""
 ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
 """Further columns of a session with six degrees of freedom."""
 
@@ -61,7 +67,7 @@ class Thinning:
         if not count:
             return records
         keep = (np.arange(self._passed, self._passed + count) % self._every == 0) | (records["sent"] > 0)
-        keep |= records["rotation_sent"] > 0
+        keep |= (records["rotation_sent"] > 0) | (records["gripper_sent"] > 0)
         for place, name in enumerate(("state", "fault")):
             values = records[name].astype(np.int64)
             before = values[0] if self._before is None else self._before[place]
@@ -72,7 +78,9 @@ class Thinning:
         return chosen
 
 
-def samples_message(side: str, rows: Records, origin: float, *, rotation: bool = False) -> dict[str, Any]:
+def samples_message(
+    side: str, rows: Records, origin: float, *, rotation: bool = False, arm: ArmLayout | None = None
+) -> dict[str, Any]:
     """Rows of one side for the page.
 
     Args:
@@ -80,13 +88,20 @@ def samples_message(side: str, rows: Records, origin: float, *, rotation: bool =
         rows: records to show.
         origin: start of the session on the clock of the rows [s].
         rotation: whether the session has six degrees of freedom.
+        arm: the axes of a session in joint space; None for one in Cartesian space.
     """
     columns = COLUMNS | ROTATION if rotation else COLUMNS
+    values = {name: rows[name] for name in columns}
+    if arm is not None:
+        columns = {name: digits for name, digits in columns.items() if name not in CARTESIAN} | ARM
+        values = {name: rows[name][:, arm.places] if rows[name].ndim > 1 else rows[name] for name in columns}
+        if side == SLAVE:
+            columns, values = columns | {"joint_bound": 6}, values | {"joint_bound": arm.torque_deadbands(rows)}
     return {
         "type": "samples",
         "side": side,
         "t": listed(rows["at"] - origin, 6),
-        "columns": {name: _column(rows[name], digits) for name, digits in columns.items()},
+        "columns": {name: _column(values[name], digits) for name, digits in columns.items()},
     }
 
 
@@ -145,15 +160,19 @@ class FeltErrorPairs:
 
 
 class FeltErrors(NamedTuple):
-    """Felt errors of pairs of records: in N, their bound in N, and in units of it (NaN where that is 0)."""
+    """Felt errors of pairs of records: in N (N m for an arm), their bound, and in units of it (NaN where that is 0)."""
 
     error_n: NDArray[np.float64]
     bound_n: NDArray[np.float64]
     deadbands: NDArray[np.float64]
 
 
-def felt_errors(master: Records, slave: Records, measures: Measures | None = None) -> FeltErrors:
-    """The operator's force against the robot's, of pairs."""
+def felt_errors(
+    master: Records, slave: Records, measures: Measures | None = None, arm: ArmLayout | None = None
+) -> FeltErrors:
+    """The operator's force against the robot's, of pairs; of an arm, those of the axis with most deadbands."""
+    if arm is not None:
+        return _felt_at_joints(master, slave, arm)
     error = np.linalg.norm(master["output"] - slave["raw"], axis=1)
     deviation = error if measures is None else deviations_of(master["output"], slave, measures)
     bound = slave["bound"]
@@ -161,9 +180,23 @@ def felt_errors(master: Records, slave: Records, measures: Measures | None = Non
         return FeltErrors(error, bound, np.where(bound > 0.0, deviation / bound, np.nan))
 
 
-def felt_message(master: Records, slave: Records, origin: float, measures: Measures | None = None) -> dict[str, Any]:
+def _felt_at_joints(master: Records, slave: Records, arm: ArmLayout) -> FeltErrors:
+    felt, measured = (each[:, arm.places].astype(np.float64) for each in (master["joint_output"], slave["joint_raw"]))
+    error, bound = np.abs(felt - measured), arm.torque_deadbands(slave)
+    worst = (error / bound).argmax(axis=1)[:, None]
+    error, bound = (np.take_along_axis(each, worst, axis=1)[:, 0] for each in (error, bound))
+    return FeltErrors(error, bound, error / bound)
+
+
+def felt_message(
+    master: Records,
+    slave: Records,
+    origin: float,
+    measures: Measures | None = None,
+    arm: ArmLayout | None = None,
+) -> dict[str, Any]:
     """Felt error of pairs for the page."""
-    felt = felt_errors(master, slave, measures)
+    felt = felt_errors(master, slave, measures, arm)
     return {
         "type": "felt",
         "t": listed(slave["at"] - origin, 6),
@@ -183,9 +216,14 @@ class _PaceMark(NamedTuple):
 
 
 class Pace:
-    """Packet rate and reduction of the last second of one side."""
+    """Packet rate and reduction of the last second of one channel of a side.
 
-    def __init__(self) -> None:
+    Args:
+        counter: of its updates, in the records.
+    """
+
+    def __init__(self, counter: str = "updates_sent") -> None:
+        self._counter = counter
         self._marks: deque[_PaceMark] = deque()
         self._engaged = 0
 
@@ -194,9 +232,9 @@ class Pace:
             return
         first, last = records[0], records[-1]
         if not self._marks:
-            self._marks.append(_PaceMark(float(first["at"]), int(first["updates_sent"]), 0))
+            self._marks.append(_PaceMark(float(first["at"]), int(first[self._counter]), 0))
         self._engaged += int((records["state"] == State.ENGAGED.value).sum())
-        self._marks.append(_PaceMark(float(last["at"]), int(last["updates_sent"]), self._engaged))
+        self._marks.append(_PaceMark(float(last["at"]), int(last[self._counter]), self._engaged))
         while len(self._marks) > 2 and self._marks[1].at <= self._marks[-1].at - WINDOW_S:
             self._marks.popleft()
 

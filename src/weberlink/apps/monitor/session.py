@@ -54,6 +54,7 @@ class _WatchedSide:
         self.feed = feed
         self.thinning = Thinning(feed.rate_hz)
         self.pace = Pace()
+        self.gripper_pace = Pace("gripper_updates_sent")
         self.faults: Counter[int] = Counter()
         self.last: Any = None
         self.has_ended = False
@@ -75,6 +76,7 @@ class _WatchedSide:
             self.faults.update(fault[(np.diff(fault, prepend=before) != 0) & (fault > 0)].tolist())
             self.last = records[-1]
             self.pace.add(records)
+            self.gripper_pace.add(records)
         return records, self.thinning.choose(records)
 
 
@@ -115,7 +117,7 @@ class WatchedSession:
         self.log = EventLog(first.rate_hz, first.began)
         self.told_events = 0
         """How many events the pages of this session were told."""
-        self._history = History(first.rate_hz, first.began)
+        self._history = History(first.rate_hz, first.began, self.arm)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
@@ -145,7 +147,7 @@ class WatchedSession:
         self._history.add(MASTER, master)
         self._history.add(SLAVE, slave)
         felt, measured = self._all_felt.add(master, slave)
-        self._history.add_felt(measured["at"], felt_errors(felt, measured, self._measures).deadbands)
+        self._history.add_felt(measured["at"], felt_errors(felt, measured, self._measures, self.arm).deadbands)
 
     @property
     def feeds(self) -> dict[str, Feed]:
@@ -192,8 +194,16 @@ class WatchedSession:
     @property
     def pace(self) -> dict[str, Pace]:
         """Pace by channel, as of the side that sends it."""
-        senders = {"force": SLAVE, "position": MASTER}
-        return {channel: self._sides[side].pace if side in self._sides else Pace() for channel, side in senders.items()}
+        arm = self.arm
+        names = ("force", "position") if arm is None else ("joint_torque", "joint_angle")
+        paces = {
+            channel: self._sides[side].pace if side in self._sides else Pace()
+            for channel, side in zip(names, (SLAVE, MASTER), strict=True)
+        }
+        if arm is not None and arm.gripper_torque is not None:
+            for channel, side in (("gripper_torque", SLAVE), ("gripper_angle", MASTER)):
+                paces[channel] = self._sides[side].gripper_pace if side in self._sides else Pace()
+        return paces
 
     def close(self) -> None:
         for side in self._sides.values():
@@ -242,7 +252,8 @@ class WatchedSession:
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
         told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()}, remote=self.remote)
-        return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start}
+        axes = None if self.arm is None else list(self.arm.axes)
+        return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
@@ -293,8 +304,8 @@ class WatchedSession:
 
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
-            return felt_message(first, second, self.origin, self._measures)
-        return samples_message(kind, first, self.origin, rotation=self._rotates)
+            return felt_message(first, second, self.origin, self._measures, self.arm)
+        return samples_message(kind, first, self.origin, rotation=self._rotates, arm=self.arm)
 
     def _remember(self, shown: list[_Shown]) -> None:
         self._backlog.extend(shown)

@@ -1,6 +1,8 @@
 """Builds the sides of a session in joint space: a leader arm and a follower arm, from a configuration."""
 
 from collections.abc import Callable, Iterator, Sequence
+from math import inf
+from operator import mul, truediv
 from typing import Any
 
 from weberlink.arms.contract import ArmSpec, FollowerArm, LeaderArm
@@ -32,17 +34,19 @@ from weberlink.system.composition.link import (
 )
 from weberlink.system.composition.master import check_button, check_force_ends
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-from weberlink.system.configuration.joints import AngleCodecSettings, FollowerLimits, LeaderLimits, per_axis
+from weberlink.system.configuration.joints import (
+    AngleCodecSettings,
+    FollowerLimits,
+    GripperCodecSettings,
+    JointCodecSettings,
+    LeaderLimits,
+    per_axis,
+)
 from weberlink.system.rows import JointRows
 from weberlink.system.side import Side
 
 SLEW_S = 0.05
 """Time in which the torque of a leader may rise to its largest, where the file does not say otherwise [s]."""
-
-LEVER_M = 0.2
-"""Distance from a joint at which forces and speeds are those of a hand [m]: about the reach of a small arm."""
-STIFFEST = 1e4
-"""Stiffness that stands for an arm which states an infinite one [N m/rad]."""
 
 
 def build_leading(
@@ -335,8 +339,7 @@ def _parameters(system: System, spec: ArmSpec, torque: Joints) -> JointParameter
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_rad_s=own.approach_rad_s,
-        coupling=tuple(min(stiffness, STIFFEST) for stiffness in spec.stiffness_nm_rad),
-        lever=LEVER_M,
+        coupling=spec.stiffness_nm_rad,
     )
 
 
@@ -355,7 +358,32 @@ def notes(configuration: Configuration) -> Iterator[str]:
     if follower is not None:
         if not follower.spec.force_feedback:
             yield f"slave.robot: {follower.spec.name} measures no torque; nothing is felt"
+        yield from _coupling(configuration.system, follower.spec)
         yield from _of_arm("slave.robot", follower.spec)
+
+
+def _coupling(system: System, spec: ArmSpec) -> Iterator[str]:
+    """What to say of the coupling in the file, beside that of the follower."""
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    count = len(joints.names)
+    parts: list[tuple[str, JointCodecSettings | GripperCodecSettings, Joints]]
+    parts = [("joints", joints, spec.stiffness_nm_rad[:count])]
+    if gripper is not None:
+        parts.append(("gripper", gripper, spec.stiffness_nm_rad[count:]))
+    for part, coded, own in parts:
+        stated, bounds = coded.angle.coupling_nm_rad, per_axis(coded.angle.bound_rad, len(own))
+        floors = per_axis(coded.torque.floor_nm, len(own))
+        jump = max(map(truediv, map(mul, own, bounds), floors))
+        field = f"codec.{part}.angle.coupling_nm_rad"
+        if stated is None and jump > 1.0 and max(own) < inf:
+            yield (
+                f"{field}: not given, so an unsent error of an angle may change the torque by {jump:.2g} deadbands; "
+                f"give that of {spec.name}, {max(own):.3g}"
+            )
+        elif stated is not None and max(per_axis(stated, len(own))) < 0.5 * max(own) < inf:
+            most = max(per_axis(stated, len(own)))
+            yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"
 
 
 def _of_arm(where: str, spec: ArmSpec) -> Iterator[str]:

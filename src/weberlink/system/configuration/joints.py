@@ -4,7 +4,7 @@ A setting for each axis is one number for all of them, or a list with one for ea
 limits, the gripper last where `codec.gripper` is given.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -20,7 +20,8 @@ _Stiffness = Annotated[float, Field(ge=1e-3, le=1e5)]
 _Torque = Annotated[float, Field(ge=1e-4, le=1e4)]
 _Slew = Annotated[float, Field(ge=1e-3, le=1e9)]
 _Range = Annotated[float, Field(ge=-100, le=100)]
-_MOST_AXES = MOST_JOINTS + 1
+_T = TypeVar("_T")
+_Each = Annotated[tuple[_T, ...], Field(max_length=MOST_JOINTS + 1)]
 
 
 def per_axis(setting: float | tuple[float, ...], count: int) -> Joints:
@@ -120,24 +121,24 @@ class GripperCodecSettings(Settings):
 class LeaderLimits(Settings):
     """What protects the operator of a leader arm, on top of its own limits; a value for each axis, or one for all."""
 
-    torque_nm: _Torque | tuple[_Torque, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    torque_nm: _Torque | _Each[_Torque] | None = None
     """Largest torque [N m]; by default the largest of the leader."""
-    slew_nm_s: _Slew | tuple[_Slew, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    slew_nm_s: _Slew | _Each[_Slew] | None = None
     """Fastest change of torque [N m/s]; by default to the largest torque in 50 ms."""
 
 
 class FollowerLimits(Settings):
     """What protects a follower arm and what it touches, on top of its own limits; for each axis, or one for all."""
 
-    lower_rad: _Range | tuple[_Range, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    lower_rad: _Range | _Each[_Range] | None = None
     """Least commanded angles [rad]; by default those of the arm."""
-    upper_rad: _Range | tuple[_Range, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    upper_rad: _Range | _Each[_Range] | None = None
     """Largest commanded angles [rad]; by default those of the arm."""
     speed_rad_s: float = Field(default=3.0, ge=1e-3, le=1000)
     """Largest speed of an axis while following [rad/s]."""
     approach_rad_s: float = Field(default=0.5, ge=1e-3, le=1000)
     """Speed at which it approaches the leader's angles after an engagement [rad/s]."""
-    press_nm: _Torque | tuple[_Torque, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    press_nm: _Torque | _Each[_Torque] | None = None
     """Largest torque with which an axis presses [N m]; by default the largest that the arm measures."""
-    trip_nm: _Torque | tuple[_Torque, ...] | None = Field(default=None, max_length=_MOST_AXES)
+    trip_nm: _Torque | _Each[_Torque] | None = None
     """Torque of an axis above which the arm stops following [N m]; by default the largest that the arm measures."""

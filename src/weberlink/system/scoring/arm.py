@@ -29,6 +29,12 @@ class Thresholds(NamedTuple):
     weber: float | None
     predictor: str
 
+    def of(self, actual: Series, sender: Records) -> Series:
+        """The deadband of each axis at each tick, shape (n, axes); `actual` is what `sender` measured."""
+        weber = sender["weber"][:, None] if self.weber is None else self.weber
+        deadbands: Series = np.maximum(weber * np.abs(actual.astype(np.float64)), np.asarray(self.floors))
+        return deadbands
+
 
 @dataclass(frozen=True)
 class ArmLayout:
@@ -46,14 +52,31 @@ class ArmLayout:
     gripper_angle: Thresholds | None = None
     gripper_torque: Thresholds | None = None
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes: the joints in order, then the gripper where there is one."""
+        return self.names if self.gripper_angle is None else (*self.names, JOINTS[-1])
+
+    @property
+    def places(self) -> list[int]:
+        """Column of each of these axes in the vectors of a record."""
+        joints = list(range(len(self.names)))
+        return joints if self.gripper_angle is None else [*joints, GRIPPER.start]
+
+    def torque_deadbands(self, slave: Records) -> Series:
+        """What may stay unsent of the torque of each axis at each tick [N m], shape (n, axes)."""
+        channels = [(self.torque, slice(0, len(self.names)))]
+        channels += [] if self.gripper_torque is None else [(self.gripper_torque, GRIPPER)]
+        return np.hstack([thresholds.of(slave["joint_raw"][:, axes], slave) for thresholds, axes in channels])
+
     def channels(self, period: float) -> tuple[dict[str, "AxesScore"], dict[str, "AxesScore"]]:
         """The scores of the channels from the slave, and of those from the master."""
         joints = slice(0, len(self.names))
         from_slave = {"joint_torque": AxesScore(joints, self.names, self.torque, period, reports_coding=True)}
         from_master = {"joint_angle": AxesScore(joints, self.names, self.angle, period)}
         if self.gripper_torque is not None and self.gripper_angle is not None:
-            from_slave["gripper_torque"] = AxesScore(GRIPPER, ("gripper",), self.gripper_torque, period)
-            from_master["gripper_angle"] = AxesScore(GRIPPER, ("gripper",), self.gripper_angle, period)
+            from_slave["gripper_torque"] = AxesScore(GRIPPER, JOINTS[-1:], self.gripper_torque, period)
+            from_master["gripper_angle"] = AxesScore(GRIPPER, JOINTS[-1:], self.gripper_angle, period)
         return from_slave, from_master
 
 
@@ -160,6 +183,4 @@ class AxesScore:
         """Errors of each axis, shape (n, axes), and the largest of each row in deadbands, shape (n,)."""
         actual = np.asarray(sender["joint_raw"][:, self._axes], dtype=np.float64)
         errors = np.abs(np.asarray(displayed[:, self._axes], dtype=np.float64) - actual)
-        weber = sender["weber"][:, None] if self._thresholds.weber is None else self._thresholds.weber
-        thresholds = np.maximum(weber * np.abs(actual), np.asarray(self._thresholds.floors))
-        return errors, (errors / thresholds).max(axis=1)
+        return errors, (errors / self._thresholds.of(actual, sender)).max(axis=1)

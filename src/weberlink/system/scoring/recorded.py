@@ -20,7 +20,7 @@ from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import COUNTERS, FINITE
+from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
 from weberlink.telemetry.recording.message import BEGUN
 from weberlink.telemetry.recording.reader import Recording, RecordingError
 
@@ -30,6 +30,8 @@ TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
 CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
+ADDED = tuple(field.name for field in FIELDS if field.name.startswith(("joint_", "gripper_")))
+"""Fields that recordings made before arms lack; they are 0 in a Cartesian session."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -98,10 +100,11 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     """
     found: dict[str, tuple[Recording, Records]] = {}
     for recording in recordings:
-        _check_fields(recording)
-        for side, records in recording.records.items():
-            if not len(records):
+        for side, read in recording.records.items():
+            if not len(read):
                 continue
+            records = _with_added_fields(read)
+            _check_fields(recording, side, records)
             if side in found:
                 raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
             found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
@@ -173,16 +176,26 @@ def _predictors(recording: Recording) -> str:
     return f"{force} (torque: {torque})" if torque else force
 
 
-def _check_fields(recording: Recording) -> None:
+def _with_added_fields(records: Records) -> Records:
+    """Records of an earlier release with the fields that have been added since, which are 0."""
+    lacks = set(ADDED) - set(records.dtype.names or ())
+    if not lacks:
+        return records
+    kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
+    filled = np.zeros(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in ADDED if name in lacks)]))
+    for name, _ in kept:
+        filled[name] = records[name]
+    return filled
+
+
+def _check_fields(recording: Recording, side: str, records: Records) -> None:
     """Check that the records are complete and plausible."""
-    for side, records in recording.records.items():
-        lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
-        if lacks:
-            raise RecordingError(
-                f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
-            )
-        if len(records):
-            _check_numbers(recording, side, records)
+    lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
+    if lacks:
+        raise RecordingError(
+            f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
+        )
+    _check_numbers(recording, side, records)
 
 
 def _check_numbers(recording: Recording, side: str, records: Records) -> None:

@@ -46,6 +46,11 @@ SCHEMAS = {
     "tf2_msgs/msg/TFMessage": _definition(
         "geometry_msgs/TransformStamped[] transforms\n", _STAMPED, _HEADER, _TIME, _TRANSFORM, _VECTOR, _QUATERNION
     ),
+    "sensor_msgs/msg/JointState": _definition(
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+        _HEADER,
+        _TIME,
+    ),
 }
 """Definition of each message, with those that it consists of."""
 
@@ -120,6 +125,27 @@ def wrench_stamped(times_ns: NDArray[np.uint64], frame: str, force_n: Array, tor
     rows = layout.rows(len(times_ns))
     _stamp(rows, "", frame, times_ns)
     rows["force"], rows["torque"] = force_n, torque_nm
+    return rows
+
+
+def joint_state(times_ns: NDArray[np.uint64], names: tuple[str, ...], angles_rad: Array, torques_nm: Array) -> Rows:
+    """Bodies of sensor_msgs/JointState without velocities; angles and torques have shape (n, number of names)."""
+    layout = _Layout()
+    layout.add_header("", FIXED_FRAME)
+    layout.add("names", "<u4")
+    for place, name in enumerate(names):
+        layout.add_text(f"name {place}", name)
+    layout.add("angles", "<u4")
+    layout.add("angle", "<f8", len(names))
+    layout.add("velocities", "<u4")
+    layout.add("torques", "<u4")
+    layout.add("torque", "<f8", len(names))
+    rows = layout.rows(len(times_ns))
+    _stamp(rows, "", FIXED_FRAME, times_ns)
+    for place, name in enumerate(names):
+        _say(rows, f"name {place}", name)
+    rows["names"] = rows["angles"] = rows["torques"] = len(names)
+    rows["angle"], rows["torque"] = angles_rad.reshape(rows["angle"].shape), torques_nm.reshape(rows["torque"].shape)
     return rows
 
 

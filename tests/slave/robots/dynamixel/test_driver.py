@@ -11,14 +11,14 @@ import yaml
 from pydantic import ValidationError
 
 from tests.system.systems import CONFIGS
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.bus import MotorBus
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator
 from weberlink.slave.robots.contract import RobotFault, RobotReading
-from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.bus import MotorBus
 from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 

@@ -7,15 +7,15 @@ from itertools import pairwise
 import pytest
 
 from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.packet import REBOOT, WRITE, Packet
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
-from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.arm import Joints, arm_pose
 from weberlink.slave.robots.dynamixel.exchange import WATCH_EVERY
 from weberlink.slave.robots.dynamixel.external_force import force_error
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
-from weberlink.slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
 FLOOR_Z = 0.1

@@ -16,9 +16,10 @@ import pytest
 
 from tests.slave.robots.dynamixel.pressing import GROUND_M
 from tests.system.processes import PATIENCE, ROOT, until
+from weberlink.arms.dynamixel import registers
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.robots.dynamixel import options, registers
+from weberlink.slave.robots.dynamixel import options
 
 pytestmark = pytest.mark.realtime(alone=True)
 

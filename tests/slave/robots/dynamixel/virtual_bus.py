@@ -2,20 +2,20 @@
 
 from dataclasses import dataclass, field
 
-from weberlink.geometry.vector import Vector
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.robots.dynamixel import options as of
-from weberlink.slave.robots.dynamixel import packet, registers
-from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet, registers
+from weberlink.arms.dynamixel.packet import (
     Packet,
     PacketReader,
     StatusPacket,
     StatusPacketReader,
     encode_packet,
 )
-from weberlink.slave.robots.dynamixel.registers import Register
-from weberlink.slave.robots.interpolation import Interpolation
+from weberlink.arms.dynamixel.registers import Register
+from weberlink.arms.interpolation import Interpolation
+from weberlink.geometry.vector import Vector
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
+from weberlink.slave.robots.dynamixel import options as of
+from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
 
 
 class VirtualTime:

@@ -14,14 +14,13 @@ export class Chart {
   constructor(panel, store, parent) {
     this.panel = panel;
     this.store = store;
-    this.choice = panel.choice;
+    this.choice = panel.ofAxes ? 0 : panel.choice;
     this.data = [];
     this.shown = 0;
     this.span = [0, 5];
-    const { body, legend, note } = frame(panel, parent, (choice) => this.#choose(choice));
-    Object.assign(this, { body, legend, note });
+    Object.assign(this, frame(panel, parent, (choice) => this.#choose(choice)));
     this.#build();
-    new ResizeObserver(() => this.#resize()).observe(body);
+    new ResizeObserver(() => this.#resize()).observe(this.body);
   }
 
   draw(from, to) {
@@ -29,6 +28,14 @@ export class Chart {
     merge(this.sources, from, to, this.data);
     this.plot.setData(this.data);
     this.#say();
+  }
+
+  // Offers the axes of an arm to choose from; keeps the choice while they are the same.
+  offer(names) {
+    const { axes } = this;
+    if (!axes || [...axes.options].map(({ text }) => text).join() === names.join()) return;
+    axes.replaceChildren(...names.map((name) => new Option(name)));
+    this.#choose(0);
   }
 
   restyle() {
@@ -44,7 +51,7 @@ export class Chart {
   #build() {
     this.plot?.destroy();
     const { panel, store } = this;
-    const chosen = panel.sources(this.choice);
+    const chosen = panel.sources(this.choice, store.axes);
     this.sources = chosen.map(({ ring, series }) => ({
       ring: store.rings[ring],
       name: ring,

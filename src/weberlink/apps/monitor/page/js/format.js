@@ -17,6 +17,7 @@ export const AS = {
   count: (v) => (known(v) ? v.toLocaleString("en").replace(/,/g, "\u202f") : UNKNOWN),
   number1: (v) => (known(v) ? fixed(v, 1) : UNKNOWN),
   number2: (v) => (known(v) ? fixed(v, 2) : UNKNOWN),
+  number3: (v) => (known(v) ? fixed(v, 3) : UNKNOWN),
   pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
   rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
   percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
@@ -24,6 +25,7 @@ export const AS = {
   us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
   mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
   mnm: (v) => (known(v) ? `${fixed(1000 * v, 2)} mN\u202fm` : UNKNOWN),
+  mnm1: (v) => (known(v) ? `${fixed(1000 * v, 1)} mN\u202fm` : UNKNOWN),
   degrees: (v) => (known(v) ? `${fixed((180 / Math.PI) * v, 3)}°` : UNKNOWN),
   newton: (v) => (known(v) ? `${fixed(v, 3)} N` : UNKNOWN),
 };

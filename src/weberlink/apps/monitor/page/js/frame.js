@@ -13,7 +13,7 @@ export function entry(series) {
   return item;
 }
 
-export function frame({ name, title, unit, help, choices, choice }, parent, choose) {
+export function frame({ name, title, unit, help, choices, choice, ofAxes }, parent, choose) {
   const heading = element(
     "h2",
     { id: `title-${name}` },
@@ -29,13 +29,19 @@ export function frame({ name, title, unit, help, choices, choice }, parent, choo
   tip.setAttribute("role", "tooltip");
   const head = element("header", {}, heading);
   if (choices) head.append(picker(choices, choice, title, choose));
+  const axes = ofAxes ? element("select", { className: "axes" }) : null;
+  if (axes) {
+    axes.setAttribute("aria-label", `${title}: axis`);
+    axes.addEventListener("change", () => choose(axes.selectedIndex));
+    head.append(axes);
+  }
   head.append(legend, button, tip);
   const note = element("p", { className: "empty" });
   const body = element("div", { className: "chart", id: `chart-${name}` }, note);
   const panel = element("section", { className: "panel", id: `panel-${name}` }, head, body);
   panel.setAttribute("aria-labelledby", heading.id);
   parent.append(panel);
-  return { body, legend, note };
+  return { body, legend, note, axes };
 }
 
 function picker(choices, chosen, title, choose) {

@@ -69,8 +69,9 @@ export class Headline {
 
   #packets() {
     const { figures, ended } = this.store;
-    const now = ended ? figures?.figures?.force?.packets_per_s : figures?.packets_per_s_now?.force;
-    const saved = ended ? figures?.figures?.force?.reduction : figures?.reduction_now?.force;
+    const channel = this.store.axes ? "joint_torque" : "force";
+    const now = ended ? figures?.figures?.[channel]?.packets_per_s : figures?.packets_per_s_now?.[channel];
+    const saved = ended ? figures?.figures?.[channel]?.reduction : figures?.reduction_now?.[channel];
     show(by("force-packets-now"), AS.pace(now), now);
     show(by("force-reduction-now"), AS.percent(saved), saved);
     show(by("rate"), AS.count(this.store.rate), this.store.rate);
@@ -79,7 +80,7 @@ export class Headline {
 
   #felt() {
     const { store } = this;
-    const deadbands = store.ended ? (store.figures.figures?.force?.error_p99_deadbands ?? NaN) : store.feltNow();
+    const deadbands = store.ended ? (felt(store.figures.figures)?.error_p99_deadbands ?? NaN) : store.feltNow();
     show(by("felt-of"), store.ended ? "deadbands, p99" : "deadbands", null);
     show(by("felt-deadbands-now"), Number.isFinite(deadbands) ? deadbands.toFixed(2) : "–", deadbands);
     const bar = by("felt-bar");
@@ -120,10 +121,14 @@ function counts(faults) {
   return flat;
 }
 
-// Fills every element that names a figure of the report.
+// The figures of what the operator feels.
+const felt = (figures) => figures?.force ?? figures?.joint_torque;
+
+// Fills every element that names a figure of the report; `felt` stands for the channel that the operator feels.
 export function fillFigures(message) {
+  const figures = message?.figures && { ...message.figures, felt: felt(message.figures) };
   for (const place of document.querySelectorAll("[data-figure]")) {
-    const value = place.dataset.figure.split(".").reduce((inner, key) => inner?.[key], message?.figures);
+    const value = place.dataset.figure.split(".").reduce((inner, key) => inner?.[key], figures);
     show(place, AS[place.dataset.as](value), value);
   }
   const late = message && message.seen_from_start === false;

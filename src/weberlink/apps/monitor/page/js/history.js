@@ -17,6 +17,16 @@ export const HISTORY = [
     axis: (v) => `${v} N`,
   },
   {
+    name: "history-torque",
+    title: "Largest torque",
+    unit: "N m",
+    help: "The largest torque felt at an axis of the leader in each interval, over the whole session.",
+    empty: EMPTY,
+    sources: () => of([{ name: "torque", colour: "master", of: column("force_max") }], "N m"),
+    range: () => upward(0.1),
+    axis: (v) => `${v}`,
+  },
+  {
     name: "history-felt",
     title: "Largest felt error",
     unit: "deadbands",
@@ -29,9 +39,9 @@ export const HISTORY = [
   },
   {
     name: "history-packets",
-    title: "Force packets",
+    title: "Packets",
     unit: "/s",
-    help: "Samples of the force that crossed the network, per second.",
+    help: "Samples of both sides that crossed the network, per second.",
     empty: EMPTY,
     sources: () => of([{ name: "packets", colour: "packets", of: column("packets"), digits: 1 }], "/s"),
     range: () => upward(20),

@@ -1,6 +1,8 @@
 // The page: puts messages into the store and draws the store, at most 30 times a second.
 
 import { Alarms } from "./alarms.js";
+import { ArmTable } from "./arm.js";
+import { ARM_PANELS } from "./arm_panels.js";
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
 import { Emergency } from "./emergency.js";
@@ -31,8 +33,9 @@ const ask = (message, repeat) => link.send(message, repeat);
 const touch = new Touch(store, ask); // before the emergency stop: Escape lets go of a held handle, and only then stops
 const emergency = new Emergency(store, link, () => schedule());
 const headline = new Headline(store);
-const charts = [...PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
+const charts = [...PANELS, ...ARM_PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
 charts.push(new Timeline(store, by("charts")));
+const arm = new ArmTable(store);
 const controls = new Controls(store, ask);
 const sessions = new Sessions(store, (name) => link.follow(name));
 const room = new Room(store, ask);
@@ -91,6 +94,9 @@ function receive(message) {
 function greet(hello) {
   link.token = hello.token ?? null;
   document.body.dataset.rotation = String(store.rotates);
+  document.body.dataset.arm = String(store.axes !== null);
+  arm.build();
+  for (const chart of charts) chart.offer?.(store.axes ?? []);
   view?.setScene();
   fillFigures(store.figures);
   picture.follow(hello.view && hello.session ? hello.session : null);
@@ -166,6 +172,7 @@ function steps(newest) {
   const only = store.present.length === 1 ? store.present[0] : "master";
   return [
     () => headline.draw(),
+    () => arm.draw(newest),
     ...charts.filter(({ body }) => inSight.has(body)).map((chart) => () => {
       chart.prefer?.(only);
       chart.draw(from, to);

@@ -19,8 +19,8 @@ export const column =
   (c, i) =>
     c[name] ? factor * c[name][i] : NaN;
 const component = (v, which, factor = 1) => (which === "norm" ? norm(v, factor) : axis(v, which, factor));
-const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
-const sent =
+export const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
+export const sent =
   (stream = "") =>
   (c, i) =>
     c[`${stream}sent`] && c[`${stream}sent`][i] > 0;
@@ -277,7 +277,7 @@ export const PANELS = [
   },
 ];
 
-function padded(low, high, least) {
+export function padded(low, high, least) {
   const middle = (low + high) / 2;
   const half = Math.max(least, (high - low) / 2) * 1.1;
   const step = roundUp(half / 4);

@@ -48,6 +48,10 @@ export class Store {
   get rotates() {
     return Boolean(this.#description()?.torque_bank);
   }
+  // Names of the axes of an arm that is led joint by joint; null in a Cartesian session.
+  get axes() {
+    return this.hello?.axes ?? null;
+  }
   // The points of the robot's tool from its tip [m], where they are known.
   get tool() {
     return this.#description()?.system?.slave?.robot?.tool?.points_m;
@@ -146,6 +150,7 @@ export class Store {
       one_way_us: oneWay,
       lateness_us: late,
       work_us: work,
+      gripper_updates_sent: gripper,
     } = ring.columns;
     let time = Math.max(rates.newest + RATE_STEP_S, ring.oldest + RATE_STEP_S);
     for (; time <= ring.newest; time += RATE_STEP_S) {
@@ -156,6 +161,7 @@ export class Store {
       rates.push([time], {
         updates: [(updates[end] - updates[begin]) / span],
         datagrams: [(datagrams[end] - datagrams[begin]) / span],
+        gripper: [gripper ? (gripper[end] - gripper[begin]) / span : NaN],
         jitter_us: [deviation(oneWay, begin, end)],
         late_us: [largest(late, ring.at(time - RATE_STEP_S), end)],
         work_us: [largest(work, ring.at(time - RATE_STEP_S), end)],

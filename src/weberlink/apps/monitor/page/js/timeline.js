@@ -35,7 +35,13 @@ const ROWS = [
   },
 ];
 
+const ROWS_OF_ARM = ROWS.filter(({ of }) => of !== "model"); // no predictor of an arm has a model of a surface
+
 export class Timeline {
+  get rows() {
+    return this.store.axes ? ROWS_OF_ARM : ROWS;
+  }
+
   constructor(store, parent) {
     this.store = store;
     this.span = [0, 5];
@@ -53,15 +59,15 @@ export class Timeline {
           drag: { x: false, y: false },
           points: { show: false },
         },
-        scales: { x: { time: false, range: () => this.span }, y: { range: () => [0, ROWS.length] } },
+        scales: { x: { time: false, range: () => this.span }, y: { range: () => [0, this.rows.length] } },
         axes: [
           { ...axis, size: 20, gap: 3, space: 60, values: (u, splits) => splits.map((v) => `${+v.toFixed(2)} s`) },
           {
             ...axis,
             size: 50,
             gap: 4,
-            splits: () => ROWS.map((_, k) => k + 0.5),
-            values: () => ROWS.map((row) => row.label).reverse(),
+            splits: () => this.rows.map((_, k) => k + 0.5),
+            values: () => this.rows.map((row) => row.label).reverse(),
           },
         ],
         series: [{}, { paths: () => null, points: { show: false } }],
@@ -87,7 +93,7 @@ export class Timeline {
 
   #bands(u) {
     const { ctx, bbox } = u;
-    const height = bbox.height / ROWS.length;
+    const height = bbox.height / this.rows.length;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
@@ -95,7 +101,7 @@ export class Timeline {
     ctx.textAlign = "left";
     ctx.textBaseline = "middle";
     ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
-    ROWS.forEach((row, k) => {
+    this.rows.forEach((row, k) => {
       const top = bbox.top + k * height + 2 * devicePixelRatio;
       const rings = this.store.rings;
       const first = row.other && rings[row.ring].empty ? row.other : row.ring;

@@ -1,5 +1,7 @@
 """The control table of an XM430-W350: addresses, sizes, access, initial values, ranges, units and alarms.
 
+Those of other models differ in initial values and ranges, see `weberlink.arms.dynamixel.motor_models`.
+
 Source: ROBOTIS e-Manual, XM430-W350, "Control Table of EEPROM Area" and "of RAM Area", and "Bus Watchdog". Registers
 below 64 are EEPROM: writable only with the torque off. Indirect addressing (168 and above) is left out.
 """
@@ -109,16 +111,20 @@ BY_ADDRESS: Final = {register.address: register for register in REGISTERS}
 RETURN_DELAY_TIME: Final = BY_NAME["return_delay_time"]
 DRIVE_MODE: Final = BY_NAME["drive_mode"]
 OPERATING_MODE: Final = BY_NAME["operating_mode"]
+MAX_VOLTAGE_LIMIT: Final = BY_NAME["max_voltage_limit"]
+MIN_VOLTAGE_LIMIT: Final = BY_NAME["min_voltage_limit"]
 HOMING_OFFSET: Final = BY_NAME["homing_offset"]
 CURRENT_LIMIT: Final = BY_NAME["current_limit"]
 TORQUE_ENABLE: Final = BY_NAME["torque_enable"]
 HARDWARE_ERROR: Final = BY_NAME["hardware_error_status"]
+POSITION_P_GAIN: Final = BY_NAME["position_p_gain"]
 BUS_WATCHDOG: Final = BY_NAME["bus_watchdog"]
 GOAL_CURRENT: Final = BY_NAME["goal_current"]
 GOAL_POSITION: Final = BY_NAME["goal_position"]
 PRESENT_CURRENT: Final = BY_NAME["present_current"]
 PRESENT_VELOCITY: Final = BY_NAME["present_velocity"]
 PRESENT_POSITION: Final = BY_NAME["present_position"]
+PRESENT_INPUT_VOLTAGE: Final = BY_NAME["present_input_voltage"]
 
 PRESENT_ADDRESS: Final = PRESENT_CURRENT.address
 PRESENT_SIZE: Final = 10
@@ -147,8 +153,9 @@ RAD_S_PER_COUNT: Final = 0.229 * 2.0 * pi / 60.0
 A_PER_COUNT: Final = 2.69e-3
 """Of XM430-W350; "about", says the vendor."""
 
+VOLTAGE_ERROR: Final = 0x01
 HARDWARE_ERRORS: Final = {
-    0: "input voltage out of range: check the supply, 12 V",
+    0: "input voltage out of range: check the supply",
     2: "overheating: let it cool down",
     3: "encoder fault",
     4: "electrical shock or too little power: check supply and cables",
@@ -157,15 +164,18 @@ HARDWARE_ERRORS: Final = {
 """By the bit of the hardware error register."""
 
 
-MODELS: Final = {
+NAMES: Final = {
     1000: "XH430-W350",
     1020: "XM430-W350",
     1060: "XL430-W250",
+    1070: "XC430-W150",
     1080: "XC430-W240",
     1160: "2XC430-W250",
+    1190: "XL330-M077",
+    1200: "XL330-M288",
 }
 """By model number, those of the vendor's own software."""
-WITHOUT_CURRENT_CONTROL: Final = {1060, 1080, 1160}
+WITHOUT_CURRENT_CONTROL: Final = {1060, 1070, 1080, 1160}
 
 
 def angle(counts: int) -> float:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.registers import Register
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.registers import Register
 
 MANUAL = {
     "model_number": (0, 2, False),
@@ -18,15 +18,19 @@ MANUAL = {
     "drive_mode": (10, 1, False),
     "operating_mode": (11, 1, False),
     "homing_offset": (20, 4, True),
+    "max_voltage_limit": (32, 2, False),
+    "min_voltage_limit": (34, 2, False),
     "current_limit": (38, 2, False),
     "torque_enable": (64, 1, False),
     "hardware_error_status": (70, 1, False),
+    "position_p_gain": (84, 2, False),
     "bus_watchdog": (98, 1, True),
     "goal_current": (102, 2, True),
     "goal_position": (116, 4, True),
     "present_current": (126, 2, True),
     "present_velocity": (128, 4, True),
     "present_position": (132, 4, True),
+    "present_input_voltage": (144, 2, False),
 }
 """Address, size and sign of what the driver uses, written from the manual apart from the table of the product."""
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import (
     HEADER,
     LONGEST,
     Packet,

@@ -6,10 +6,8 @@ from struct import Struct
 from time import monotonic, sleep
 from typing import Final, NamedTuple, Protocol
 
-from weberlink.hardware.discovery import UDEV_RULES, UsbId
-from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     OVERHEAD,
     StatusPacket,
@@ -17,16 +15,22 @@ from weberlink.slave.robots.dynamixel.packet import (
     encode_packet,
     error_text,
 )
-from weberlink.slave.robots.dynamixel.registers import (
+from weberlink.arms.dynamixel.registers import (
     HARDWARE_ERROR,
     PRESENT_ADDRESS,
+    PRESENT_INPUT_VOLTAGE,
     PRESENT_SIZE,
+    VOLTAGE_ERROR,
     Register,
     hardware_error_text,
 )
+from weberlink.hardware.discovery import UDEV_RULES, UsbId
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
 """ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""
+ARM_USB: Final = (*USB, UsbId(0x1A86, 0x55D3))
+"""Those, and the bus servo board of Waveshare that a Koch arm has (CH343); arms with Feetech servos have it too."""
 SYSFS: Final = Path("/sys/bus/usb-serial/devices")
 BITS_PER_BYTE: Final = 10
 STATUS_OVERHEAD: Final = OVERHEAD + 1
@@ -70,6 +74,7 @@ class MotorBus:
         port: Open, at the rate of the motors.
         baud: That rate [bit/s].
         ids: Of the motors, in the order of the joints.
+        names: Of the joints, for messages; numbers if empty.
         margin: Longest time of an answer beyond its time on the wire [s]: adapter, host and return delay.
         clock: Monotonic [s].
         pause: Sleeps [s].
@@ -83,8 +88,10 @@ class MotorBus:
         margin: float = 0.02,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
+        names: Sequence[str] = (),
     ) -> None:
         self.ids = tuple(ids)
+        self._names = tuple(names) or tuple(f"joint {number + 1}" for number in range(len(self.ids)))
         self._port = port
         self._byte_s = BITS_PER_BYTE / baud
         self._margin = margin
@@ -105,7 +112,7 @@ class MotorBus:
 
     def label(self, id_: int) -> str:
         """Name of a motor for messages."""
-        return f"joint {self.ids.index(id_) + 1} (id {id_})" if id_ in self.ids else f"id {id_}"
+        return f"{self._names[self.ids.index(id_)]} (id {id_})" if id_ in self.ids else f"id {id_}"
 
     def ping(self, id_: int) -> int:
         """The model number.
@@ -235,10 +242,16 @@ class MotorBus:
 
     def _alarm(self, id_: int) -> str:
         """Meaning of a motor's alarm."""
-        register = HARDWARE_ERROR
-        (status,) = self._ask(encode_packet(packet.read(id_, register.address, register.size)), (id_,), register.size)
-        value = register.decode(status.parameters)
-        return f"{hardware_error_text(value)}; it stays off until its power was off and on again"
+        value = self._despite_alarm(id_, HARDWARE_ERROR)
+        text = hardware_error_text(value)
+        if value & VOLTAGE_ERROR:
+            text += f"; it has {0.1 * self._despite_alarm(id_, PRESENT_INPUT_VOLTAGE):.1f} V now"
+        return f"{text}; it stays off until its power was off and on again"
+
+    def _despite_alarm(self, id_: int, register: Register) -> int:
+        request = encode_packet(packet.read(id_, register.address, register.size))
+        (status,) = self._ask(request, (id_,), register.size)
+        return register.decode(status.parameters)
 
 
 def latency_ms(path: str, sysfs: Path = SYSFS) -> int | None:

@@ -9,8 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from math import inf
 
-from weberlink.slave.emulators.servo import Servo, word
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     BROADCAST,
     OVERHEAD,
@@ -22,6 +21,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     StatusPacket,
     encode_status,
 )
+from weberlink.arms.emulators.dynamixel.servo import Servo, word
 
 QUEUE = 64
 """Most instructions, and most answers, that wait; more are lost."""

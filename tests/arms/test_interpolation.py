@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from weberlink.slave.robots.interpolation import Interpolation, TimedValues
+from weberlink.arms.interpolation import Interpolation, TimedValues
 
 numbers = st.floats(-1e3, 1e3)
 steps = st.lists(st.tuples(st.floats(1e-4, 0.1), numbers, numbers), min_size=1, max_size=6)

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.robots.dynamixel import packet, registers
-from weberlink.slave.robots.dynamixel.bus import MARK_SIZES, MotorBus, MotorReading, latency_advice, latency_ms
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel import packet, registers
+from weberlink.arms.dynamixel.bus import MARK_SIZES, MotorBus, MotorReading, latency_advice, latency_ms
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     Packet,
     PacketReader,
@@ -17,6 +16,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     encode_packet,
     encode_status,
 )
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 IDS = (11, 12, 13, 14)
 EXPECTED = [MotorReading(-id_, 10 * id_, 2048 - id_) for id_ in IDS]
@@ -143,11 +143,14 @@ def test_garbled_request_is_a_bad_reply(port: AnsweringPort, bus: MotorBus) -> N
 
 
 @pytest.mark.parametrize(
-    ("bits", "says"), [(0x20, "overload"), (0x04, "overheating"), (0x01, "voltage"), (0x24, "overheating.*overload")]
+    ("bits", "says"),
+    [(0x20, "overload"), (0x04, "overheating"), (0x01, "3.1 V"), (0x24, "overheating.*overload")],
 )
 def test_an_alarm_is_looked_up(port: AnsweringPort, bus: MotorBus, bits: int, says: str) -> None:
     def alarmed(request: Packet) -> list[bytes]:
         if request.instruction == packet.READ:
+            if request == packet.read(13, 144, 2):
+                return [status(13, ALERT, b"\x1f\x00")]
             assert request == packet.read(13, 70, 1)
             return [status(13, ALERT, bytes([bits]))]
         return [status(id_, ALERT if id_ == 13 else 0, measured(0, 0, 0)) for id_ in IDS]

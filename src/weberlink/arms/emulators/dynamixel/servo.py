@@ -1,20 +1,21 @@
-"""One XM430-W350 servo: what instructions do to its registers, and what its registers do to its motor.
+"""One servo: what instructions do to its registers, and what its registers do to its motor.
 
 Where the manual is silent, the stricter of the plausible behaviours is taken: goals written while the torque is off are
 kept, and a tripped bus watchdog accepts nothing but 0. Not emulated: velocity and PWM mode (refused as out of range),
 profiles, indirect addressing, shadow id, factory reset, clear, reg write.
 
-The motor is described by the manual at 12 V: stall torque 4.1 N m at 2.3 A, 46 rpm without load. Torque is proportional
-to current by the ratio of the first two; losses are part of the friction of the joint.
+The motor is described by the manual: stall torque and current, and speed without load. Torque is proportional to the
+current of the motor by the ratio of the first two; losses are part of the friction of the joint. What the registers of
+the current say of it is the law of the model, see `weberlink.arms.dynamixel.motor_models`.
 """
 
 from collections.abc import Callable
-from math import inf, pi
+from math import inf
 from struct import Struct
 from typing import NamedTuple
 
-from weberlink.slave.emulators.register_table import RegisterTable
-from weberlink.slave.robots.dynamixel.packet import (
+from weberlink.arms.dynamixel.motor_models import FULL_DUTY, XM430_W350, CurrentLaw, MotorModel
+from weberlink.arms.dynamixel.packet import (
     ALERT,
     DATA_LENGTH_ERROR,
     INSTRUCTION_ERROR,
@@ -26,8 +27,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     Packet,
     StatusPacket,
 )
-from weberlink.slave.robots.dynamixel.registers import (
-    A_PER_COUNT,
+from weberlink.arms.dynamixel.registers import (
     ANY_16,
     BAUD_RATES,
     BY_NAME,
@@ -38,16 +38,12 @@ from weberlink.slave.robots.dynamixel.registers import (
     MODE_POSITION,
     RAD_PER_COUNT,
     RAD_S_PER_COUNT,
-    REGISTERS,
+    VOLTAGE_ERROR,
     WATCHDOG_MOST,
     WATCHDOG_UNIT_S,
 )
+from weberlink.arms.emulators.dynamixel.register_table import RegisterTable
 
-STALL_A = 2.3
-NO_LOAD_RAD_S = 46.0 * 2.0 * pi / 60.0
-TORQUE_N_M_PER_A = 4.1 / 2.3
-FULL_DUTY = 885
-"""PWM register value of the full supply voltage."""
 OFFSET_MOST = 1024
 """Largest homing offset that has an effect in position control."""
 PRESENT = BY_NAME["realtime_tick"].address
@@ -77,34 +73,35 @@ class MotorOrder(NamedTuple):
     goal: float = 0.0
     gain: float = 0.0
     duty: float = 1.0
-    limit: float = STALL_A
+    limit: float = inf
 
 
 OFF = MotorOrder()
 
 
-def amperes(order: MotorOrder, angle: float, velocity: float) -> float:
-    """The current [A] at an angle [rad] and a speed [rad/s].
+def amperes(order: MotorOrder, angle: float, velocity: float, model: MotorModel = XM430_W350) -> float:
+    """The current of the motor [A] at an angle [rad] and a speed [rad/s].
 
-    The supply bounds it to 2.3 A (d - speed / no-load speed) at a duty d. Position control sets the duty in proportion
-    to the error; its integral and derivative parts and the profiles, 0 as delivered, are not emulated. In mode 5 the
-    current is limited as well.
+    The supply bounds it to stall current (d - speed / no-load speed) at a duty d. Position control sets the duty in
+    proportion to the error; its integral and derivative parts and the profiles are not emulated. In mode 5 the current
+    is limited as well.
     """
     if not order.on:
         return 0.0
-    back = STALL_A * velocity / NO_LOAD_RAD_S
+    stall = model.stall_a
+    back = stall * velocity / model.no_load_rad_s
     if order.current is not None:
         wanted = order.current
-        top, bottom = STALL_A * order.duty - back, -STALL_A * order.duty - back
+        top, bottom = stall * order.duty - back, -stall * order.duty - back
     else:
         duty = min(order.duty, max(-order.duty, order.gain * (order.goal - angle)))
-        wanted = STALL_A * duty - back
+        wanted = stall * duty - back
         top, bottom = order.limit, -order.limit
     return min(top, max(bottom, wanted))
 
 
 class Measured(NamedTuple):
-    """Sensor values: angle [rad] from the middle of the turn, speed [rad/s], current [A]."""
+    """Sensor values: angle [rad] from the middle of the turn, speed [rad/s], current of the motor [A]."""
 
     angle: float
     velocity: float
@@ -112,17 +109,29 @@ class Measured(NamedTuple):
 
 
 class Servo:
-    """An XM430-W350 with power, as delivered but for its id and rate.
+    """A servo with power, as delivered but for its id and rate.
 
     Args:
         id_: On the bus, 0 to 252.
         measured: Returns the sensor values.
         baud: Its rate [bit/s], one of `BAUD_RATES`.
+        model: Of the servo.
+        law: What its registers of the current mean; that of the model if None.
     """
 
-    def __init__(self, id_: int, measured: Callable[[], Measured], *, baud: int = 57_600) -> None:
+    def __init__(
+        self,
+        id_: int,
+        measured: Callable[[], Measured],
+        *,
+        baud: int = 57_600,
+        model: MotorModel = XM430_W350,
+        law: CurrentLaw | None = None,
+    ) -> None:
         self._measured = measured
-        self.registers = RegisterTable()
+        self.model = model
+        self._law = model.law if law is None else law
+        self.registers = RegisterTable(model)
         self.registers["id"] = id_
         self.registers["baud_rate"] = BAUD_RATES.index(baud)
         self._turns = 0
@@ -237,6 +246,11 @@ class Servo:
         self._deaf_until = now + REBOOT_S
         self._start()
 
+    def lose_supply(self) -> None:
+        """The supply falls below the limit: half a volt less, and the alarm of the input voltage."""
+        self.registers["present_input_voltage"] = self.registers["min_voltage_limit"] - 5
+        self.alarm(VOLTAGE_ERROR)
+
     def rename(self, model_number: int) -> None:
         """Report another model."""
         self.registers["model_number"] = model_number
@@ -261,7 +275,7 @@ class Servo:
     def _change_mode(self) -> None:
         """Reset gains, profile and goals, as the manual says for a change of mode."""
         registers = self.registers
-        for register in REGISTERS:
+        for register in self.model.registers:
             if register.name.endswith("_gain") or register.name.startswith("profile_"):
                 registers[register.name] = register.initial
         registers["goal_pwm"] = registers["pwm_limit"]
@@ -296,19 +310,20 @@ class Servo:
         if not self.torque_on:
             self.drive = OFF
             return
-        mode, current = registers["operating_mode"], A_PER_COUNT * registers["goal_current"]
+        mode, current = registers["operating_mode"], self.model.motor_current(registers["goal_current"], self._law)
         duty = abs(registers["goal_pwm"]) / FULL_DUTY
         if mode == MODE_CURRENT:
             self.drive = MotorOrder(True, current=self._sign * current, duty=duty)
             return
-        gain = registers["position_p_gain"] / 128.0 / FULL_DUTY / RAD_PER_COUNT
-        limit = abs(current) if mode == MODE_CURRENT_BASED_POSITION else STALL_A
+        gain = self.model.duty_per_rad(registers["position_p_gain"])
+        limit = abs(current) if mode == MODE_CURRENT_BASED_POSITION else inf
         self.drive = MotorOrder(True, goal=self._angle(registers["goal_position"]), gain=gain, duty=duty, limit=limit)
 
     def _measure(self) -> None:
         """Update the registers of measurements."""
-        registers, sign = self.registers, self._sign
+        registers, sign, model = self.registers, self._sign, self.model
         angle, velocity, current = self._measured()
+        duty = current / model.stall_a + velocity / model.no_load_rad_s
         speed = sign * round(velocity / RAD_S_PER_COUNT)
         MEASUREMENTS.pack_into(
             registers.memory,
@@ -316,8 +331,8 @@ class Servo:
             int(self.heard_at * 1e3) % 32_768,
             int(abs(speed) > registers["moving_threshold"]),
             0,
-            sign * _bounded(FULL_DUTY * (current / STALL_A + velocity / NO_LOAD_RAD_S), FULL_DUTY),
-            sign * _bounded(current / A_PER_COUNT, ANY_16),
+            sign * _bounded(FULL_DUTY * duty, FULL_DUTY),
+            sign * _bounded(model.register_current(current, self._law), ANY_16),
             speed,
             self._position(angle),
             0,

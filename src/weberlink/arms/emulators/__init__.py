@@ -1,0 +1,1 @@
+"""Emulated servos of arms, shared by the emulators of leaders and followers."""

@@ -1,0 +1,75 @@
+"""What one cycle on the bus of an SO-101 does, for a leader as for a follower."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic, sleep
+from typing import Final
+
+from weberlink.arms.feetech.arm import NAMES, AngleScale, So101Options, angle_scale, check_place
+from weberlink.arms.feetech.bus import ServoBus, ServoPort
+from weberlink.arms.feetech.registers import Present
+from weberlink.arms.feetech.servos import Servos, torque_off
+from weberlink.hardware.fault import HardwareFault
+
+PACE_TRIES: Final = 40
+
+
+class So101Bus:
+    """The open bus of an arm.
+
+    Args:
+        options: Of the arm.
+        port: Open; closed with this.
+        clock: Monotonic [s].
+        pause: Sleeps [s].
+
+    Raises:
+        HardwareFault: the arm cannot be used; the port is left open.
+    """
+
+    def __init__(
+        self,
+        options: So101Options,
+        port: ServoPort,
+        clock: Callable[[], float] = monotonic,
+        pause: Callable[[float], None] = sleep,
+    ) -> None:
+        self._options = options
+        self._port = port
+        self._clock = clock
+        self.bus = ServoBus(port, options.baud, options.ids, NAMES, options.margin_s, clock, pause)
+        self.servos = Servos(self.bus, options.baud)
+        self.servos.find()
+        self.scale: AngleScale = angle_scale(options, self.servos.ranges())
+        check_place(NAMES, self.scale.angles(self.first()), options.lower_rad, options.upper_rad)
+
+    def first(self) -> list[Present]:
+        """Measurements of all, tried again after a bad answer; raises as the bus does."""
+        return self.servos.insist(self.bus.exchange)
+
+    def check_pace(self) -> None:
+        """Raise HardwareFault if the rate cannot be held.
+
+        Uses the best of many readings, so that a busy host does not look like a slow adapter.
+        """
+        rate = self._options.rate_hz
+        best = 1.0
+        for _ in range(PACE_TRIES):
+            began = self._clock()
+            self.first()
+            best = min(best, self._clock() - began)
+            if best * rate <= 1.0:
+                return
+        raise HardwareFault(
+            f"{self._port.path}: a reading takes {best * 1e3:.1f} ms at best, {rate:g} Hz leave {1e3 / rate:.1f} ms; "
+            "set rate_hz lower, or use another USB port or host"
+        )
+
+    def release(self) -> None:
+        """Take the torque off, and set the servos back to their own gain and limit; never raises."""
+        with suppress(HardwareFault):
+            self.bus.send(torque_off(self._options.ids))
+        self.servos.restore()
+
+    def close(self) -> None:
+        self._port.close()

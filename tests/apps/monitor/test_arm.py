@@ -1,0 +1,120 @@
+"""A session of arms as the monitor tells it: its axes, rows, felt error, packets and history, live and replayed."""
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.apps import arm_sessions as arms
+from tests.apps.monitor.feeds import HandFeed
+from weberlink.apps.monitor.replay import Playback, read_source
+from weberlink.apps.monitor.rows import ARM, CARTESIAN
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.system.scoring.arm import arm_in
+from weberlink.system.scoring.session import SessionScore
+
+TICKS = 2000
+PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
+CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, np.ndarray]:
+    return {side: arms.records(side, TICKS) for side in ("master", "slave")}
+
+
+@pytest.fixture
+def watched(made: dict[str, np.ndarray]) -> tuple[WatchedSession, list[dict]]:
+    """A session that was looked at, and what it told."""
+    feeds = {side: HandFeed(side) for side in made}
+    for side, feed in feeds.items():
+        feed.description = {"side": side, "system": arms.SYSTEM, "bank": ["zoh"], "changes": ["weber"]}
+        feed.put(made[side])
+    session = WatchedSession("7", feeds["slave"])
+    session.admit(feeds["master"])
+    return session, session.look()
+
+
+def message(told: list[dict], kind: str, side: str | None = None) -> dict:
+    (found,) = (each for each in told if (each["type"], each.get("side")) == (kind, side))
+    return found
+
+
+def test_greeting_names_the_axes(watched: tuple[WatchedSession, list[dict]]) -> None:
+    hello = watched[0].hello()
+    assert hello["axes"] == [*arms.NAMES, "gripper"]
+    assert hello["settings"]["weber"] == 0.13 and hello["scene"] == []
+    alone = WatchedSession("8", HandFeed("slave"))
+    assert alone.hello()["axes"] is None
+
+
+def test_rows_have_the_axes_of_the_arm(watched: tuple[WatchedSession, list[dict]], made: dict) -> None:
+    for side in ("master", "slave"):
+        rows = message(watched[1], "samples", side)
+        json.dumps(rows, allow_nan=False)
+        ticks = np.rint(np.array(rows["t"]) * arms.RATE).astype(int)
+        assert not set(CARTESIAN) & set(rows["columns"])
+        for name in ("joint_position", "joint_raw", "joint_output"):
+            shown = np.array(rows["columns"][name])
+            np.testing.assert_allclose(shown.T, made[side][name][ticks][:, list(arms.PLACES)], atol=1e-6)
+        assert {0, arms.SENT_EVERY, arms.GRIPPER_SENT_EVERY} <= set(ticks.tolist())
+    bound = np.array(rows["columns"]["joint_bound"])
+    torque = np.abs(np.array(rows["columns"]["joint_raw"]))
+    np.testing.assert_allclose(bound, np.maximum(0.13 * torque, 0.02), atol=1e-6)
+
+
+def test_felt_error_is_that_of_the_worst_axis(watched: tuple[WatchedSession, list[dict]], made: dict) -> None:
+    felt = message(watched[1], "felt")
+    ticks = np.rint(np.array(felt["t"]) * arms.RATE).astype(int)
+    places = list(arms.PLACES)
+    actual = made["slave"]["joint_raw"][ticks][:, places].astype(float)
+    error = np.abs(made["master"]["joint_output"][ticks][:, places] - actual)
+    expected = (error / np.maximum(0.13 * np.abs(actual), 0.02)).max(axis=1)
+    assert expected.max() > 0.1
+    np.testing.assert_allclose(felt["deadbands"], expected, atol=1e-3)
+
+
+def test_packets_are_told_by_channel(watched: tuple[WatchedSession, list[dict]], made: dict) -> None:
+    figures = watched[0].figures()
+    now = figures["packets_per_s_now"]
+    assert set(now) == set(CHANNELS)
+    for channel in CHANNELS:
+        every = arms.GRIPPER_SENT_EVERY if channel.startswith("gripper") else arms.SENT_EVERY
+        assert now[channel] == pytest.approx(arms.RATE / every, rel=0.03)
+        assert figures["reduction_now"][channel] == pytest.approx(1.0 - 1.0 / every, abs=0.002)
+    score = SessionScore(arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM))
+    score.add(made["master"], made["slave"])
+    for channel in CHANNELS:
+        for name in ("packets", "error_rms", "violation_fraction"):
+            assert figures["figures"][channel][name] == score.summary()[channel][name], name
+
+
+def test_history_has_torques_and_all_packets(watched: tuple[WatchedSession, list[dict]], made: dict) -> None:
+    columns = watched[0].history["columns"]
+    torque = np.abs(made["master"]["joint_output"]).max(axis=1)
+    assert max(columns["force_max"]) == pytest.approx(float(torque.max()), abs=1e-6)
+    sent = sum(int(of[name].sum()) for of in made.values() for name in ("sent", "gripper_sent"))
+    step = columns["t"][1] - columns["t"][0]
+    assert sum(columns["packets"]) * step == pytest.approx(sent, rel=0.01)
+
+
+def test_replay_tells_the_same(watched: tuple[WatchedSession, list[dict]], made: dict, tmp_path: Path) -> None:
+    source = read_source([arms.recording(tmp_path / "arms.mcap", made)], print)
+    playback = Playback(source)
+    playback.catch_up(source.duration_s)
+    replayed, live = playback.session, watched[0]
+    assert replayed.hello()["axes"] == live.hello()["axes"]
+    assert replayed.history["columns"] == live.history["columns"]
+    for channel in CHANNELS:
+        told, expected = (each.figures()["figures"][channel] for each in (replayed, live))
+        assert told["packets"] == expected["packets"]
+        assert told["error_rms"] == pytest.approx(expected["error_rms"], rel=1e-9)
+
+
+def test_page_draws_columns_that_are_sent() -> None:
+    text = "".join((PAGE / "js" / name).read_text(encoding="utf-8") for name in ("arm.js", "arm_panels.js"))
+    drawn = set(re.findall(r'joint_[a-z]+(?=_\$|")', text))
+    assert drawn - set(CHANNELS) == {name for name in ARM if name.startswith("joint_")} | {"joint_bound"}

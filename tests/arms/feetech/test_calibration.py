@@ -1,0 +1,71 @@
+"""The calibration with weights: it finds the torque of an emulated servo, and says what cannot be."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.arms.feetech.virtual import VirtualPort
+from weberlink.arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
+from weberlink.arms.feetech import calibration
+from weberlink.arms.feetech.arm import So101Options
+from weberlink.arms.feetech.calibration import Scales, Weighing, fit
+from weberlink.arms.feetech.exchange import So101Bus
+from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.fault import HardwareFault
+
+OWN_NM = 0.1
+STALL_NM = 1.7
+FRICTION_NM = 0.09
+
+
+def scales(emulator: FeetechEmulator, axis: int) -> Scales:
+    port = VirtualPort(emulator)
+    return Scales(So101Bus(So101Options(), port, port.clock, port.pause), axis, 0.5, port.clock, port.pause)
+
+
+def test_weights_give_torque_of_load_and_friction() -> None:
+    options = FeetechEmulatorOptions(stall_nm=(STALL_NM,) * 6, friction_nm=FRICTION_NM, supply_v=7.0)
+    emulator = FeetechEmulator(options)
+    arm, weighings = scales(emulator, 2), []
+    for torque in (0.0, 0.3, 0.7):
+        emulator.pushes[2] = -OWN_NM - torque
+        weighings.append(arm.weigh(torque))
+    found = fit(weighings)
+    assert found.per_load == pytest.approx(STALL_NM / 1000.0 * 7.0 / 7.4, rel=0.05)
+    assert found.per_amp == pytest.approx(STALL_NM / 2.7, rel=0.05)
+    assert found.friction == pytest.approx(FRICTION_NM, rel=0.4)
+    assert found.supply == pytest.approx(7.0)
+    assert found.error < 0.05
+    arm.release()
+    assert not any(emulator.torques_on)
+
+
+def test_too_heavy_a_weight_is_refused() -> None:
+    emulator = FeetechEmulator()
+    arm = scales(emulator, 0)
+    emulator.pushes[0] = -1.45
+    with pytest.raises(HardwareFault, match=r"shoulder_pan: a load of .* take a lighter weight"):
+        arm.weigh(1.45)
+
+
+@pytest.mark.parametrize(
+    ("weighings", "says"),
+    [
+        ([Weighing(0.1 * i, 50.0 * i, 0.1 * i, 5.0, 7.4) for i in (0, 1, 1)], "at least three different weights"),
+        ([Weighing(0.1 * i, 50.0, 0.1 * i, 5.0, 7.4) for i in range(3)], "the same with every weight"),
+    ],
+)
+def test_weighings_that_tell_nothing_are_refused(weighings: list[Weighing], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        fit(weighings)
+
+
+@pytest.mark.realtime
+def test_missing_arm_ends_with_one_line(tmp_path: Path) -> None:
+    emulator = FeetechEmulator()
+    with PtyDevice(emulator, tmp_path / "arm") as wire:
+        emulator.inject("wrong_model", 9)
+        arguments = ["--port", str(wire.path), "--joint", "gripper", "--lever-m", "0.1", "--masses-kg", "0", "0.1", "1"]
+        said: list[str] = []
+        assert calibration.main(arguments, ask=said.append, say=said.append) == 1
+    assert said == ["shoulder_pan (id 1): is model 9, an SO-101 has the STS3215 (model 777): check ids"]

@@ -1,0 +1,175 @@
+"""The scripted hand on a leader arm: it follows its script, yields to torque, and gives no energy of its own."""
+
+from math import inf, nan
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
+
+from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.arms.models import NAMES, load
+from weberlink.geometry.joints import Joints, is_finite
+from weberlink.master.devices import leaders
+from weberlink.master.devices.arm_operator import ArmOperator, ArmOperatorOptions
+
+TICK = 0.001
+REST = [{"motion": "hold", "duration_s": 1.0}]
+NONE = (0.0,) * 6
+
+
+def operator(**options: Any) -> ArmOperator:
+    made = ArmOperator(ArmOperatorOptions.model_validate(options), TICK)
+    made.open(0.0)
+    return made
+
+
+def run(made: ArmOperator, ticks: int, torques: Joints = NONE) -> ArmReading:
+    for tick in range(1, ticks + 1):
+        reading = made.latest(tick * TICK)
+        made.display(torques, tick * TICK)
+    return reading
+
+
+def test_every_axis_moves_without_a_script() -> None:
+    made = operator(hand={"stiffness_nm_rad": 50.0, "damping_nm_s_rad": 1.0}, steps=1)
+    farthest = [0.0] * made.spec.axes
+    home = made.latest(0.0).angles
+    for tick in range(1, 22_001):
+        reading = made.latest(tick * TICK)
+        assert not reading.ended
+        moved = (abs(angle - start) for angle, start in zip(reading.angles, home, strict=True))
+        farthest = [max(most, now) for most, now in zip(farthest, moved, strict=True)]
+    assert min(farthest) > 0.15
+
+
+def test_it_comes_where_the_script_says() -> None:
+    script = [
+        {"motion": "move", "joints_rad": (0.5, -0.6, 0.4, -0.3, 0.2), "duration_s": 1.0},
+        {"motion": "move", "gripper_rad": 1.0, "duration_s": 0.5},
+        {"motion": "swing", "amplitude_rad": (0.2,) * 6, "frequency_hz": 1.0, "duration_s": 1.0},
+        {"motion": "hold", "duration_s": 1.0},
+    ]
+    made = operator(script=script, repeat=False)
+    assert not run(made, 3400).ended
+    reading = run(made, 3600)
+    assert reading.ended
+    friction = load("koch_leader").friction[0] / 2.0
+    assert reading.angles == pytest.approx((0.5, -0.6, 0.4, -0.3, 0.2, 1.0), abs=friction + 2e-3)
+
+
+def test_it_begins_again_and_ends_with_its_duration() -> None:
+    script = [{"motion": "move", "joints_rad": (0.5, 0.0, 0.0, 0.0, 0.0)}]
+    made = operator(script=script, duration_s=4.5)
+    turned = []
+    for tick in range(1, 4600):
+        reading = made.latest(tick * TICK)
+        turned.append(reading.angles[0])
+        assert reading.ended == (tick >= 4500)
+    assert max(turned[500:1500]) > 0.4
+    assert min(turned[1900:2500]) < 0.1
+    assert max(turned[2500:3500]) > 0.4
+
+
+def test_the_hand_yields_to_displayed_torque() -> None:
+    """By its own compliance, but for the friction of the arm."""
+    made = operator(script=REST)
+    torques = (0.1, -0.1, 0.1, -0.1, 0.1, 0.15)
+    reading = run(made, 1500, torques)
+    for angle, torque in zip(reading.angles, torques, strict=True):
+        assert angle == pytest.approx(torque / 2.0, abs=0.0049 / 2.0 + 1e-3)
+    assert reading.torques == NONE
+
+
+def test_displayed_torque_is_limited_to_the_motors() -> None:
+    held = [run(operator(script=REST), 1500, (torque, *NONE[1:])).angles[0] for torque in (0.215, 1e9)]
+    assert held[0] == held[1]
+
+
+def test_a_wall_takes_more_energy_than_it_gives() -> None:
+    """A spring of half the stiffness that the spec calls stable, at one joint: the hand comes to rest against it."""
+    made = operator(script=[{"motion": "move", "joints_rad": (0.3, 0.0, 0.0, 0.0, 0.0)}, *REST, *REST], torque_nm=100.0)
+    stiffness = 0.5 * made.spec.stiffness_nm_rad[0]
+    before, work = 0.0, 0.0
+    for tick in range(1, 3001):
+        angle = made.latest(tick * TICK).angles[0]
+        torque = -stiffness * max(0.0, angle - 0.1)
+        work += torque * (angle - before)
+        before = angle
+        made.display((torque, *NONE[1:]), tick * TICK)
+    assert work < 0.0
+    assert 0.1 < angle < 0.1 + 1.1 * 2.0 * 0.2 / stiffness
+    assert abs(made._simulation.speeds[0]) < 1e-3
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("stiffness", [1e-3, 1e6])
+def test_no_hand_and_no_torque_makes_it_diverge(name: str, stiffness: float) -> None:
+    """Torques that turn in every tick, on an arm that is pushed against its end stops."""
+    hand = {"stiffness_nm_rad": stiffness, "damping_nm_s_rad": 0.0, "inertia_kg_m2": 0.0}
+    made = operator(model=name, hand=hand, torque_nm=5.0)
+    for tick in range(1, 500):
+        angles = made.latest(tick * TICK).angles
+        assert is_finite(angles)
+        way = 1.0 if tick % 7 < 3 or tick > 300 else -1.0
+        made.display((way * 1e3,) * made.spec.axes, tick * TICK)
+    beyond = (a - high for a, high in zip(angles, made.spec.upper, strict=True))
+    assert max(beyond) < 0.3
+
+
+def test_same_times_give_the_same_motion() -> None:
+    def angles() -> list[Joints]:
+        made = operator()
+        found = []
+        for tick in range(1, 800):
+            found.append(made.latest(tick * TICK).angles)
+            made.display((0.01 * (tick % 5),) * 6, tick * TICK)
+        return found
+
+    assert angles() == angles()
+
+
+def test_gravity_of_the_leader_is_compensated() -> None:
+    made = operator(model="omx_leader", script=REST, home_rad=(0.0, 0.6, 0.3, 0.2, 0.0, 0.5))
+    assert run(made, 1000).angles == pytest.approx((0.0, 0.6, 0.3, 0.2, 0.0, 0.5), abs=1e-6)
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_torques_that_are_not_finite_are_refused(value: float) -> None:
+    made = operator()
+    with pytest.raises(ValueError, match="arm_operator: expected 6 finite torques"):
+        made.display((value, *NONE[1:]), TICK)
+    assert is_finite(made.latest(TICK).angles)
+
+
+def test_it_is_read_only_while_open() -> None:
+    made = operator()
+    made.close()
+    with pytest.raises(ArmFault, match="not open"):
+        made.latest(1.0)
+    made.display(NONE, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"script": [{"motion": "move", "joints_rad": (0.0,)}]}, r"script\.0\.joints_rad: expected 5 angles, got 1"),
+        ({"script": [*REST, {"motion": "move", "gripper_rad": 9.0}]}, r"script\.1: gripper: expected 0 to 1\.632 rad"),
+        ({"script": [{"motion": "swing", "amplitude_rad": (1.0,)}]}, r"script\.0\.amplitude_rad: expected 6 angles"),
+        ({"hand": {"damping_nm_s_rad": (1.0,)}}, r"hand\.damping_nm_s_rad: expected one value, or one for each of 6"),
+        ({"hand": {"stiffness_nm_rad": 0.0}}, r"hand\.stiffness_nm_rad: expected 1e-06 to "),
+    ],
+)
+def test_wrong_options_are_named(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        operator(**options)
+
+
+def test_unknown_motions_are_refused() -> None:
+    with pytest.raises(ValidationError):
+        ArmOperatorOptions.model_validate({"script": [{"motion": "dance"}]})
+
+
+def test_the_table_of_leaders_has_it() -> None:
+    assert leaders.load("arm_operator") is ArmOperator  # type: ignore[comparison-overlap]

@@ -1,0 +1,240 @@
+"""The computed follower: what it feels, that it stays calm whatever it is told, and that time alone decides."""
+
+from itertools import pairwise
+from math import cos, inf, nan, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
+
+import mujoco
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from weberlink.arms.contract import ArmFault
+from weberlink.arms.models import NAMES, load
+from weberlink.geometry.joints import Joints, is_finite
+from weberlink.slave.robots import followers
+from weberlink.slave.robots.mujoco_arm import MujocoArm, MujocoArmOptions
+
+TICK = 0.001
+HARD = {"kind": "table", "position_m": (0.0, 0.0, 0.03), "time_constant_s": 1e-5}
+"""A table as hard as MuJoCo allows, in the reach of every arm."""
+TABLE = {"kind": "table", "position_m": (0.0, 0.0, 0.03)}
+FRICTION = 0.052  # [N m] of the joints of the SO-101
+
+
+def arm(**options: Any) -> MujocoArm:
+    made = MujocoArm(MujocoArmOptions.model_validate(options), TICK)
+    made.open(0.0)
+    return made
+
+
+def hold(made: MujocoArm, angles: Joints, ticks: int, start: int = 0) -> Any:
+    for tick in range(start + 1, start + ticks + 1):
+        made.follow(angles, tick * TICK)
+        reading = made.latest(tick * TICK)
+    return reading
+
+
+def down(lift: float, elbow: float, gripper: float) -> Joints:
+    """The SO-101 with its hand down."""
+    return (0.0, lift, elbow, pi / 2 - lift - elbow, 0.0, gripper)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_reaches_free_angles_and_feels_nothing(name: str) -> None:
+    made = arm(model=name, stiffness_nm_rad=100.0)
+    goal = tuple(0.9 * at + 0.1 * to for at, to in zip(made.latest(0.0).angles, made.spec.upper, strict=True))
+    reading = hold(made, goal, 1500)
+    friction = max(load(name).friction)
+    assert reading.angles == pytest.approx(goal, abs=friction / 100.0 + 1e-3)
+    assert reading.torques == pytest.approx((0.0,) * made.spec.axes, abs=2e-3)
+
+
+def test_a_table_balances_the_springs() -> None:
+    """What is felt is the contact: that of the springs, but for the friction of the joints."""
+    made = arm(objects=[{**HARD, "friction": 0.0}])
+    goal = (0.0, 0.62, 0.05, 0.05, 0.0, 0.2)
+    reading = hold(made, goal, 2000)
+    pulls = [30.0 * (to - at) for to, at in zip(goal, reading.angles, strict=True)]
+    assert reading.torques[1] < -1.0
+    for felt, pull in zip(reading.torques, pulls, strict=True):
+        assert felt == pytest.approx(-pull, abs=FRICTION + 2e-3)
+    up = load("so101").jacobian(reading.angles)[2]
+    assert reading.torques[1] / reading.torques[2] == pytest.approx(up[1] / up[2], rel=0.05)
+
+
+def test_an_end_stop_is_felt() -> None:
+    made = arm(home_rad=(1.9, 0.0, 0.0, 0.0, 0.0, 0.0), torque_nm=2.0)
+    made._simulation._upper[:] = 9.0  # commands are limited to the range, so that only a push goes beyond it
+    reading = hold(made, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1500)
+    assert reading.angles[0] == pytest.approx(made.spec.upper[0], abs=0.01)
+    assert reading.torques[0] == pytest.approx(-2.0, abs=FRICTION + 0.01)
+
+
+def test_readings_are_limited_to_the_motors() -> None:
+    made = arm(objects=[HARD], torque_nm=0.5)
+    felt = 0.0
+    for tick in range(1, 1500):
+        made.follow((0.0, 1.2, 0.0, 0.0, 0.0, 0.0), tick * TICK)
+        felt = max(felt, *map(abs, made.latest(tick * TICK).torques))
+    assert 0.49 < felt <= 0.5
+
+
+def test_a_box_is_gripped_and_lifted() -> None:
+    """Its weight is felt on the way up, and the squeeze at the gripper all the time."""
+    x, y, z = load("so101").tip(down(0.1, 0.6, 0.9))
+    box = {"kind": "box", "position_m": (x + 0.015, y, z), "size_m": (0.02, 0.03, 0.038), "mass_kg": 0.2}
+    table = {"kind": "table", "position_m": (0.0, 0.0, z - 0.02)}
+    made = arm(home_rad=down(0.1, 0.6, 0.9), objects=[table, box], torque_nm=2.0)
+    for tick in range(1, 3501):
+        lift = 0.1 - 0.25 * min(max((tick - 1200) / 1500.0, 0.0), 1.0)
+        made.follow(down(lift, 0.6, max(0.0, 0.9 - 0.0009 * tick)), tick * TICK)
+        reading = made.latest(tick * TICK)
+    height = float(made._simulation._data.qpos[made.spec.axes + 2])
+    lever = load("so101").tip(reading.angles)[0] - 0.0692 + 0.01  # from the axis of the shoulder to the box
+    assert height > z + 0.02
+    assert reading.angles[-1] > 0.2
+    assert reading.torques[-1] == pytest.approx(2.0, abs=0.05)
+    assert reading.torques[1] == pytest.approx(0.2 * 9.81 * lever, rel=0.1)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    name=st.sampled_from(["so101", "koch_follower", "open_manipulator_x"]),
+    stiffness=st.sampled_from([1e-3, 1.0, 100.0, 1e4, 1e6, 1e9]),
+    ratio=st.sampled_from([0.0, 0.7, 10.0]),
+    torque=st.sampled_from([1.0, 1e4]),
+    goals=st.lists(st.sampled_from([-1e300, -9.0, -1.0, 0.0, 1.0, 9.0, 1e300]), min_size=6, max_size=60),
+)
+def test_no_gain_goal_or_contact_makes_it_diverge(
+    name: str, stiffness: float, ratio: float, torque: float, goals: list[float]
+) -> None:
+    made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=ratio, torque_nm=torque, objects=[HARD])
+    axes = made.spec.axes
+    for tick in range(1, 121):
+        goal = tuple(goals[(tick // 10 + axis) % len(goals)] for axis in range(axes))
+        made.follow(goal, tick * TICK)
+        reading = made.latest(tick * TICK)
+        assert is_finite(reading.angles)
+        assert max(map(abs, reading.torques)) <= torque
+    speeds = made._simulation.speeds
+    assert max(map(abs, speeds)) < 0.12 * torque / 1e-4  # all the time with the torque on the least inertia
+
+
+@pytest.mark.parametrize("name", ["so101", "koch_follower", "koch_leader"])
+@pytest.mark.parametrize("stiffness", [1.0, 30.0, 100.0])
+def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
+    """Springs without damping pull the arm into a hard table: backward Euler and contacts may only take energy."""
+    made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e9, objects=[HARD])
+    way = 0.9 if name == "so101" else -0.9
+    goal = (0.4, way, 0.5, 0.5 * way, 0.5, 0.5)
+    energies = []
+    for tick in range(1, 801):
+        made.follow(goal, tick * TICK)
+        made.latest(tick * TICK)
+        energies.append(energy(made, goal, stiffness))
+    assert min(made._simulation._data.contact.dist, default=1.0) < 0.01  # it did touch, and rests there
+    assert all(later <= earlier + 1e-4 * energies[0] for earlier, later in pairwise(energies))
+    assert energies[-1] < 0.9 * energies[0]
+
+
+def test_pressing_and_leaving_gives_no_energy() -> None:
+    """At the measured angles: contacts take energy, and give none back that they have not taken."""
+    made = arm(objects=[TABLE])
+    work, highest = 0.0, 0.0
+    before = made.latest(0.0).angles
+    for tick in range(1, 4001):
+        share = 0.5 - 0.5 * cos(2 * pi * tick / 2000)  # down and up, twice
+        made.follow((0.0, 0.75 * share, 0.0, 0.0, 0.0, 0.0), tick * TICK)
+        reading = made.latest(tick * TICK)
+        work += sum(torque * (a - b) for torque, a, b in zip(reading.torques, reading.angles, before, strict=True))
+        before = reading.angles
+        highest = max(highest, work)
+    assert work < -0.005
+    assert highest < 1e-4
+
+
+def test_same_times_give_the_same_motion() -> None:
+    def run() -> list[Any]:
+        made = arm(objects=[HARD])
+        readings = []
+        now = 0.0
+        for tick in range(1, 700):
+            now += TICK * (1.0 + 0.3 * sin(tick))
+            made.follow((0.0, 0.002 * tick, 0.0, 0.0, 0.0, 0.0), now)
+            readings.append(made.latest(now))
+            assert made.latest(now) is readings[-1]
+        return readings
+
+    assert run() == run()
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_angles_that_are_not_finite_are_refused(value: float) -> None:
+    made = arm()
+    with pytest.raises(ValueError, match="mujoco_arm: expected 6 finite angles"):
+        made.follow((0.0, value, 0.0, 0.0, 0.0, 0.0), TICK)
+    assert is_finite(made.latest(TICK).angles)
+
+
+def test_it_is_read_only_while_open() -> None:
+    made = arm()
+    made.close()
+    made.close()
+    with pytest.raises(ArmFault, match="not open"):
+        made.latest(1.0)
+    made.open(2.0)
+    assert made.latest(2.0).angles == (0.0,) * 6
+
+
+def test_a_long_silence_is_skipped() -> None:
+    made = arm(stiffness_nm_rad=1.0)
+    made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    assert made.latest(3600.0).angles[0] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stiffness_nm_rad": (1.0, 2.0)}, "stiffness_nm_rad: expected one value, or one for each of 6 axes; got 2"),
+        ({"stiffness_nm_rad": 0.0}, "stiffness_nm_rad: expected 1e-06 to "),
+        ({"torque_nm": -1.0}, "torque_nm: expected 0 to "),
+        ({"home_rad": (0.0,)}, "home_rad: expected 6 angles, got 1"),
+        ({"home_rad": (9.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, "home_rad: shoulder_pan: expected -1.92 to 1.92 rad, got 9"),
+        ({"model": "no_such_file.xml"}, "model: there is no file no_such_file.xml"),
+    ],
+)
+def test_wrong_options_are_named(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message) as caught:
+        arm(**options)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [{"objects": [{"kind": "cone"}]}, {"objects": [{**HARD, "time_constant_s": 0.0}]}])
+def test_wrong_objects_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        MujocoArmOptions.model_validate(options)
+
+
+def test_the_table_of_followers_has_it() -> None:
+    assert followers.load("mujoco_arm") is MujocoArm  # type: ignore[comparison-overlap]
+    assert MujocoArm.NEEDS == ("mujoco", "mujoco")
+
+
+def energy(made: MujocoArm, goal: Joints, stiffness: float) -> float:
+    """Of the motion, without what the integration adds to the inertia, and of the springs [J]."""
+    simulation = made._simulation
+    model, data = simulation._model, simulation._data
+    raised = model.dof_armature[simulation._axes].copy()
+    model.dof_armature[simulation._axes] = simulation._own
+    momentum = np.zeros(model.nv)
+    mujoco.mj_crb(model, data)
+    mujoco.mj_mulM(model, data, momentum, data.qvel)
+    model.dof_armature[simulation._axes] = raised
+    stretched = sum((to - at) ** 2 for to, at in zip(goal, simulation.angles, strict=True))
+    return 0.5 * float(momentum @ data.qvel) + 0.5 * stiffness * stretched
