@@ -198,6 +198,8 @@ def _recorded(path: Path, sides: Sequence[Side]) -> Array:
     if lacks:
         raise TraceError(f"{path}: the {side}'s records lack {', '.join(sorted(lacks))}")
     position, force = SIGNALS[side]
+    if "joint_output" in (records.dtype.names or ()) and records["joint_output"].any():
+        raise TraceError(f"{path}: holds the angles and torques of arms, expected a session in Cartesian space")
     engaged = records[records["state"] == State.ENGAGED.value]
     engaged = engaged[np.isfinite(engaged[position]).all(axis=1) & np.isfinite(engaged[force]).all(axis=1)]
     if len(engaged) < FEWEST_ROWS:

@@ -33,7 +33,14 @@ _CODEC = {
 _CARTESIAN = load(CONFIGS / "loopback.yaml").system.model_dump(mode="json")
 SYSTEM = _CARTESIAN | {"codec": _CARTESIAN["codec"] | _CODEC, "slave": {"robot": {"driver": "so101_follower"}}}
 """A configuration as daemons and recordings hold it."""
-FACTS = {"bank": "zoh linear", "configuration": yaml.safe_dump(SYSTEM), "clock": "real"}
+GRIPPER_RAD = (-0.2, 1.8)
+FACTS = {
+    "lower_rad": f"-2 -2 -2 -2 -2 {GRIPPER_RAD[0]}",
+    "upper_rad": f"2 2 2 2 2 {GRIPPER_RAD[1]}",
+    "bank": "zoh linear",
+    "configuration": yaml.safe_dump(SYSTEM),
+    "clock": "real",
+}
 PIECE = 500
 SENT_EVERY, GRIPPER_SENT_EVERY = 25, 50
 

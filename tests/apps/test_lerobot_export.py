@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.apps.arm_sessions import NAMES, PLACES, RATE, SYSTEM, recording, records
+from tests.apps.arm_sessions import FACTS, GRIPPER_RAD, NAMES, PLACES, RATE, SYSTEM, recording, records
 from tests.system.systems import CONFIGS
 from weberlink.apps.lerobot_frames import NoFramesError, frames_of, samples_per_frame
 from weberlink.cli import app
+from weberlink.system.composition.arms import build_follower
+from weberlink.system.configuration import load
+from weberlink.system.recorder import facts, facts_of
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.recorded import RecordedSession
+from weberlink.telemetry.recording.message import RANGE
 from weberlink.telemetry.recording.reader import read_recording
 
 pytest.importorskip("pyarrow")
@@ -51,6 +55,14 @@ def dataset(sides: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> 
     return path.with_name("grasp-lerobot")
 
 
+def scaled(angles: np.ndarray) -> np.ndarray:
+    """Joints in degrees, the gripper from 0 to 100 of its range."""
+    values = np.degrees(angles.astype(np.float64))
+    low, high = GRIPPER_RAD
+    values[..., -1] = 100.0 * (angles[..., -1] - low) / (high - low)
+    return values.astype(np.float32)
+
+
 def column(dataset: Path, key: str) -> np.ndarray:
     (path,) = sorted((dataset / "data").rglob("*.parquet"))
     return np.array(parquet.read_table(path, columns=[key])[key].to_pylist())
@@ -64,7 +76,8 @@ def test_values_are_those_of_the_recording(dataset: Path, sides: dict[str, Any])
         ("observation.state", "slave", "joint_position"),
         ("action", "master", "joint_raw"),
     ):
-        np.testing.assert_array_equal(column(dataset, key), sides[side][name][ticks][:, place], key)
+        expected = scaled(sides[side][name][ticks][:, place])
+        np.testing.assert_allclose(column(dataset, key), expected, rtol=1e-6, atol=1e-6, err_msg=key)
     for key, side, name in (
         ("observation.force_window", "slave", "joint_raw"),
         ("observation.motion_window", "slave", "joint_position"),
@@ -72,14 +85,18 @@ def test_values_are_those_of_the_recording(dataset: Path, sides: dict[str, Any])
         ("leader.motion_window", "master", "joint_raw"),
     ):
         windows = column(dataset, key).reshape(len(ticks), FRAME, len(place))
-        expected = [sides[side][name][tick - FRAME + 1 : tick + 1][:, place] for tick in ticks]
-        np.testing.assert_array_equal(windows, expected, key)
+        expected = np.array([sides[side][name][tick - FRAME + 1 : tick + 1][:, place] for tick in ticks])
+        if key.endswith("force_window"):
+            np.testing.assert_array_equal(windows, expected, key)
+        else:
+            np.testing.assert_allclose(windows, scaled(expected), rtol=1e-6, atol=1e-6, err_msg=key)
 
 
 def test_windows_leave_no_tick_out(dataset: Path, sides: dict[str, Any]) -> None:
     shoulder = column(dataset, "leader.motion_window").reshape(-1, FRAME, len(PLACES))[:, :, 0]
     last = np.rint(column(dataset, "session.time")[-1] * RATE).astype(int)
-    assert set(sides["master"]["joint_raw"][: last + 1, 0].tolist()) == set(shoulder.ravel().tolist())
+    every = np.degrees(sides["master"]["joint_raw"][: last + 1, 0].astype(np.float64)).astype(np.float32)
+    assert set(every.tolist()) == set(shoulder.ravel().tolist())
 
 
 def test_layout_is_that_of_lerobot(dataset: Path) -> None:
@@ -151,8 +168,33 @@ def test_slave_on_another_clock_is_aligned(sides: dict[str, Any]) -> None:
     frames = frames_of(RecordedSession(sides["master"], moved, RATE, ("zoh",), arm=ARM), 30)
     (state,) = (each.values for each in frames.features if each.key == "observation.state")
     ticks = np.rint(frames.times * RATE).astype(int)
-    apart = np.abs(state - sides["slave"]["joint_position"][ticks][:, list(PLACES)])
+    joints = list(PLACES[:-1])
+    apart = np.abs(np.radians(state[:, :-1]) - sides["slave"]["joint_position"][ticks][:, joints])
     assert apart.max() <= 0.5 * 0.002 + 1e-6
+
+
+def test_gripper_of_unknown_range_is_no_position(sides: dict[str, Any], tmp_path: Path) -> None:
+    facts = {name: text for name, text in FACTS.items() if name not in RANGE}
+    path = recording(tmp_path / "old.mcap", sides, facts)
+    status, output, _ = export(path)
+    assert status == 0 and "the gripper is in radians" in output
+    info = json.loads((tmp_path / "old-lerobot/meta/info.json").read_text(encoding="utf-8"))
+    assert info["features"]["action"]["names"] == [*(f"{name}.pos" for name in NAMES), "gripper.rad"]
+    ticks = np.rint(column(tmp_path / "old-lerobot", "session.time") * RATE).astype(int)
+    gripper = column(tmp_path / "old-lerobot", "action")[:, -1]
+    np.testing.assert_array_equal(gripper, sides["master"]["joint_raw"][ticks][:, -1])
+
+
+def test_recorded_session_tells_the_range_of_its_gripper(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    configuration = load(CONFIGS / "arms.yaml")
+    lower, upper = (facts(configuration)[name].split() for name in RANGE)
+    spec = build_follower(configuration).spec
+    assert [*map(float, lower)] == [*spec.lower] and [*map(float, upper)] == [*spec.upper]
+    told = {"system": configuration.system.model_dump(mode="json"), "bank": [], "lower_rad": [0.5], "upper_rad": [1.5]}
+    assert [facts_of(told)[name] for name in RANGE] == ["0.5", "1.5"]
+    alone = load(CONFIGS / "arms.yaml", sides=["master"])
+    assert not set(RANGE) & set(facts(alone))
 
 
 def test_value_that_is_no_number_is_refused(sides: dict[str, Any]) -> None:

@@ -448,6 +448,14 @@ def test_tables_of_arms_have_a_column_per_joint(tmp_path):
             assert (table[f"{name}_{joint}"].to_numpy() == ticks[name][:, place]).all()
 
 
+def test_recording_of_arms_is_no_trace(tmp_path):
+    path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": arm_sessions.records("slave", 300)})
+    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh")
+    one_line(status, errors, "arms.mcap", "expected a session in Cartesian space")
+    weberlink("export", path, "--to", "csv")
+    assert [each.name for each in tmp_path.glob("*.csv")] == ["arms-slave.csv"]
+
+
 def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None:
     """The same recording as a release with these fields would write it."""
     kept = np.dtype([(field.name, DTYPE[field.name]) for field in fields])

@@ -184,5 +184,9 @@ def _write_json(path: Path, document: dict[str, Any]) -> None:
 def _told(frames: Frames) -> str:
     episodes = f"{len(frames.lengths)} episode{'s' if len(frames.lengths) > 1 else ''}"
     led = f"{len(frames.times)} frames at {frames.fps} Hz, of the {frames.lead_s:.1f} s of {frames.span_s:.1f} s"
+    names = [name for feature in frames.features for name in feature.names]
+    gripper = (
+        "; the gripper is in radians, since the recording does not tell its range" if "gripper.rad" in names else ""
+    )
     held = f"; {frames.held} missing ticks repeat the tick before" if frames.held else ""
-    return f"{episodes}, {led} in which the leader led{held}; no pictures, since recordings hold none"
+    return f"{episodes}, {led} in which the leader led{held}{gripper}; no pictures, since recordings hold none"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
+from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.record import AXES
@@ -65,21 +66,20 @@ class _Signal(NamedTuple):
     side: str
     quantity: str
     fields: tuple[str, ...]
-    unit: str
 
 
 # `observation` and `action` are what policies read. What the operator's hand does and feels is neither.
 _CARTESIAN = (
-    _Signal("observation.state", "observation.motion_window", "slave", "position", ("output", "rotation_output"), ""),
-    _Signal("action", "leader.motion_window", "master", "position", ("raw", "rotation_raw"), ""),
-    _Signal(None, "observation.force_window", "slave", "force", ("raw", "rotation_raw"), ""),
-    _Signal(None, "leader.force_window", "master", "force", ("output", "rotation_output"), ""),
+    _Signal("observation.state", "observation.motion_window", "slave", "position", ("output", "rotation_output")),
+    _Signal("action", "leader.motion_window", "master", "position", ("raw", "rotation_raw")),
+    _Signal(None, "observation.force_window", "slave", "force", ("raw", "rotation_raw")),
+    _Signal(None, "leader.force_window", "master", "force", ("output", "rotation_output")),
 )
 _ARM = (
-    _Signal("observation.state", "observation.motion_window", "slave", "position", ("joint_position",), ".pos"),
-    _Signal("action", "leader.motion_window", "master", "position", ("joint_raw",), ".pos"),
-    _Signal(None, "observation.force_window", "slave", "force", ("joint_raw",), ".torque"),
-    _Signal(None, "leader.force_window", "master", "force", ("joint_output",), ".torque"),
+    _Signal("observation.state", "observation.motion_window", "slave", "position", ("joint_position",)),
+    _Signal("action", "leader.motion_window", "master", "position", ("joint_raw",)),
+    _Signal(None, "observation.force_window", "slave", "force", ("joint_raw",)),
+    _Signal(None, "leader.force_window", "master", "force", ("joint_output",)),
 )
 _CARTESIAN_NAMES = {
     "position": tuple(f"{axis}.pos" for axis in (*AXES, *(f"rotation_{axis}" for axis in AXES))),
@@ -91,7 +91,7 @@ class NoFramesError(ValueError):
     """The session has no frame; one line that says why."""
 
 
-def frames_of(session: RecordedSession, fps: int) -> Frames:
+def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, float] | None = None) -> Frames:
     """Cut a session into episodes, and those into frames.
 
     An episode is a stretch of time in which both sides were in session and the leader led: the approach at the
@@ -100,6 +100,7 @@ def frames_of(session: RecordedSession, fps: int) -> Frames:
     Args:
         session: both sides on one clock.
         fps: frames per second, 1 to the rate of the ticks.
+        gripper_rad: range of the gripper's angle; None if it is not known.
 
     Raises:
         NoFramesError: there is no such stretch, a side was not recorded, or a value is not finite.
@@ -117,7 +118,7 @@ def frames_of(session: RecordedSession, fps: int) -> Frames:
         )
     times = np.concatenate(frame_times)
     windows = {side: _windows(records, times, per_frame, session.rate_hz) for side, records in session.sides.items()}
-    features = tuple(_features(session, windows))
+    features = tuple(_features(session, windows, gripper_rad))
     for feature in features:
         if not np.isfinite(feature.values).all():
             raise NoFramesError(f"its values for {feature.key} are not all finite; not written by a daemon")
@@ -188,22 +189,44 @@ def _held(at: NDArray[np.float64], times: NDArray[np.float64], rate_hz: float) -
     return np.maximum(np.searchsorted(at, times + 0.5 / rate_hz, side="right") - 1, 0)
 
 
-def _features(session: RecordedSession, windows: dict[str, Any]) -> Iterator[Feature]:
+def _features(
+    session: RecordedSession, windows: dict[str, Any], gripper_rad: tuple[float, float] | None
+) -> Iterator[Feature]:
     arm = session.arm
     for signal in _CARTESIAN if arm is None else _ARM:
         records, places = session.sides[signal.side], windows[signal.side]
         fields = signal.fields if arm is not None or session.torque_bank is not None else signal.fields[:1]
-        values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float32)
+        values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
         if arm is None:
             names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
+        elif signal.quantity == "position":
+            names, values = _angles(arm, values[:, arm.places], gripper_rad)
         else:
-            names = tuple(f"{name}{signal.unit}" for name in arm.axes)
-            values = values[:, arm.places]
+            names, values = tuple(f"{name}.torque" for name in arm.axes), values[:, arm.places]
+        values = values.astype(np.float32)
         if signal.newest is not None:
             yield Feature(signal.newest, names, values[places[:, -1]])
         per_frame = places.shape[1]
         flat = values[places].reshape(len(places), -1)
         yield Feature(signal.window, tuple(f"{name}.{tick}" for tick in range(per_frame) for name in names), flat)
+
+
+def _angles(
+    arm: ArmLayout, angles: NDArray[np.float64], gripper_rad: tuple[float, float] | None
+) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Names and values of angles in the units of LeRobot: joints in degrees, the gripper from 0 to 100 of its range.
+
+    Without its range the gripper keeps its radians and has another name, so that no robot takes these for its units.
+    """
+    scaled = np.degrees(angles)
+    names = [f"{name}.pos" for name in arm.axes]
+    if arm.gripper_angle is not None:
+        if gripper_rad is None:
+            names[-1], scaled[:, -1] = "gripper.rad", angles[:, -1]
+        else:
+            closed, opened = gripper_rad
+            scaled[:, -1] = 100.0 * (angles[:, -1] - closed) / (opened - closed)
+    return tuple(names), scaled
 
 
 def _missing(records: Records, times: NDArray[np.float64]) -> int:

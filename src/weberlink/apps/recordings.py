@@ -21,7 +21,7 @@ from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.record import AXES, JOINTS
-from weberlink.telemetry.recording.message import BEGUN
+from weberlink.telemetry.recording.message import BEGUN, RANGE
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
 ARROW = ("parquet", "lerobot")
@@ -180,7 +180,7 @@ def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -
     if not 1 <= dataset.fps <= session.rate_hz:
         raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
     try:
-        frames = frames_of(session, dataset.fps)
+        frames = frames_of(session, dataset.fps, _gripper_range(recordings))
     except NoFramesError as error:
         raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
     cut = [f"{each.path} is {_ended({'complete': each.complete, 'outcome': each.outcome})}" for each in recordings]
@@ -190,6 +190,18 @@ def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -
         return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
 
     return output
+
+
+def _gripper_range(recordings: Sequence[Any]) -> tuple[float, float] | None:
+    """Least and largest angle of the gripper [rad]; None if no recording tells them."""
+    for recording in recordings:
+        try:
+            low, high = (float(recording.facts[name].split()[-1]) for name in RANGE)
+        except (KeyError, IndexError, ValueError):
+            continue
+        if low < high:
+            return low, high
+    return None
 
 
 def _robot(recordings: Sequence[Any]) -> str | None:

@@ -23,7 +23,7 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.recording.message import BEGUN, DURING
+from weberlink.telemetry.recording.message import BEGUN, DURING, RANGE
 
 FINISH_LIMIT_S = 10.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish.
@@ -40,13 +40,24 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
         virtual: whether the session runs in virtual time.
     """
     system = configuration.system
-    return _facts(system.model_dump(mode="json"), *banks(system), virtual=virtual)
+    found = _facts(system.model_dump(mode="json"), *banks(system), virtual=virtual)
+    if system.codec.joints is None or configuration.robot is None:
+        return found
+    from weberlink.system.composition.arms import angle_limits, build_follower  # noqa: PLC0415 - for arms alone
+
+    return found | _range(*angle_limits(system, build_follower(configuration).spec))
 
 
 def facts_of(description: Mapping[str, Any]) -> dict[str, str]:
     """The same from the description of a running daemon, which leaves out the path of the key."""
     torque = description.get("torque_bank")
-    return _facts(description["system"], description["bank"], torque, virtual=False)
+    found = _facts(description["system"], description["bank"], torque, virtual=False)
+    return found | _range(*(description[name] for name in RANGE)) if RANGE[0] in description else found
+
+
+def _range(lower: Sequence[float], upper: Sequence[float]) -> dict[str, str]:
+    """The range of the commanded angles of a follower [rad], axis by axis."""
+    return {name: " ".join(map(str, angles)) for name, angles in zip(RANGE, (lower, upper), strict=True)}
 
 
 def _facts(

@@ -21,6 +21,8 @@ FACTS, END = "weberlink", "end"
 """Names of the records of metadata at the start and at the end of a recording."""
 BEGUN, DURING = "begun", "during the session"
 """A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
+RANGE = ("lower_rad", "upper_rad")
+"""Facts of a session of arms: the range of the follower's commanded angles, axis by axis; where it was known."""
 COMPLETE = "complete"
 """The outcome of a recording that nothing has cut short."""
 

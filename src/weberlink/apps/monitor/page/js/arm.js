@@ -40,9 +40,11 @@ export class ArmTable {
       return;
     }
     this.drawn = now;
+    // Of the same moment: one side may have come later than the other.
+    const common = Math.min(time, ...this.store.present.map((side) => this.store.rings[side].newest));
     for (const [axis, { cells }] of [...by("axes").rows].entries())
       CELLS.forEach(([side, field, text], k) => {
-        const value = at(this.store.rings[side], `${field}_${axis}`, time);
+        const value = at(this.store.rings[side], `${field}_${axis}`, common);
         show(cells[k + 1], text(value), value);
       });
     const { figures, ended, rate } = this.store;
