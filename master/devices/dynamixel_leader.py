@@ -41,8 +41,8 @@ class DynamixelLeaderOptions(DynamixelArmOptions):
     def most(self) -> Joints:
         """Largest torques [N m]."""
         return tuple(
-            model.torque(round(1e-3 * self.max_current_ma / model.a_per_count), law)
-            for model, law in zip(self.LAYOUT.motors, self.laws, strict=True)
+            ratio * model.torque(round(1e-3 * self.max_current_ma / model.a_per_count), law)
+            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
         )
 
     @property
@@ -135,7 +135,7 @@ def _spec(options: DynamixelLeaderOptions) -> ArmSpec:
         torque_nm=options.most,
         stiffness_nm_rad=options.stiffest,
         rate_hz=options.rate_hz,
-        calibrated=False,
+        calibrated=options.torque_ratio is not None,
         lag_s=options.lag_s,
         watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
         note=_note(options, layout.motors[0]),
@@ -144,12 +144,13 @@ def _spec(options: DynamixelLeaderOptions) -> ArmSpec:
 
 def _note(options: DynamixelLeaderOptions, model: MotorModel) -> str:
     """By the motor of the first joint."""
+    sheet = f"torques are those of the data sheet, {model.constant:.3g} N m/A within {model.constant_error:.0%}"
     parts = [
-        f"torques are those of the data sheet, {model.constant:.3g} N m/A within {model.constant_error:.0%}",
+        *([sheet] if options.torque_ratio is None else []),
         f"a hand feels {model.coulomb_n_m:.2g} N m of friction and a rotor of {model.rotor_kg_m2:.1g} kg m^2 per joint",
     ]
     if options.laws[0] is CurrentLaw.SUPPLY:
-        parts.insert(1, "the motors measure the current of their supply, and small torques are the least certain")
+        parts.append("the motors measure the current of their supply, and small torques are the least certain")
     if options.gravity:
         parts.append("gravity compensation by a model: check sign and offset_rad first")
     advice = latency_advice(options.port) if options.port is not None else None

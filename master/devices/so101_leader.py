@@ -39,6 +39,8 @@ from weberlink.hardware.serial_port import SerialPort
 NAME: Final = "so101_leader"
 STALL_NM: Final[Six] = (2.16, 1.91, 2.16, 1.37, 1.37, 1.37)
 """At 7.4 V, by the vendor: C044 (1/191, 22 kg cm), C001 (1/345, 19.5 kg cm), C044, and three C046 (1/147, 14 kg cm)."""
+LEAST_V: Final = 4.0
+"""Least supply that the orders make up for [V]; a servo reports an error below that."""
 STALE_S: Final = 0.02
 REPEATS: Final = 6
 """Requests in the guardian's message; together longer than a message that it may cut, so that one arrives whole."""
@@ -209,9 +211,11 @@ class LeaderExchange:
         return (packet.sync_write(ORDER_ADDRESS, ORDER_SIZE, on) if on else b"") + torque_off(tuple(off))
 
     def _order(self, axis: int, torque: float) -> bytes:
+        present = self._present[axis]
+        torque *= self._options.rated_v / max(present.voltage * registers.V_PER_COUNT, LEAST_V)
         ahead = torque / self._stiffness[axis] / RAD_PER_COUNT * self._options.sign[axis]
         # Two counts more, since the servo has a dead zone of one.
-        goal = self._present[axis].position + round(ahead + copysign(2.0, ahead))
+        goal = present.position + round(ahead + copysign(2.0, ahead))
         goal = min(registers.COUNTS_PER_TURN - 1, max(0, goal))
         options, limit = self._options, round(abs(torque) / self._per_load[axis])
         limit = min(options.torque_limit, max(options.least_limit, limit))

@@ -84,11 +84,12 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
     def most(self) -> Joints:
         """Largest torques measured [N m]."""
         return tuple(
-            model.torque(
+            ratio
+            * model.torque(
                 round(1e-3 * self.max_current_ma / model.a_per_count) if model.controls_current else round(LOAD_FULL),
                 law,
             )
-            for model, law in zip(self.LAYOUT.motors, self.laws, strict=True)
+            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
         )
 
     @property
@@ -232,7 +233,7 @@ def _spec(options: DynamixelFollowerOptions) -> ArmSpec:
         torque_nm=options.most,
         stiffness_nm_rad=_stiffness(options, options.gains),
         rate_hz=options.rate_hz,
-        calibrated=False,
+        calibrated=options.torque_ratio is not None,
         lag_s=options.lag_s,
         torque_error_nm=max(error),
         watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),

@@ -188,6 +188,8 @@ class FollowerExchange:
         self._gravity = gravity
         self._clock = clock
         self._pause = pause
+        self._stiffness = options.stiffness
+        self._weight: Joints = ()
         self._torques: Joints = ()
         self._measured_at = 0.0
         self._cycle = 0
@@ -211,13 +213,12 @@ class FollowerExchange:
         return self._sample(arm, present, self._clock())
 
     def _engage(self, arm: So101Bus, present: list[Present]) -> None:
-        """Torque on, with goals that carry the weight of the arm where it is."""
+        """Torque on, to stay where the arm is."""
         options, angles = self._options, arm.scale.angles(present)
-        weights = zip(angles, self._gravity(angles), options.stiffness, strict=True)
-        goals = self._within(arm, tuple([angle + weight / stiffness for angle, weight, stiffness in weights]))
+        self._weight = self._gravity(angles)
         orders = [
             (id_, registers.order(True, goal, limit))
-            for id_, goal, limit in zip(options.ids, goals, options.torque_limit, strict=True)
+            for id_, goal, limit in zip(options.ids, self._goals(arm, angles), options.torque_limit, strict=True)
         ]
         arm.bus.send(packet.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
 
@@ -234,15 +235,20 @@ class FollowerExchange:
 
     def _orders(self, arm: So101Bus, angles: Joints) -> bytes:
         """The request that sets these goals [rad], within the range of the arm."""
-        goals = zip(self._options.ids, self._within(arm, angles), strict=True)
+        goals = zip(self._options.ids, self._goals(arm, angles), strict=True)
         values = [(id_, GOAL_POSITION.encode(goal)) for id_, goal in goals]
         return packet.sync_write(GOAL_POSITION.address, GOAL_POSITION.size, values)
 
-    def _within(self, arm: So101Bus, angles: Joints) -> list[int]:
-        """The goals [counts] for these angles [rad], within the range of the arm."""
-        limits = zip(angles, self._options.lower_rad, self._options.upper_rad, strict=True)
-        goals = arm.scale.counts(tuple([min(max(angle, low), high) for angle, low, high in limits]))
-        return [min(registers.COUNTS_PER_TURN - 1, max(0, goal)) for goal in goals]
+    def _goals(self, arm: So101Bus, angles: Joints) -> list[int]:
+        """The goals [counts] for these angles [rad], within the range of the arm.
+
+        Position control needs an error to push. The weight gets its share of it here, so that the arm does not sag, and
+        an error of the angles is what it presses with.
+        """
+        options = self._options
+        limits = zip(angles, options.lower_rad, options.upper_rad, self._weight, self._stiffness, strict=True)
+        raised = tuple([min(max(angle, low), high) + weight / k for angle, low, high, weight, k in limits])
+        return [min(registers.COUNTS_PER_TURN - 1, max(0, goal)) for goal in arm.scale.counts(raised)]
 
     def _watch(self, arm: So101Bus, axis: int) -> None:
         """Raise HardwareFault for a servo that lost its torque: what it measures does not show that."""
@@ -252,7 +258,8 @@ class FollowerExchange:
 
     def _sample(self, arm: So101Bus, present: list[Present], at: float) -> ArmSample:
         angles = arm.scale.angles(present)
-        external = self._external(arm, present, angles)
+        self._weight = self._gravity(angles)
+        external = self._external(arm, present)
         share = -expm1(-2.0 * pi * self._options.torque_cutoff_hz * max(0.0, at - self._measured_at))
         if self._torques:
             external = tuple([old + share * (new - old) for old, new in zip(self._torques, external, strict=True)])
@@ -260,7 +267,7 @@ class FollowerExchange:
         zones = self._options.friction_nm
         return ArmSample(at, angles, tuple([_beyond(each, zone) for each, zone in zip(external, zones, strict=True)]))
 
-    def _external(self, arm: So101Bus, present: list[Present], angles: Joints) -> Joints:
+    def _external(self, arm: So101Bus, present: list[Present]) -> Joints:
         options = self._options
         per_amp = options.torque_per_amp_nm
         if per_amp is None:
@@ -272,7 +279,7 @@ class FollowerExchange:
                     for each, sign, unit in zip(present, options.sign, per_amp, strict=True)
                 ]
             )
-        return tuple([weight - own for weight, own in zip(self._gravity(angles), motor, strict=True)])
+        return tuple([weight - own for weight, own in zip(self._weight, motor, strict=True)])
 
     def close(self) -> None:
         """Leave the arm holding itself, or limp; any number of times."""

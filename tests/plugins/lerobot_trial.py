@@ -32,6 +32,8 @@ PIECE_S = 5.0
 SIDES = ("master", "slave")
 LATER_US, LATER = 100.0, 1.5
 """Lateness p99 beside LeRobot may be so much more, or so many times, what it is without."""
+LAG_S = 0.13
+"""From an action to the follower, nearly all of it the filter of `remote_leader` and the follower's own control [s]."""
 MISSED = 0.001
 """Share of ticks that may be missed in addition."""
 
@@ -190,18 +192,50 @@ def record(live: LiveArms, laws: Laws, folder: Path, seconds: float) -> Found:
     return {"frames": len(dataset), "state": len(names), "window": len(windows)}
 
 
-def lead(laws: Laws, seconds: float) -> Found:
+def replay(live: LiveArms, laws: Laws, folder: Path) -> Found:
+    """The episode by `lerobot-replay`: LeRobot leads the follower through the leader's motion again."""
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: PLC0415
+
+    root = folder / "dataset"
+    actions = np.stack([np.asarray(row) for row in LeRobotDataset("local/trial", root=root).hf_dataset["action"]])
+    options = {
+        "robot.type": "weberlink", "robot.session": live.session, "dataset.repo_id": "local/trial",
+        "dataset.root": root, "dataset.episode": "0", "play_sounds": "false",
+    }  # fmt: skip
+    command = [str(Path(sys.executable).with_name("lerobot-replay")), *(f"--{k}={v}" for k, v in options.items())]
+    rings = [live.ring(side) for side in SIDES]
+    pieces: list[list[Any]] = [[], []]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            sleep(1.0)
+            for ring, records in zip(rings, pieces, strict=True):
+                records.append(ring.read())
+    laws.check("lerobot-replay ends in order", process.returncode == 0)
+    master, slave = (np.concatenate(records) for records in pieces)
+    led = np.flatnonzero(master["buttons"] & 1)
+    if not len(led):
+        laws.check("lerobot-replay leads", False)
+        return {}
+    at = master["at"][led[0]] + LAG_S + np.arange(len(actions)) / FPS
+    joints = actions.shape[1] - 1
+    seen = np.degrees([np.interp(at, slave["at"], slave["joint_position"][:, i]) for i in range(joints)]).T
+    errors = np.median(np.abs(seen - actions[:, :joints])[len(actions) // 2 :], axis=0)
+    laws.check(
+        "the follower repeats the motion", bool((errors < 5.0).all()), f"median errors {errors.round(2)} degrees"
+    )
+    return {"median_error_deg": errors.tolist(), "spread_deg": np.ptp(actions, axis=0).tolist()}
+
+
+def lead(laws: Laws, folder: Path, seconds: float) -> Found:
     """A loop that sends actions moves the follower; a program that is killed leaves it at rest."""
     found: Found = {}
     with LiveArms(REMOTE) as live:
         robot, _ = devices(live)
         with robot:
             home = {name: robot.get_observation()[name] for name in robot.action_features}
-            most = robot.send_action(dict.fromkeys(home, 1e4))
-            laws.check("an action beyond the leader's limits is cut", max(most.values()) < 200.0, max(most.values()))
-            robot.send_action(home)
-            sleep(1.0)
             wanted, sent, seen = swing(robot, home, seconds)
+            most = robot.send_action(dict.fromkeys(home, 1e4))  # the last action: the follower does not go there
+            laws.check("an action beyond the leader's limits is cut", max(most.values()) < 200.0, max(most.values()))
             laws.check("what is sent is returned", np.allclose(sent, np.minimum(wanted, list(most.values()))))
             spread, followed = np.ptp(sent, axis=0), np.ptp(seen, axis=0)
             laws.check(
@@ -213,6 +247,7 @@ def lead(laws: Laws, seconds: float) -> Found:
             laws.check("it follows within 0.3 s", max(lags) < 0.3, [round(lag, 3) for lag in lags])
             found |= {"sent_deg": spread.tolist(), "followed_deg": followed.tolist(), "lag_s": lags}
         found["released_s"] = killed(live, laws)
+        found["replay"] = replay(live, laws, folder)
     laws.check("no fault was met", not any(live.summary["faults"].values()), live.summary["faults"])
     return found
 
@@ -284,7 +319,7 @@ def main() -> int:
             found["record"] = record(live, laws, Path(name), 5.0)
         found["session"] = {key: live.summary.get(key) for key in ("outcome", "verdict", "faults")}
         laws.check("no fault was met", not any(live.summary["faults"].values()), live.summary["faults"])
-        found["lead"] = lead(laws, arguments.seconds / 3)
+        found["lead"] = lead(laws, Path(name), arguments.seconds / 3)
     found["broken"] = laws.broken
     text = json.dumps(found, indent=1)
     write(text)

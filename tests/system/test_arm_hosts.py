@@ -1,6 +1,7 @@
 """A Koch leader and an SO-101 follower, emulated on their buses, on two hosts over a bad link.
 
-`WEBERLINK_SECONDS=60 pytest -m hunt -s tests/system/test_arm_hosts.py` prints the figures of docs/arms/README.md.
+`WEBERLINK_SECONDS=60 WEBERLINK_FIGURES=arms.jsonl pytest --hunt 1 tests/system/test_arm_hosts.py` gives the figures of
+docs/arms/README.md.
 """
 
 import json
@@ -25,6 +26,8 @@ pytestmark = [pytest.mark.realtime(alone=True), pytest.mark.hunt]
 
 SECONDS = float(os.environ.get("WEBERLINK_SECONDS", "10"))
 """Of the session whose figures are printed."""
+FIGURES = os.environ.get("WEBERLINK_FIGURES")
+"""File to which the figures are appended as JSON; None to keep none."""
 BAD = "{delay_ms: 50, loss: 0.05, seed: 1}"
 SILENCE_S = 0.4
 LATEST_S = SILENCE_S + 0.2
@@ -99,29 +102,18 @@ def test_session_over_bad_link(pair: Pair) -> None:
         app, ["info", str(pair.folder / "master.mcap"), str(pair.folder / "slave.mcap"), "--json", "-"]
     )
     summary: dict[str, Any] = document(told.stdout)
-    print(json.dumps(figures(summary), indent=1))
+    tell(summary)
     for name in ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle"):
         assert summary[name]["reduction"] > 0.8
     assert summary["energy"]["link_generated_j"] < 1e-3
     assert summary["joint_torque"]["error_max"] is not None
 
 
-def figures(summary: dict[str, Any]) -> dict[str, Any]:
-    keys = (
-        "packets_per_s",
-        "bytes_per_s",
-        "reduction",
-        "reduction_all",
-        "error_rms",
-        "error_max",
-        "violation_fraction",
-    )
-    channels = {
-        name: {key: summary[name].get(key) for key in (*keys, "axes")}
-        for name in ("joint_torque", "gripper_torque", "joint_angle", "gripper_angle")
-    }
-    rest = {key: summary[key] for key in ("duration_s", "energy", "ticks", "link", "limited", "faults")}
-    return channels | rest
+def tell(figures: object) -> None:
+    """Keep a figure for whoever asked for them."""
+    if FIGURES is not None:
+        with Path(FIGURES).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(figures) + "\n")
 
 
 @pytest.mark.parametrize("victim", ["master", "slave"])
@@ -160,9 +152,6 @@ def check_stopped(ends: dict[str, Telemetry], side: str, at: float, what: str) -
         moving = np.concatenate([[False], np.abs(np.diff(output, axis=0)).max(axis=1) > GOAL])
     last = float(times[moving].max()) if moving.any() else -np.inf
     before = np.abs(output[times < 0]).max() if side == "master" else None
-    print(
-        f"{what}: the {side} is still {1e3 * last:.0f} ms after it"
-        + ("" if before is None else f" (torque {before:.2f} N m)")
-    )
+    tell({"event": what, "side": side, "still_after_s": last, "torque_before_nm": before})
     assert times[-1] > LATEST_S or what.startswith("kill")
     assert last < LATEST_S

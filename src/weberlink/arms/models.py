@@ -29,6 +29,10 @@ NEEDS = ("mujoco", "mujoco")
 """The package that models need, and the extra of this project that brings it."""
 
 
+LEAST = (3, 2, 7)
+"""Oldest MuJoCo that can change a model before it is compiled, as is done here."""
+
+
 def load(model: str | Path) -> "ArmModel":
     """A model by its name, or that of an MJCF file.
 
@@ -39,11 +43,15 @@ def load(model: str | Path) -> "ArmModel":
 
 
 def mujoco() -> Any:
-    """The package; raises ValueError with one line where it is not installed."""
+    """The package; raises ValueError with one line where it is not installed, or too old."""
     package, extra = NEEDS
     if find_spec(package) is None:
         raise ValueError(f'models of arms need {package}; install it with: pip install "weberlink[{extra}]"')
-    return import_module(package)
+    module = import_module(package)
+    if tuple(int(part) for part in module.__version__.split(".")[:3]) < LEAST:
+        oldest = ".".join(map(str, LEAST))
+        raise ValueError(f"models of arms need MuJoCo {oldest} or newer, not {module.__version__}; upgrade {package}")
+    return module
 
 
 class ArmModel:

@@ -97,6 +97,7 @@ class ArmSimulation:
     def reset(self, angles: Joints) -> None:
         """At rest at these angles [rad], and objects where they began."""
         mujoco.mj_resetData(self._model, self._data)
+        self._data.xfrc_applied[:, :3] = self._weights
         self._angles[:] = np.clip(angles, self._lower, self._upper)
         mujoco.mj_forward(self._model, self._data)
         self.torque = (0.0,) * len(self.torque)
@@ -165,7 +166,9 @@ class ArmSimulation:
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = 10.0
         model.jnt_solref[model.dof_jntid[self._axes]] = (END_STOP_S, 1.0)
-        model.body_gravcomp[model.body_treeid == model.dof_treeid[self._axes.start]] = 1.0
+        others = model.body_treeid != model.dof_treeid[self._axes.start]
+        self._weights: Array = np.outer(model.body_mass * others, option.gravity)
+        option.gravity[:] = 0.0  # what is not of the arm gets its weight as a force: cheaper than to compensate the arm
 
 
 def critical(model: ArmModel, angles: Joints, stiffness: Joints, ratio: float) -> Joints:

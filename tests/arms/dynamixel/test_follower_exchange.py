@@ -59,10 +59,15 @@ def test_modes_and_limits_are_those_of_each_model() -> None:
     assert [servo.registers["position_p_gain"] for servo in bench.emulator.servos] == [640, 640, 1500, 400, 400, 400]
 
 
-@pytest.mark.parametrize("law", [None, "motor"])
-def test_torque_of_a_wall_is_measured(law: str | None) -> None:
+@pytest.mark.parametrize(("law", "ratio"), [(None, 1.0), ("motor", 1.0), (None, 1.4)])
+def test_torque_of_a_wall_is_measured(law: str | None, ratio: float) -> None:
     walls = [{"joint": "elbow_flex", "angle_rad": 0.05}, {"joint": "gripper", "angle_rad": 0.78, "below": True}]
-    bench = koch(KochFollowerOptions.model_validate({"current_law": law}), walls=walls, current_law=law)
+    bench = koch(
+        KochFollowerOptions.model_validate({"current_law": law, "torque_ratio": (ratio,) * 6}),
+        walls=walls,
+        current_law=law,
+        constant_ratio=ratio,
+    )
     goal = (0.0, 0.0, 0.15, 0.0, 0.0, 0.6)
     sample = bench.run(lambda _: goal, bench.exchange.open(), 0.4)[-1]
     error = KochFollowerOptions(gravity=True).torque_error
@@ -128,6 +133,18 @@ def test_hold_on_close_leaves_torque_on_without_watchdog() -> None:
 def test_limp_on_close_takes_torque_off() -> None:
     bench = koch(KochFollowerOptions(on_close=OnClose.LIMP))
     bench.run(lambda _: START, bench.exchange.open(), 0.05)
+    bench.exchange.close()
+    assert not any(servo.torque_on for servo in bench.emulator.servos)
+
+
+def test_alarm_that_keeps_torque_on_does_not_prevent_release() -> None:
+    """An XM430 as delivered goes on at a low supply."""
+    bench = open_manipulator_x(OpenManipulatorXOptions(on_close=OnClose.LIMP))
+    sample = bench.run(lambda _: WORK, bench.exchange.open(), 0.02)[-1]
+    bench.emulator.inject("low_voltage", 1)
+    with pytest.raises(HardwareFault, match=r"joint1 \(id 11\): input voltage out of range.* 9.0 V now"):
+        bench.run(lambda _: WORK, sample, 0.02)
+    assert all(servo.torque_on for servo in bench.emulator.servos)
     bench.exchange.close()
     assert not any(servo.torque_on for servo in bench.emulator.servos)
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.arms.dynamixel.benches import ArmBench, leader_bench
 from weberlink.arms.dynamixel import packet, registers
-from weberlink.arms.dynamixel.arm_exchange import GRAVITY_RAMP_S
+from weberlink.arms.dynamixel.arm_exchange import GRAVITY_RAMP_S, model_gravity, no_gravity
 from weberlink.arms.emulators.dynamixel.joint_arm import (
     JointArmEmulator,
     KochLeaderEmulator,
@@ -62,6 +62,15 @@ def test_currents_stay_within_limit() -> None:
     bench.run(lambda _: (1.0,) * 6, bench.exchange.open(), 0.05)
     assert torques(bench.emulator) == pytest.approx(options.most)  # type: ignore[arg-type]
     assert options.most[0] == pytest.approx(0.146 * (0.2 * 1.47) ** 0.5, rel=0.01)
+
+
+def test_calibrated_torques_are_true_ones() -> None:
+    options = KochLeaderOptions(torque_ratio=(0.7,) * 6)
+    bench = leader_bench(koch(constant_ratio=0.7), options)
+    bench.run(lambda _: (0.04,) * 6, bench.exchange.open(), 0.05)
+    assert torques(bench.emulator) == pytest.approx((0.04,) * 6, abs=3e-3)  # type: ignore[arg-type]
+    bench.run(lambda _: (1.0,) * 6, bench.exchange.open(), 0.05)
+    assert torques(bench.emulator) == pytest.approx(options.most)  # type: ignore[arg-type]
 
 
 def test_sign_and_offset_apply_to_angle_and_torque() -> None:
@@ -214,3 +223,17 @@ def test_two_runs_are_the_same() -> None:
         runs.append(bench.run(lambda s: tuple(-0.1 * q for q in s.angles), bench.exchange.open(), 0.15))
     assert runs[0] == runs[1]
     assert runs[0][0].angles != runs[0][-1].angles
+
+
+@pytest.mark.parametrize("compensated", [True, False])
+def test_model_carries_the_weight_of_a_released_arm(compensated: bool) -> None:
+    pytest.importorskip("mujoco")
+    start = (0.0, 0.6, 0.3, 0.2, 0.0, 0.5)
+    bench = leader_bench(
+        omx(gravity=True, hand_n_m_rad=0.5, start_rad=start),
+        OmxLeaderOptions(gravity=True, max_current_ma=1000.0),
+        model_gravity("omx_leader") if compensated else no_gravity,
+    )
+    sample = bench.run(lambda _: ZERO, bench.exchange.open(), 1.0)[-1]
+    sag = max(abs(angle - begun) for angle, begun in zip(sample.angles[:5], start[:5], strict=True))
+    assert (sag < 0.06) is compensated

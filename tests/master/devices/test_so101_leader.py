@@ -25,8 +25,10 @@ REST: Joints = (0.0,) * 6
 class Held:
     """An emulated leader in a hand of this stiffness, and the exchange that drives it, in virtual time."""
 
-    def __init__(self, options: So101LeaderOptions | None = None, stiffness: float = 5.0) -> None:
-        still = So101LeaderEmulatorOptions(hand_rad=(0.0,) * 6, hand_n_m_rad=stiffness, friction_nm=0.01)
+    def __init__(self, options: So101LeaderOptions | None = None, stiffness: float = 5.0, supply: float = 7.4) -> None:
+        still = So101LeaderEmulatorOptions(
+            hand_rad=(0.0,) * 6, hand_n_m_rad=stiffness, friction_nm=0.01, supply_v=supply
+        )
         self.emulator = So101LeaderEmulator(still)
         self.port = VirtualPort(self.emulator)
         self.guardian = Guardian(b"")
@@ -54,6 +56,12 @@ def test_displayed_torque_pushes_the_hand(axis: int, torque: float) -> None:
     assert arm.emulator.motor_nm[axis] == pytest.approx(torque, rel=0.3)
     assert -arm.emulator.outside_nm[axis] == pytest.approx(torque, rel=0.3)
     assert [i for i, on in enumerate(arm.emulator.torques_on) if on] == [axis]
+
+
+def test_low_supply_is_made_up_for() -> None:
+    arm = Held(supply=5.0)
+    arm.show(only(0, 0.3), 1.0)
+    assert -arm.emulator.outside_nm[0] == pytest.approx(0.3, rel=0.15)
 
 
 def test_free_motion_has_no_torque() -> None:

@@ -23,7 +23,9 @@ def arm(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Follow
     emulator = emulator_class(emulator_class.Options())
     with PtyDevice(emulator, tmp_path / "port") as device:
         driver: Any = followers.load(request.param)
-        follower = driver(driver.Options(port=str(tmp_path / "port"), rate_hz=100.0), TICK)
+        # A host may pause longer than the watchdog of 80 ms, which is tested in virtual time.
+        patient = {"rate_hz": 100.0, "timeout_ms": 100.0, "bus_watchdog_ms": 2000.0}
+        follower = driver(driver.Options(port=str(tmp_path / "port"), **patient), TICK)
         yield follower, emulator, device
         follower.close()
 

@@ -49,7 +49,7 @@ def down(lift: float, elbow: float, gripper: float) -> Joints:
 def test_it_reaches_free_angles_and_feels_nothing(name: str) -> None:
     made = arm(model=name, stiffness_nm_rad=100.0)
     goal = tuple(0.9 * at + 0.1 * to for at, to in zip(made.latest(0.0).angles, made.spec.upper, strict=True))
-    reading = hold(made, goal, 1500)
+    reading = hold(made, goal, 800)
     friction = max(load(name).friction)
     assert reading.angles == pytest.approx(goal, abs=friction / 100.0 + 1e-3)
     assert reading.torques == pytest.approx((0.0,) * made.spec.axes, abs=2e-3)
@@ -59,7 +59,7 @@ def test_a_table_balances_the_springs() -> None:
     """What is felt is the contact: that of the springs, but for the friction of the joints."""
     made = arm(objects=[{**HARD, "friction": 0.0}])
     goal = (0.0, 0.62, 0.05, 0.05, 0.0, 0.2)
-    reading = hold(made, goal, 2000)
+    reading = hold(made, goal, 1200)
     pulls = [30.0 * (to - at) for to, at in zip(goal, reading.angles, strict=True)]
     assert reading.torques[1] < -1.0
     for felt, pull in zip(reading.torques, pulls, strict=True):

@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from importlib import import_module
 from math import expm1, pi
 from time import monotonic, sleep
@@ -63,6 +62,7 @@ class ArmExchange(ABC, Generic[Command]):
     ) -> None:
         self._options, self._layout = options, options.LAYOUT
         self._models, self._laws, self._signs = self._layout.motors, options.laws, options.signs
+        self._ratios = options.ratios
         self._connect, self._current, self._gravity = connect, current, gravity
         self._clock, self._pause = clock, pause
         self._port: MotorPort | None = None
@@ -197,17 +197,17 @@ class TorqueExchange(ArmExchange[Joints]):
 
     def _counts(self, torques: Joints) -> list[int]:
         return [
-            sign * model.counts(torque, law)
-            for sign, model, torque, law in zip(self._signs, self._models, torques, self._laws, strict=True)
+            sign * model.counts(torque / ratio, law)
+            for sign, model, torque, law, ratio in zip(
+                self._signs, self._models, torques, self._laws, self._ratios, strict=True
+            )
         ]
 
     def _sample(self, present: Sequence[MotorReading], angles: Joints, at: float) -> ArmSample:  # noqa: ARG002
         return ArmSample(at, angles, (0.0,) * len(angles))
 
     def _leave(self, motors: Motors) -> None:
-        with suppress(HardwareFault):
-            motors.command([0] * len(self._models))
-        motors.leave(hold=False)
+        motors.release()
 
 
 class PositionExchange(ArmExchange[Joints | None]):
@@ -278,7 +278,8 @@ class PositionExchange(ArmExchange[Joints | None]):
             rate = sign * each.velocity * registers.RAD_S_PER_COUNT
             share = min(max(rate / FULL_RATE_RAD_S, -1.0), 1.0)
             friction = self._coulomb[axis] * share + self._viscous[axis] * rate
-            torques.append(weight[axis] + friction - sign * model.torque(each.current, self._laws[axis]))
+            motor = sign * self._ratios[axis] * model.torque(each.current, self._laws[axis])
+            torques.append(weight[axis] + friction - motor)
         return ArmSample(at, angles, self._beyond_dead_zone(self._filtered(torques, at)))
 
     def _filtered(self, torques: list[float], at: float) -> Joints:
@@ -297,4 +298,4 @@ class PositionExchange(ArmExchange[Joints | None]):
         if self.hold_on_close:
             motors.stay()
         else:
-            motors.leave(hold=False)
+            motors.release()

@@ -242,6 +242,12 @@ class Motors:
             with suppress(HardwareFault):
                 self._leave_one(id_, limit, hold)
 
+    def release(self) -> None:
+        """Let the arm go limp, motors with an alarm that keeps their torque on included; never raises."""
+        with suppress(HardwareFault):
+            self._bus.sync_write(registers.TORQUE_ENABLE, [(id_, 0) for id_ in self._bus.ids])
+        self.leave(hold=False)
+
     def stay(self) -> None:
         """Let position control hold the arm at its last goals without a bus watchdog; never raises."""
         for id_ in self._bus.ids:

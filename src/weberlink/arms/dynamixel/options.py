@@ -54,6 +54,16 @@ class DynamixelArmOptions(BaseModel):
         default=None, description="what the motors' current means: that of the motor, or of its supply (XL330)"
     )
 
+    torque_ratio: tuple[float, ...] | None = Field(
+        default=None,
+        description="true torque of each axis over that of the data sheet, by a calibration; 1 if not given",
+    )
+
+    @property
+    def ratios(self) -> Joints:
+        """True torques over those of the data sheets."""
+        return (1.0,) * len(self.LAYOUT.ids) if self.torque_ratio is None else self.torque_ratio
+
     @property
     def motor_ids(self) -> tuple[int, ...]:
         return self.LAYOUT.ids if self.ids is None else self.ids
@@ -128,13 +138,15 @@ class DynamixelArmOptions(BaseModel):
     @model_validator(mode="after")
     def check_lists(self) -> Self:
         count = len(self.LAYOUT.ids)
-        for name in ("ids", "sign", "offset_rad", "lower_rad", "upper_rad"):
+        for name in ("ids", "sign", "offset_rad", "lower_rad", "upper_rad", "torque_ratio"):
             value = getattr(self, name)
             if value is not None and len(value) != count:
                 raise ValueError(f"{name}: expected {count} values ({', '.join(self.LAYOUT.axes)}), got {len(value)}")
         ids = self.motor_ids
         if len(set(ids)) != count or not all(0 <= id_ <= HIGHEST_ID for id_ in ids):
             raise ValueError(f"ids: expected {count} different ones from 0 to {HIGHEST_ID}, got {ids}")
+        if not all(0.1 <= ratio <= 10.0 for ratio in self.ratios):
+            raise ValueError(f"torque_ratio: expected values from 0.1 to 10, got {self.torque_ratio}")
         for axis, low, high, offset in zip(self.LAYOUT.axes, self.lower, self.upper, self.offsets, strict=True):
             if not -2.0 * pi <= low < high <= 2.0 * pi or not abs(offset) <= 2.0 * pi:
                 raise ValueError(f"{axis}: expected lower_rad below upper_rad, and all within one turn of 0")
