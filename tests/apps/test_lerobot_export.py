@@ -224,6 +224,8 @@ def test_cartesian_session_has_axes_of_space(tmp_path: Path) -> None:
     assert export(path, "--fps", 50)[0] == 0
     info = json.loads((tmp_path / "turn-lerobot/meta/info.json").read_text(encoding="utf-8"))
     state = info["features"]["observation.state"]["names"]
+    window = info["features"]["observation.force_window"]["names"]
+    assert window[:6] == [*(f"{axis}.force.0" for axis in "xyz"), *(f"rotation_{axis}.torque.0" for axis in "xyz")]
     assert state == [*(f"{axis}.pos" for axis in "xyz"), *(f"rotation_{axis}.pos" for axis in "xyz")]
     ticks = read_recording(path).records
     times = column(tmp_path / "turn-lerobot", "session.time")

@@ -83,7 +83,7 @@ _ARM = (
 )
 _CARTESIAN_NAMES = {
     "position": tuple(f"{axis}.pos" for axis in (*AXES, *(f"rotation_{axis}" for axis in AXES))),
-    "force": (*(f"force_{axis}" for axis in AXES), *(f"torque_{axis}" for axis in AXES)),
+    "force": (*(f"{axis}.force" for axis in AXES), *(f"rotation_{axis}.torque" for axis in AXES)),
 }
 
 
