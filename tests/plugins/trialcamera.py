@@ -17,7 +17,7 @@ class TrialCameraConfig(CameraConfig):
 
 
 class TrialCamera(Camera):
-    """Image number n has the value n everywhere."""
+    """Image number n has the value n modulo 256 everywhere."""
 
     def __init__(self, config: TrialCameraConfig) -> None:
         super().__init__(config)
@@ -36,7 +36,7 @@ class TrialCamera(Camera):
 
     def read(self) -> NDArray[Any]:
         assert self._images is not None
-        self._images += 1
+        self._images = (self._images + 1) % 256
         return np.full((self.height or 0, self.width or 0, 3), self._images, np.uint8)
 
     def async_read(self, timeout_ms: float = 200.0) -> NDArray[Any]:
