@@ -12,7 +12,7 @@ from tests.apps.arm_sessions import FACTS, GRIPPER_RAD, NAMES, PLACES, RATE, SYS
 from tests.system.systems import CONFIGS
 from weberlink.apps.lerobot_frames import NoFramesError, frames_of, samples_per_frame
 from weberlink.cli import app
-from weberlink.system.composition.arms import build_follower
+from weberlink.system.composition.following import build_follower
 from weberlink.system.configuration import load
 from weberlink.system.recorder import facts, facts_of
 from weberlink.system.scoring.arm import arm_in

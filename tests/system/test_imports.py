@@ -24,6 +24,7 @@ from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
 FILES = (
+    "arms.yaml",
     "delay.yaml",
     "lan.yaml",
     "loopback.yaml",
@@ -96,7 +97,9 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     system, master, slave = loaded.system, side == "master", side == "slave"
     scheme, turns = system.control.scheme, system.codec.rotation is not None
     device, robot = system.master.device.driver, system.slave.robot.driver
+    arms = system.codec.joints is not None
     simulated, mujoco = slave and robot == "simulated", slave and robot == "mujoco"
+    computes = arms or mujoco  # by MuJoCo
     mapped = master and system.master.mapping is not None
     secured = system.link.security != "none"
     integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
@@ -110,6 +113,9 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.protocol.psk": secured,
         "weberlink.protocol.checksum": not secured,
         "weberlink.control.tdpa": scheme in ("tdpa", "auto"),
+        **dict.fromkeys(("weberlink.codec.bundle", "weberlink.control.joints", "weberlink.arms.models"), arms),
+        "weberlink.master.leader_port": arms and master,
+        "weberlink.slave.follower_port": arms and slave,
         "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and master),
         "weberlink.control.auto": scheme == "auto",
         "weberlink.geometry.rotation": turns or mapped,
@@ -127,8 +133,8 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
-        "mujoco": mujoco,
-        "numpy": mujoco or learns or (builds_device and device == "replay"),
+        "mujoco": computes,
+        "numpy": computes or learns or (builds_device and device == "replay"),
         "serial": plugged,
         "weberlink.hardware": plugged,
     }

@@ -93,11 +93,14 @@ def simulate(
 
     60 s of it by default, in about 12 s. Ctrl-C ends it with the report of the simulated time so far.
     """
-    from weberlink.system.configuration import load  # noqa: PLC0415
+    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
-        summary, recorder = run(load(file, set_ or ()), duration, record, progress, tell)
+        configuration = load(file, set_ or ())
+        if trace is not None and configuration.system.codec.joints is not None:
+            raise ConfigurationError(f"--trace: {file}: an arm has joints, not one position; use --record and export")
+        summary, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     if summary.get("interrupted") and problem is None:
         problem = f"interrupted: {summary['duration_s']:.1f} s of simulated time are done, and in the report"

@@ -1,14 +1,16 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.bundle import BundleDecoder, BundleEncoder
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
 from weberlink.geometry.vector import ZERO
 from weberlink.update import Update
+
+if TYPE_CHECKING:
+    from weberlink.codec.bundle import BundleDecoder, BundleEncoder
 
 Value = Any
 """A vector, or the joints of an arm; None for nothing."""
@@ -30,7 +32,7 @@ class OutgoingChannel:
         model: the contact model of the newest update.
     """
 
-    def __init__(self, name: str, stream: int, encoder: Encoder | BundleEncoder, sensor: Sensor) -> None:
+    def __init__(self, name: str, stream: int, encoder: "Encoder | BundleEncoder", sensor: Sensor) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
         self._sample = sensor.sample
         self.coded: Value = sensor.value
@@ -80,7 +82,7 @@ class IncomingChannel:
         self,
         name: str,
         stream: int,
-        decoder: Decoder | BundleDecoder,
+        decoder: "Decoder | BundleDecoder",
         place: Sensor | None = None,
         learner: MasterControl | None = None,
     ) -> None:

@@ -7,8 +7,9 @@ from weberlink.codec.bundle import BundleChannel
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.system.composition.arms import angle_limits, build_follower, build_leader, torque_limits
-from weberlink.system.composition.channels import joint_streams
+from weberlink.system.composition.following import angle_limits, build_follower
+from weberlink.system.composition.joint_channels import joint_streams
+from weberlink.system.composition.leading import build_leader, torque_limits
 from weberlink.system.configuration import Configuration, System
 from weberlink.system.configuration.joints import AngleCodecSettings, JointTorqueCodecSettings
 

@@ -43,7 +43,7 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
     found = _facts(system.model_dump(mode="json"), *banks(system), virtual=virtual)
     if system.codec.joints is None or configuration.robot is None:
         return found
-    from weberlink.system.composition.arms import angle_limits, build_follower  # noqa: PLC0415 - for arms alone
+    from weberlink.system.composition.following import angle_limits, build_follower  # noqa: PLC0415 - for arms alone
 
     return found | _range(*angle_limits(system, build_follower(configuration).spec))
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.bundle import BundleChannel, joint_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
@@ -12,7 +11,6 @@ from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
-from weberlink.system.configuration.joints import AngleCodecSettings, JointTorqueCodecSettings, per_axis
 from weberlink.system.configuration.model import ForceCodecSettings
 
 
@@ -63,7 +61,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
-        rate=_rate(position.max_updates_per_s, system),
+        rate=rate_of(position.max_updates_per_s, system),
         tick_period=system.tick_period,
         lookahead=_ticks(position.lookahead_ms, system),
     )
@@ -76,7 +74,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
-        rate=_rate(force.max_updates_per_s, system),
+        rate=rate_of(force.max_updates_per_s, system),
         tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
@@ -90,7 +88,7 @@ def motion_bank(system: System) -> tuple[str, ...]:
     return channels(system)[0].bank if joints is None else (joints.angle.predictor,)
 
 
-def _rate(per_s: float | None, system: System) -> UpdateRate | None:
+def rate_of(per_s: float | None, system: System) -> UpdateRate | None:
     return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
 
 
@@ -115,40 +113,6 @@ def lookahead_ms(system: System) -> dict[str, float]:
     }
 
 
-def joint_streams(system: System) -> tuple[tuple[BundleChannel, ...], tuple[BundleChannel, ...]]:
-    """All forward and all backward channels of an arm by stream: its joints and, where it has one, its gripper."""
-    joints, gripper = system.codec.joints, system.codec.gripper
-    assert joints is not None
-    forward = [_angles(joints.angle, len(joints.names), system)]
-    backward = [_torques(joints.torque, len(joints.names), system)]
-    if gripper is not None:
-        forward.append(_angles(gripper.angle, 1, system))
-        backward.append(_torques(gripper.torque, 1, system))
-    return tuple(forward), tuple(backward)
-
-
-def _angles(settings: AngleCodecSettings, count: int, system: System) -> BundleChannel:
-    return joint_channel(
-        predictor=settings.predictor,
-        bounds=per_axis(settings.bound_rad, count),
-        step=settings.step_rad,
-        tick_period=system.tick_period,
-        rate=_rate(settings.max_updates_per_s, system),
-    )
-
-
-def _torques(settings: JointTorqueCodecSettings, count: int, system: System) -> BundleChannel:
-    return joint_channel(
-        predictor=settings.predictor,
-        bounds=per_axis(settings.floor_nm, count),
-        weber=settings.weber,
-        step=settings.step_nm,
-        tick_period=system.tick_period,
-        rest=(0.0,) * count,
-        rate=_rate(settings.max_updates_per_s, system),
-    )
-
-
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
     """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
 
@@ -164,7 +128,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
-        rate=_rate(orientation.max_updates_per_s, system),
+        rate=rate_of(orientation.max_updates_per_s, system),
         tick_period=system.tick_period,
     )
     twisting = force_channel(
@@ -175,7 +139,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
-        rate=_rate(torque.max_updates_per_s, system),
+        rate=rate_of(torque.max_updates_per_s, system),
         tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)

@@ -6,7 +6,6 @@ from secrets import token_bytes
 from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from weberlink.codec import Channel, Decoder, Encoder
-from weberlink.codec.bundle import BundleChannel
 from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Control, SchemeParameters, Switchable
 from weberlink.control.table import SCHEMES
@@ -22,6 +21,7 @@ from weberlink.system.configuration import Configuration, ConfigurationError, Sy
 from weberlink.system.configuration.model import DirectionFaults
 
 if TYPE_CHECKING:
+    from weberlink.codec.bundle import BundleChannel
     from weberlink.protocol.emulation import EmulatedLink, Emulation
 
 Entropy = Callable[[int], bytes]
@@ -104,8 +104,8 @@ def build_endpoint(
     security: Security,
     entropy: Entropy,
     epoch: float,
-    outgoing: Sequence[Channel | BundleChannel],
-    incoming: Sequence[Channel | BundleChannel],
+    outgoing: "Sequence[Channel | BundleChannel]",
+    incoming: "Sequence[Channel | BundleChannel]",
     peer: Address | None,
     identity: Identity = ANONYMOUS,
 ) -> Endpoint:

@@ -1,8 +1,8 @@
 """Builds the operator's side from a configuration."""
 
 from math import inf
+from typing import TYPE_CHECKING
 
-from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
@@ -33,6 +33,9 @@ from weberlink.system.composition.link import (
 from weberlink.system.configuration import Configuration, ConfigurationError, System
 from weberlink.system.side import Side
 
+if TYPE_CHECKING:
+    from weberlink.arms.contract import ArmSpec, LeaderArm
+
 FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
 
@@ -53,7 +56,7 @@ def build_master(
         ConfigurationError: if the device cannot do what the file asks.
     """
     if configuration.system.codec.joints is not None:
-        from weberlink.system.composition.arms import build_leading  # noqa: PLC0415 - for arms alone
+        from weberlink.system.composition.leading import build_leading  # noqa: PLC0415 - for arms alone
 
         return build_leading(
             configuration,
@@ -174,7 +177,7 @@ def _torque_slew(system: System, device: Device) -> float:
     return spec.torque_n_m * _force_slew(system, device) / spec.force_n
 
 
-def check_button(system: System, spec: DeviceSpec | ArmSpec) -> None:
+def check_button(system: System, spec: "DeviceSpec | ArmSpec") -> None:
     """A dead-man button must be there, and must not be the clutch too."""
     engage, mapping = system.master.engage, system.master.mapping
     if engage is None:
@@ -250,7 +253,7 @@ def _mapped(system: System, device: Device) -> Device:
     )
 
 
-def check_force_ends(device: Device | LeaderArm, driver: str, accepted: str | None) -> None:
+def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | None) -> None:
     """See that the board of a device removes the force by itself, or that a guardian process does.
 
     Args:

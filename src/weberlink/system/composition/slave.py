@@ -55,7 +55,7 @@ def build_slave(
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
     """
     if configuration.system.codec.joints is not None:
-        from weberlink.system.composition.arms import build_following  # noqa: PLC0415 - for arms alone
+        from weberlink.system.composition.following import build_following  # noqa: PLC0415 - for arms alone
 
         return build_following(
             configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity

@@ -45,9 +45,7 @@ def try_out(configuration: Configuration) -> list[str]:
 
 def _notes(configuration: Configuration) -> list[str]:
     if configuration.system.codec.joints is not None:
-        from weberlink.system.composition.arms import notes  # noqa: PLC0415 - for arms alone
-
-        return list(notes(configuration))
+        return list(_of_arms(configuration))
     device = robot = None
     if configuration.device is not None:
         device = build_device(configuration)
@@ -55,6 +53,17 @@ def _notes(configuration: Configuration) -> list[str]:
         robot = build_robot(configuration)
         workspace_of(configuration, robot)
     return [*lacks(configuration.system, device, robot), *beyond(configuration, device, robot)]
+
+
+def _of_arms(configuration: Configuration) -> Iterator[str]:
+    if configuration.device is not None:
+        from weberlink.system.composition.leading import build_leader, leader_notes  # noqa: PLC0415 - for arms alone
+
+        yield from leader_notes(build_leader(configuration).spec)
+    if configuration.robot is not None:
+        from weberlink.system.composition.following import build_follower, follower_notes  # noqa: PLC0415 - likewise
+
+        yield from follower_notes(configuration.system, build_follower(configuration).spec)
 
 
 @located
