@@ -224,7 +224,7 @@ class Program:
     def send(self, number: signal.Signals) -> None:
         self._process.send_signal(number)
 
-    def finish(self) -> tuple[int, str, str]:
-        """Wait for the end: exit status, standard output, standard error."""
-        output, errors = self._process.communicate(timeout=PATIENCE)
+    def finish(self, lasts: float = 0.0) -> tuple[int, str, str]:
+        """Wait for the end, which is due in `lasts` [s]: exit status, standard output, standard error."""
+        output, errors = self._process.communicate(timeout=lasts + PATIENCE)
         return self._process.returncode, output, errors

@@ -93,7 +93,7 @@ def led(telemetry: Telemetry) -> Telemetry:
 def test_session_over_bad_link(pair: Pair) -> None:
     with ExitStack() as running:
         master, slave = sides(pair, running, seconds=SECONDS)
-        felt = master.finish()
+        felt = master.finish(SECONDS)
         slave.send(signal.SIGTERM)
         slave.finish()
     assert felt[0] == 0, felt[2]
