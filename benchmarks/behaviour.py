@@ -27,10 +27,14 @@ from weberlink.system.simulate import simulate
 ROOT = Path(__file__).parents[1]
 STORED = Path(__file__).with_suffix(".json")
 DURATION = 5.0
-HARDWARE = {"phantom-arm.yaml"}
+HARDWARE = {"koch-so101.yaml", "phantom-arm.yaml"}
 KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
-LAN = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")
+NO_KEY = {
+    "arms.yaml": ("link.security=none",),
+    "lan.yaml": ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none"),
+}
+"""Files with a key, which differs in each run."""
 LOOPBACK = {
     **{f"predictor {name}": (f"codec.force.predictor={name}",) for name in (*PREDICTORS.built_in, *BANKS)},
     **{f"reference {name}": (f"codec.force.reference={name}",) for name in ("displayed", "sent")},
@@ -57,7 +61,7 @@ LOOPBACK = {
 def cases() -> Iterator[tuple[str, str, tuple[str, ...]]]:
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         if path.name not in HARDWARE:
-            yield path.name, path.name, LAN if path.name == "lan.yaml" else ()
+            yield path.name, path.name, NO_KEY.get(path.name, ())
     for name, overrides in LOOPBACK.items():
         yield f"loopback.yaml, {name}", "loopback.yaml", overrides
     for file in ("scene-height-field.yaml", "rotation.yaml", "scene-moving.yaml"):
