@@ -26,8 +26,10 @@ from weberlink.apps.rules import RulesError
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.master import devices
+from weberlink.master.devices import leaders
 from weberlink.registry import Registry
 from weberlink.slave import robots
+from weberlink.slave.robots import followers
 
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
 PORT = PluggedDevice("/dev/ttyACM0", "Paddle", "17")
@@ -41,7 +43,7 @@ def driver(*found: PluggedDevice, **attributes: Any) -> Any:
 def surveyed(access: DeviceAccess | None = None, **drivers: Any) -> Survey:
     """A survey of a master's drivers, on a host without rules where everything may be opened by default."""
     here = access or DeviceAccess(accessible=lambda path: True, rules=())
-    return survey(here, {"master": Registry("device", drivers)})
+    return survey(here, {"master": [Registry("device", drivers)]})
 
 
 def status(access: DeviceAccess | None = None, **drivers: Any) -> DriverStatus:
@@ -58,8 +60,8 @@ def shown(found: Survey) -> list[str]:
 
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
     found = {(each.side, each.driver): each for each in survey().drivers}
-    assert {name for side, name in found if side == "master"} == set(devices.drivers())
-    assert {name for side, name in found if side == "slave"} == set(robots.drivers())
+    assert {name for side, name in found if side == "master"} == {*devices.drivers(), *leaders.drivers()}
+    assert {name for side, name in found if side == "slave"} == {*robots.drivers(), *followers.drivers()}
     for virtual in (("master", "operator"), ("master", "replay"), ("slave", "point"), ("slave", "simulated")):
         assert (found[virtual].kind, found[virtual].state) == ("virtual", "ready")
 

@@ -15,8 +15,10 @@ from rich.text import Text
 from weberlink.apps import rules
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
 from weberlink.registry import Registry
 from weberlink.slave.robots import ROBOTS
+from weberlink.slave.robots.followers import FOLLOWERS
 
 READY = "ready"
 NOTHING = "nothing plugged in"
@@ -32,6 +34,9 @@ LATENCY_MS = 1
 
 
 SIDES: Mapping[str, Registry[Any]] = {"master": DEVICES, "slave": ROBOTS}
+ARMS: Mapping[str, Registry[Any]] = {"master": LEADERS, "slave": FOLLOWERS}
+"""Drivers of arms led and followed joint by joint."""
+TABLES: Mapping[str, Sequence[Registry[Any]]] = {side: (SIDES[side], ARMS[side]) for side in SIDES}
 SECTIONS = {"master": "master.device", "slave": "slave.robot"}
 """Where a configuration names the driver of a side."""
 
@@ -110,12 +115,12 @@ class Survey:
             console.print(Text(f"{', '.join(drivers)}: {line}"), soft_wrap=True)  # a line to copy must not be wrapped
 
 
-def survey(host: DeviceAccess | None = None, sides: Mapping[str, Registry[Any]] = SIDES) -> Survey:
+def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Registry[Any]]] = TABLES) -> Survey:
     """List every driver of both sides and the hardware plugged in."""
     here = host or DeviceAccess()
     has_rules = rules.installed(here.rules)
     drivers: list[DriverStatus] = []
-    for side, table in sides.items():
+    for side, table in ((side, table) for side, tables in sides.items() for table in tables):
         packages = _packages(table)
         drivers.extend(
             _Inspection(side, table, driver, packages.get(driver), here, has_rules).status() for driver in sorted(table)

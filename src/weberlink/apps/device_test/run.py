@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, StoppedByUser
 from weberlink.apps.device_test.master import try_master
 from weberlink.apps.device_test.robot import try_robot
-from weberlink.apps.devices import SECTIONS, SIDES
+from weberlink.apps.devices import ARMS, SECTIONS, SIDES
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.system.composition.link import construct
@@ -77,6 +77,10 @@ def run(request: DeviceTestRequest, dialog: Dialog) -> None:
 
 def _part(request: DeviceTestRequest) -> _DriverUnderTest:
     side = next((name for name, each in SIDES.items() if request.name in each), None)
+    if any(request.name in each for each in ARMS.values()):
+        raise ConfigurationError(
+            f"{request.name}: this test moves one handle or one tool, and knows no arms; start as docs/arms/ says"
+        )
     if side is None:
         known = ", ".join(name for each in SIDES.values() for name in sorted(each))
         raise ConfigurationError(f"{request.name}: there is no such driver; there are {known}")
