@@ -16,6 +16,7 @@ from weberlink.arms.models import ArmModel, ModelName, load
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.motion import minimum_jerk
 
+Inertia = Annotated[float, Field(ge=0.0, le=1e3)]
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 WAY_BACK_S = 1.0
@@ -108,7 +109,9 @@ class JointHand(BaseModel):
 
     stiffness_nm_rad: PerAxis = Field(default=2.0, description="how hard it holds on to where it wants to be")
     damping_nm_s_rad: PerAxis = Field(default=0.15)
-    inertia_kg_m2: PerAxis = Field(default=0.004, description="of the hand alone; that of the arm comes with its model")
+    inertia_kg_m2: Inertia | tuple[Inertia, ...] = Field(
+        default=0.004, description="of the hand alone; that of the arm comes with its model"
+    )
 
 
 class ArmOperatorOptions(ModelOptions):

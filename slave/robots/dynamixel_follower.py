@@ -7,7 +7,7 @@ its own; it tells a load, from which a torque can be guessed only.
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from typing import ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 from pydantic import Field, model_validator
 
@@ -53,7 +53,7 @@ class DynamixelFollowerOptions(DynamixelArmOptions):
     p_gain: tuple[int, ...] | None = Field(
         default=None, description="position gains (register 84), 0 to 16383; those as delivered if not given"
     )
-    dead_zone_nm: tuple[float, ...] | None = Field(
+    dead_zone_nm: tuple[Annotated[float, Field(ge=0.0, le=10.0)], ...] | None = Field(
         default=None, description="torques reported as 0, and taken off the larger ones; dry friction if not given"
     )
     torque_cutoff_hz: float = Field(

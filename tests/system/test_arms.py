@@ -115,6 +115,7 @@ def test_file_allows_the_schemes_that_arms_have() -> None:
         ("codec.joints.torque.step_nm=0.00001", "codec.joints.torque.step_nm: spans 0.32767 N m but slave.robot"),
         ("master.engage={button: 0}", "master.engage.button: arm_operator has no button, not 0"),
         ("master.device.driver=operator", "driver"),
+        ("codec.joints.angle.bound_rad=[0.1, -1, 0.1, 0.1, 0.1]", "codec.joints.angle.bound_rad.1: should be greater"),
     ],
 )
 def test_wrong_file_is_told_with_its_place(override: str, expected: str) -> None:

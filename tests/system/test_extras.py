@@ -18,13 +18,22 @@ PACKAGES = {
     "mujoco": ("mujoco",),
     "plots": ("matplotlib",),
     "dask": ("distributed",),
-    "others": ("scipy", "pyarrow"),
+    "lerobot": ("pyarrow",),
+    "others": ("scipy",),
 }
 """Import names of what an extra installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "recording": ("telemetry.recording", "system.scoring.recorded", "apps.ros_export", "apps.monitor.replay"),
-    "mujoco": ("slave.robots.mjcf",),
+    "recording": (
+        "telemetry.recording",
+        "system.scoring.recorded",
+        "apps.ros_export",
+        "apps.lerobot_frames",
+        "apps.lerobot_export",
+        "apps.monitor.replay",
+    ),
+    "mujoco": ("slave.robots.mjcf", "arms.simulation"),
+    "lerobot": ("apps.lerobot_export",),
     "plots": ("studies",),
     "dask": ("studies.cluster",),
 }

@@ -1,7 +1,7 @@
 """An arm that is computed: its life from `open` to `close`, and the options that leaders and followers share."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -12,6 +12,7 @@ from weberlink.geometry.joints import Joints, is_finite
 if TYPE_CHECKING:
     from weberlink.arms.simulation import ArmSimulation
 
+_Torque = Annotated[float, Field(ge=0.0, le=1e9)]
 PerAxis = float | tuple[float, ...]
 """One value for all axes, or one for each."""
 
@@ -28,7 +29,7 @@ class ModelOptions(BaseModel):
     home_rad: tuple[float, ...] | None = Field(
         default=None, description="angles of all axes at first; if not given, 0 or the nearest angle within the range"
     )
-    torque_nm: PerAxis | None = Field(
+    torque_nm: _Torque | tuple[_Torque, ...] | None = Field(
         default=None,
         description="largest torque of the motors, for all axes or for each; that of the model if not given",
     )

@@ -316,7 +316,7 @@ class So101FollowerEmulatorOptions(FeetechEmulatorOptions):
     """Options of an emulated follower: it has weight where MuJoCo is installed, as its driver then expects."""
 
     weight: bool = Field(
-        default=find_spec("mujoco") is not None,
+        default_factory=lambda: find_spec("mujoco") is not None,
         description="the arm has weight, and a person holds it until all torque is on; needs mujoco",
     )
 

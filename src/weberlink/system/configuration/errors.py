@@ -39,7 +39,7 @@ def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, .
     unknown = (
         each for each in errors if each["type"] == "extra_forbidden" and each["loc"][:-1] == errors[0]["loc"][:-1]
     )
-    first = next(unknown, errors[0]) if errors[0]["type"] == "missing" else errors[0]
+    first = next(unknown, errors[0]) if errors[0]["type"] == "missing" else _nearest_form(errors)
     location, known = _place(model, tuple(str(part) for part in first["loc"]))
     path = ".".join((*where, *location)) or "the file"
     if first["type"] == "extra_forbidden":
@@ -47,6 +47,20 @@ def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, .
     if not location and first["type"] == "value_error":  # of several fields; the message names them
         return _expectation(first)
     return f"{path}: {_expectation(first)}"
+
+
+_FORM = re.compile(r"constrained-\w+|`?(tuple|list)\[.*|float|int")
+"""How pydantic names the forms of a setting that may be a number or a list."""
+
+
+def _nearest_form(errors: Sequence[ErrorDetails]) -> ErrorDetails:
+    """The first error; of a setting of several forms, that of the form which the value has."""
+    first = errors[0]
+    at = next((place for place, part in enumerate(first["loc"]) if _FORM.fullmatch(str(part))), None)
+    if at is None:
+        return first
+    alike = (each for each in errors if each["loc"][:at] == first["loc"][:at] and each["type"] not in _EXPECTED)
+    return next(alike, first)
 
 
 def one_of(known: Sequence[str], given: object) -> str:
@@ -66,7 +80,7 @@ def _nearest(key: str, known: list[str]) -> str:
 def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """The path of a location as the file has it, and the keys that are known beside its last part.
 
-    The parts of a location are keys, indices and tags of unions; the file has no tags.
+    The parts of a location are keys, indices, tags of unions and forms of a setting; the file has no tags or forms.
     """
     candidates, path, known = [model], [], []
     for part in location:
@@ -75,6 +89,8 @@ def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str]
         tagged = [candidate for candidate in candidates if part in _tags(candidate)]
         if tagged and not having:
             candidates = tagged
+            continue
+        if _FORM.fullmatch(part) and not having:
             continue
         path.append(part)
         below = [child for each in having for child in _models_in(each.model_fields[part].annotation)]

@@ -121,7 +121,9 @@ def _part(
     try:
         driver = table.load(settings.driver)
     except ValueError as error:
-        raise ConfigurationError(f"{'.'.join(where)}.{error}") from None
+        hint = f"driver: {settings.driver} is an arm, and needs its joints: codec.joints (docs/arms/)"
+        why = hint if settings.driver in _arms(table) else str(error)
+        raise ConfigurationError(f"{'.'.join(where)}.{why}") from None
     except ImportError as error:
         raise ConfigurationError(
             f"{'.'.join(where)}.driver: {settings.driver} needs a package that is not installed: {error.name}"
@@ -136,6 +138,14 @@ def _part(
         need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
     return Part(driver, make_absolute(options, folder, overridden, where))
+
+
+def _arms(table: Any) -> Collection[str]:
+    """Names of the arms of a side, where its table is that of other drivers."""
+    from weberlink.master.devices import leaders  # noqa: PLC0415 - for a message
+    from weberlink.slave.robots import followers  # noqa: PLC0415 - for a message
+
+    return {devices: leaders.BUILT_IN, robots: followers.BUILT_IN}.get(table, ())
 
 
 def _validate(options: Mapping[str, Any], model: type[BaseModel], where: tuple[str, ...]) -> BaseModel:
