@@ -3,7 +3,7 @@
 from math import copysign, inf
 
 from weberlink.geometry.joints import Joints
-from weberlink.slave.safety import REBOUND, TRIP_PAUSE, Follower
+from weberlink.slave.safety import REBOUND, TRIP_PAUSE, TripGuard
 
 TRIP_RETREAT = 0.05
 """How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
@@ -76,7 +76,7 @@ class JointPressLimit:
         )
 
 
-class JointGuard(Follower[Joints]):
+class JointGuard(TripGuard[Joints]):
     """Bounds the commanded angles by speed and range; the counterpart of `CommandGuard`.
 
     Each axis moves on its own, at most at the speed. When it is released the arm holds. A torque above its limit trips
@@ -92,7 +92,7 @@ class JointGuard(Follower[Joints]):
         ramp: time in which torque fades in and out [s], > 0.
     """
 
-    __slots__ = ("_lower", "_pause", "_retreat_to", "_trip", "_upper", "_way_out")
+    __slots__ = ("_lower", "_trip", "_upper")
 
     def __init__(
         self, *, lower: Joints, upper: Joints, trip: Joints, speed: float, approach_speed: float, ramp: float
@@ -103,25 +103,11 @@ class JointGuard(Follower[Joints]):
         self._lower, self._upper = lower, upper
         # A reading that saturates at the limit is not above it.
         self._trip = tuple(torque * (1.0 + 1e-9) for torque in trip)
-        self._retreat_to: Joints | None = None
-        self._way_out: tuple[Joints, Joints] | None = None  # end of the retreat; direction out, 0 on other axes
-        self._pause = 0.0
 
     @property
     def share(self) -> float:
         """The part of the measured torques that may be shown to the operator now, 0..1."""
         return self._share
-
-    @property
-    def tripped(self) -> bool:
-        """Whether a trip keeps the arm from following."""
-        return self._way_out is not None
-
-    def place(self, where: Joints) -> None:
-        """Start afresh at these angles [rad]. A trip stays."""
-        self.reset()
-        self._held = where
-        self._retreat_to = None
 
     def is_overloaded(self, torques: Joints) -> bool:
         """Whether a torque of the environment is above its limit."""
@@ -151,27 +137,7 @@ class JointGuard(Follower[Joints]):
         self._way_out = self._retreat_to, out
         self._pause = TRIP_PAUSE
 
-    def hold(self, elapsed: float) -> Joints:
-        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
-        self._pause -= elapsed
-        if self._retreat_to is not None:
-            self._held = toward(self._held, self._retreat_to, self._approach_speed * elapsed)
-        return super().hold(elapsed)
-
-    def follow(self, commanded: Joints, elapsed: float) -> Joints:
-        """The command of a tick in session: the decoded one within range and speed, or `hold` after a trip [rad]."""
-        goal = self._inside(commanded)
-        if self._way_out is not None:
-            if self._pause > 0.0 or not self._is_out(goal):
-                return self.hold(elapsed)
-            self._way_out = None
-        self._retreat_to = None
-        held = self.pursue(goal, elapsed)
-        self.clipped = self._following and held != commanded
-        return held
-
     def _is_out(self, goal: Joints) -> bool:
-        """Whether the angles lie as far out of the contact that tripped as the arm has backed off."""
         assert self._way_out is not None
         place, out = self._way_out
         return all(sign * (angle - away) >= 0.0 for sign, angle, away in zip(out, goal, place, strict=True))

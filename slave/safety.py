@@ -141,7 +141,70 @@ class PressLimit:
         return (target[0] + excess * a, target[1] + excess * b, target[2] + excess * c)
 
 
-class CommandGuard(Follower[Vector]):
+class TripGuard(Follower[Place]):
+    """A follower that stops when a contact is too strong, backs off, and follows again once it was led out.
+
+    That is once `TRIP_PAUSE` has passed and the command is as far out of the contact as the robot has backed off. A
+    subclass sets where to retreat to and which way is out, and gives `_inside` and `_is_out`.
+    """
+
+    __slots__ = ("_pause", "_retreat_to", "_way_out")
+
+    def __init__(
+        self,
+        start: Place,
+        toward: Callable[[Place, Place, float], Place],
+        *,
+        speed: float,
+        approach_speed: float,
+        ramp: float,
+    ) -> None:
+        super().__init__(start, toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        self._retreat_to: Place | None = None
+        self._way_out: tuple[Place, Place] | None = None
+        """End of the retreat, and the direction out of the contact."""
+        self._pause = 0.0
+
+    def place(self, where: Place) -> None:
+        """Start afresh at a position: where the robot is. A trip stays."""
+        self.reset()
+        self._held = where
+        self._retreat_to = None
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a trip keeps the robot from following."""
+        return self._way_out is not None
+
+    def hold(self, elapsed: float) -> Place:
+        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
+        self._pause -= elapsed
+        if self._retreat_to is not None:
+            self._held = self._toward(self._held, self._retreat_to, self._approach_speed * elapsed)
+        return super().hold(elapsed)
+
+    def follow(self, commanded: Place, elapsed: float) -> Place:
+        """The command of a tick in session: the decoded one within range and speed, or `hold` after a trip."""
+        goal = self._inside(commanded)
+        if self._way_out is not None:
+            if self._pause > 0.0 or not self._is_out(goal):
+                return self.hold(elapsed)
+            self._way_out = None
+        self._retreat_to = None
+        held = self.pursue(goal, elapsed)
+        self.clipped = self._following and held != commanded
+        return held
+
+    def _inside(self, position: Place) -> Place:
+        """The nearest place where the robot may be commanded to."""
+        raise NotImplementedError
+
+    def _is_out(self, goal: Place) -> bool:
+        """Whether a place lies as far out of the contact that tripped as the robot has backed off."""
+        raise NotImplementedError
+
+
+class CommandGuard(TripGuard[Vector]):
     """Bounds the commanded position by speed and workspace.
 
     When it is released the robot holds, or backs off along the last contact force. A trip always backs off. After a
@@ -149,7 +212,7 @@ class CommandGuard(Follower[Vector]):
     contact force as the robot has backed off.
     """
 
-    __slots__ = ("_pause", "_retract", "_retreat_to", "_trip_retract", "_way_out", "_workspace")
+    __slots__ = ("_retract", "_trip_retract", "_workspace")
 
     def __init__(
         self,
@@ -175,15 +238,6 @@ class CommandGuard(Follower[Vector]):
         self._workspace = workspace
         self._retract = retract
         self._trip_retract = trip_retract
-        self._retreat_to: Vector | None = None
-        self._way_out: tuple[Vector, Vector] | None = None
-        self._pause = 0.0
-
-    def place(self, where: Vector) -> None:
-        """Start afresh at a position [m]: where the robot is. A trip stays."""
-        self.reset()
-        self._held = where
-        self._retreat_to = None
 
     def release(self, contact_force: Vector = ZERO, where: Vector | None = None) -> None:
         """Nobody leads any more: hold, or retreat along the reaction of the surface.
@@ -204,32 +258,7 @@ class CommandGuard(Follower[Vector]):
         self._way_out = self._retreat_to, unit(contact_force)
         self._pause = TRIP_PAUSE
 
-    @property
-    def tripped(self) -> bool:
-        """Whether a trip keeps the robot from following."""
-        return self._way_out is not None
-
-    def hold(self, elapsed: float) -> Vector:
-        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
-        self._pause -= elapsed
-        if self._retreat_to is not None:
-            self._held = _toward(self._held, self._retreat_to, self._approach_speed * elapsed)
-        return super().hold(elapsed)
-
-    def follow(self, commanded: Vector, elapsed: float) -> Vector:
-        """The command of a tick in session [m]: the decoded one within workspace and speed, or `hold` after a trip."""
-        goal = self._inside(commanded)
-        if self._way_out is not None:
-            if self._pause > 0.0 or not self._is_out(goal):
-                return self.hold(elapsed)
-            self._way_out = None
-        self._retreat_to = None
-        held = self.pursue(goal, elapsed)
-        self.clipped = self._following and held != commanded
-        return held
-
     def _is_out(self, goal: Vector) -> bool:
-        """Whether a position lies as far out of the contact that tripped as the robot has backed off."""
         assert self._way_out is not None
         place, outward = self._way_out
         return dot(subtract(goal, place), outward) >= 0.0

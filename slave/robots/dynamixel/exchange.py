@@ -12,6 +12,7 @@ from weberlink.arms.dynamixel.motors import Motors
 from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.pace import check_pace
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
@@ -25,7 +26,6 @@ BEYOND_RAD: Final = 0.35
 """Largest angle of a joint beyond its limits; more means that its zero is wrong."""
 WEIGHT_A: Final = 0.65
 """Current to carry the stretched arm: 1.06 N m, by the smallest published torque constant 1.65 N m/A."""
-PACE_TRIES: Final = 40
 
 
 class ArmSample(NamedTuple):
@@ -94,7 +94,13 @@ class ArmExchange:
                 f"current limit (register 38) of {motors.current_limit} is too low to carry the arm; "
                 f"set it to {registers.counts_of_current(self._current)}"
             )
-        self._check_pace(motors, port.path)
+        check_pace(
+            motors.first_present,
+            self._options.rate_hz,
+            self._clock,
+            port.path,
+            lambda: latency_advice(port.path) or "use a higher baud, or an adapter or a host that is not so slow",
+        )
         now = self._clock()
         present = motors.first_present()
         self._check_zero(bus, present)
@@ -109,21 +115,6 @@ class ArmExchange:
         sample = self._sample(arm, present, now)
         self._interpolation.restart(_flat(sample))
         return sample
-
-    def _check_pace(self, motors: Motors, path: str) -> None:
-        """Uses the best of many readings, so that a busy host does not look like a slow adapter."""
-        rate = self._options.rate_hz
-        period, best = 1.0 / rate, 1.0
-        for _ in range(PACE_TRIES):
-            began = self._clock()
-            motors.first_present()
-            best = min(best, self._clock() - began)
-            if best <= period:
-                return
-        advice = latency_advice(path) or "use a higher baud, or an adapter or a host that is not so slow"
-        raise HardwareFault(
-            f"{path}: a reading takes {best * 1e3:.1f} ms at best, {rate:g} Hz leave {period * 1e3:.1f} ms; {advice}"
-        )
 
     @staticmethod
     def _check_zero(bus: MotorBus, present: list[MotorReading]) -> None:

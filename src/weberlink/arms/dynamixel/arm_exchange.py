@@ -14,6 +14,7 @@ from weberlink.arms.dynamixel.options import DynamixelArmOptions
 from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.pace import check_pace
 
 Command = TypeVar("Command")
 Gravity = Callable[[Joints], Joints]
@@ -21,7 +22,6 @@ Gravity = Callable[[Joints], Joints]
 
 WATCH_EVERY: Final = 25
 """Cycles between two checks of a motor's torque or watchdog."""
-PACE_TRIES: Final = 40
 BEYOND_RAD: Final = 0.35
 """Largest angle of an axis beyond its range at opening; more means that its zero is wrong."""
 GRAVITY_RAMP_S: Final = 0.5
@@ -88,7 +88,13 @@ class ArmExchange(ABC, Generic[Command]):
         )
         motors.find()
         motors.quicken()
-        self._check_pace(motors, port.path)
+        check_pace(
+            motors.first_present,
+            self._options.rate_hz,
+            self._clock,
+            port.path,
+            lambda: latency_advice(port.path) or "set rate_hz lower, or use a higher baud or another adapter",
+        )
         now = self._clock()
         present = motors.first_present()
         angles = self._angles(present)
@@ -97,21 +103,6 @@ class ArmExchange(ABC, Generic[Command]):
         self._engaged = True  # from here on, `close` must make the motors safe
         self._engage(motors, angles, now)
         return self._sample(present, angles, now)
-
-    def _check_pace(self, motors: Motors, path: str) -> None:
-        """Uses the best of many readings, so that a busy host does not look like a slow adapter."""
-        rate = self._options.rate_hz
-        period, best = 1.0 / rate, 1.0
-        for _ in range(PACE_TRIES):
-            began = self._clock()
-            motors.first_present()
-            best = min(best, self._clock() - began)
-            if best <= period:
-                return
-        advice = latency_advice(path) or "set rate_hz lower, or use a higher baud or another adapter"
-        raise HardwareFault(
-            f"{path}: a reading takes {best * 1e3:.1f} ms at best, {rate:g} Hz leave {period * 1e3:.1f} ms; {advice}"
-        )
 
     def _check_zero(self, bus: MotorBus, angles: Joints) -> None:
         for id_, angle, low, high in zip(bus.ids, angles, self._options.lower, self._options.upper, strict=True):

@@ -3,15 +3,13 @@
 from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic, sleep
-from typing import Final
 
 from weberlink.arms.feetech.arm import NAMES, AngleScale, So101Options, angle_scale, check_place
 from weberlink.arms.feetech.bus import ServoBus, ServoPort
 from weberlink.arms.feetech.registers import Present
 from weberlink.arms.feetech.servos import Servos, torque_off
 from weberlink.hardware.fault import HardwareFault
-
-PACE_TRIES: Final = 40
+from weberlink.hardware.pace import check_pace
 
 
 class So101Bus:
@@ -48,22 +46,9 @@ class So101Bus:
         return self.servos.insist(self.bus.exchange)
 
     def check_pace(self) -> None:
-        """Raise HardwareFault if the rate cannot be held.
-
-        Uses the best of many readings, so that a busy host does not look like a slow adapter.
-        """
-        rate = self._options.rate_hz
-        best = 1.0
-        for _ in range(PACE_TRIES):
-            began = self._clock()
-            self.first()
-            best = min(best, self._clock() - began)
-            if best * rate <= 1.0:
-                return
-        raise HardwareFault(
-            f"{self._port.path}: a reading takes {best * 1e3:.1f} ms at best, {rate:g} Hz leave {1e3 / rate:.1f} ms; "
-            "set rate_hz lower, or use another USB port or host"
-        )
+        """Raise HardwareFault if the rate cannot be held."""
+        advice = "set rate_hz lower, or use another USB port or host"
+        check_pace(self.first, self._options.rate_hz, self._clock, self._port.path, lambda: advice)
 
     def release(self) -> None:
         """Take the torque off, and set the servos back to their own gain and limit; never raises."""
