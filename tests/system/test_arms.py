@@ -68,13 +68,19 @@ def test_report_fits_80_columns(recorded: tuple[dict[str, Any], Path]) -> None:
 
 
 def test_every_axis_stays_within_its_deadband_without_faults() -> None:
-    simulation = build_simulation(configuration(file=FILE))
+    built = configuration(file=FILE)
+    joints, gripper = built.system.codec.joints, built.system.codec.gripper
+    assert joints is not None
+    assert gripper is not None
+    floors = np.array([*[joints.torque.floor_nm] * (len(JOINTS) - 1), gripper.torque.floor_nm], dtype=float)
+    webers = np.array([*[joints.torque.weber] * (len(JOINTS) - 1), gripper.torque.weber])
+    simulation = build_simulation(built)
     records = as_array([simulation.step()[1] for _ in range(round(LONGEST_S * 1000))])
     counted = records[(records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)]
     assert len(counted) > 1000
     raw, held = counted["joint_raw"].astype(float), counted["joint_decoded"].astype(float)
     assert np.abs(raw).max() > 0.1
-    assert (np.abs(held - raw) <= np.maximum(0.13 * np.abs(raw), 0.02) * (1 + 1e-6) + 1e-6).all()
+    assert (np.abs(held - raw) <= np.maximum(webers * np.abs(raw), floors) * (1 + 1e-6) + 1e-6).all()
 
 
 def test_one_way_cut_ends_torque_and_holds_follower() -> None:
