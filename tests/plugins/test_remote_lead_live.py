@@ -42,6 +42,7 @@ def released_after(live: LiveArms, longest: float = 1.0) -> float:
     raise AssertionError("the follower is still led")
 
 
+@pytest.mark.hunt
 @pytest.mark.realtime
 def test_killed_program_leaves_the_follower_at_rest() -> None:
     with LiveArms(FILE) as live:
