@@ -97,7 +97,8 @@ class JointGuard(TripGuard[Joints]):
     def __init__(
         self, *, lower: Joints, upper: Joints, trip: Joints, speed: float, approach_speed: float, ramp: float
     ) -> None:
-        super().__init__((0.0,) * len(lower), toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        start: Joints = (0.0,) * len(lower)
+        super().__init__(start, toward, self._inside, _is_beyond, speed=speed, approach_speed=approach_speed, ramp=ramp)
         if not all(low <= high for low, high in zip(lower, upper, strict=True)):
             raise ValueError(f"no range of angles from {lower} to {upper}")
         self._lower, self._upper = lower, upper
@@ -137,11 +138,6 @@ class JointGuard(TripGuard[Joints]):
         self._way_out = self._retreat_to, out
         self._pause = TRIP_PAUSE
 
-    def _is_out(self, goal: Joints) -> bool:
-        assert self._way_out is not None
-        place, out = self._way_out
-        return all(sign * (angle - away) >= 0.0 for sign, angle, away in zip(out, goal, place, strict=True))
-
     def _inside(self, angles: Joints) -> Joints:
         inside = [
             low if angle < low else high if angle > high else angle
@@ -157,3 +153,7 @@ def toward(start: Joints, goal: Joints, way: float) -> Joints:
         for angle, end in zip(start, goal, strict=True)
     ]
     return tuple(moved)
+
+
+def _is_beyond(goal: Joints, place: Joints, outward: Joints) -> bool:
+    return all(sign * (angle - away) >= 0.0 for sign, angle, away in zip(outward, goal, place, strict=True))

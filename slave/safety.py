@@ -145,21 +145,30 @@ class TripGuard(Follower[Place]):
     """A follower that stops when a contact is too strong, backs off, and follows again once it was led out.
 
     That is once `TRIP_PAUSE` has passed and the command is as far out of the contact as the robot has backed off. A
-    subclass sets where to retreat to and which way is out, and gives `_inside` and `_is_out`.
+    subclass sets where to retreat to and which way is out.
     """
 
-    __slots__ = ("_pause", "_retreat_to", "_way_out")
+    __slots__ = ("_is_beyond", "_nearest", "_pause", "_retreat_to", "_way_out")
 
     def __init__(
         self,
         start: Place,
         toward: Callable[[Place, Place, float], Place],
+        nearest: Callable[[Place], Place],
+        is_beyond: Callable[[Place, Place, Place], bool],
         *,
         speed: float,
         approach_speed: float,
         ramp: float,
     ) -> None:
+        """Make the guard; arguments as of `Follower`, and these.
+
+        Args:
+            nearest: the place nearest to one, where the robot may be commanded to.
+            is_beyond: whether the first place lies as far in a direction, the third, as the second.
+        """
         super().__init__(start, toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        self._nearest, self._is_beyond = nearest, is_beyond
         self._retreat_to: Place | None = None
         self._way_out: tuple[Place, Place] | None = None
         """End of the retreat, and the direction out of the contact."""
@@ -185,23 +194,16 @@ class TripGuard(Follower[Place]):
 
     def follow(self, commanded: Place, elapsed: float) -> Place:
         """The command of a tick in session: the decoded one within range and speed, or `hold` after a trip."""
-        goal = self._inside(commanded)
+        goal = self._nearest(commanded)
         if self._way_out is not None:
-            if self._pause > 0.0 or not self._is_out(goal):
+            place, outward = self._way_out
+            if self._pause > 0.0 or not self._is_beyond(goal, place, outward):
                 return self.hold(elapsed)
             self._way_out = None
         self._retreat_to = None
         held = self.pursue(goal, elapsed)
         self.clipped = self._following and held != commanded
         return held
-
-    def _inside(self, position: Place) -> Place:
-        """The nearest place where the robot may be commanded to."""
-        raise NotImplementedError
-
-    def _is_out(self, goal: Place) -> bool:
-        """Whether a place lies as far out of the contact that tripped as the robot has backed off."""
-        raise NotImplementedError
 
 
 class CommandGuard(TripGuard[Vector]):
@@ -234,7 +236,7 @@ class CommandGuard(TripGuard[Vector]):
             retract: how far to back off a contact when it is released [m]; 0 to hold.
             trip_retract: how far to back off a contact that trips it [m], > 0.
         """
-        super().__init__(ZERO, _toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        super().__init__(ZERO, _toward, self._inside, _is_beyond, speed=speed, approach_speed=approach_speed, ramp=ramp)
         self._workspace = workspace
         self._retract = retract
         self._trip_retract = trip_retract
@@ -258,11 +260,6 @@ class CommandGuard(TripGuard[Vector]):
         self._way_out = self._retreat_to, unit(contact_force)
         self._pause = TRIP_PAUSE
 
-    def _is_out(self, goal: Vector) -> bool:
-        assert self._way_out is not None
-        place, outward = self._way_out
-        return dot(subtract(goal, place), outward) >= 0.0
-
     def _retreat(self, contact_force: Vector, where: Vector | None, way: float) -> None:
         if norm(contact_force) > 0.0:
             start = self._held if where is None else where
@@ -274,6 +271,10 @@ class CommandGuard(TripGuard[Vector]):
         if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
             return position
         return (min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1]), min(max(z, low[2]), high[2]))
+
+
+def _is_beyond(goal: Vector, place: Vector, outward: Vector) -> bool:
+    return dot(subtract(goal, place), outward) >= 0.0
 
 
 def _toward(start: Vector, goal: Vector, way: float) -> Vector:
