@@ -149,6 +149,20 @@ def test_nothing_finite_upsets_a_side(name: str, end: End, data: st.DataObject) 
     end.run(end.build(name, SETTINGS), data.draw(end.wild))
 
 
+def test_reset_forgets_stiffness_that_robot_showed() -> None:
+    still, zero = Quality(None, 0.0), (0.0, 0.0, 0.0)
+    touch = [
+        SlaveTick((0.0, 0.0, 0.0625), 0.5, 0, still, (0.0625, 0.0, 0.0), zero),
+        SlaveTick(zero, 0.0, 0, still, zero, (0.0, 0.0, 1.0)),
+    ]
+    move = [SlaveTick(zero, 0.0, 0, still, zero, zero)] * 7
+    move.append(SlaveTick((0.0, 0.0, 0.0625), 0.5, 0, still, zero, zero))
+    control = build_slave_control("tdpa", SETTINGS)
+    run_slave(control, touch)
+    control.reset()
+    assert run_slave(control, move) == run_slave(build_slave_control("tdpa", SETTINGS), move)
+
+
 @every
 @ends
 @given(data=st.data())

@@ -224,6 +224,8 @@ class TdpaJointSlave(_TankedJoints):
     def reset(self) -> None:
         self._tank.reset()
         self._prediction.reset()
+        for port in self._ports:
+            port.renew()
         self._forget()
 
     def resume(self, peer_credit: int) -> None:

@@ -54,6 +54,7 @@ class MotionPort:
         "_position",
         "_seen",
         "_sliding",
+        "_stated",
         "_stiffness",
         "_taken",
         "_touches",
@@ -61,12 +62,18 @@ class MotionPort:
 
     def __init__(self, force_range: float, stiffness: float, debt: float) -> None:
         self._force_range = force_range
-        self._coupling = stiffness
+        self._stated = self._coupling = stiffness
         self._debt = debt
         self._sliding = Sliding()
         self.reset()
 
+    def renew(self) -> None:
+        """Begin a new session: what was learned of the robot's stiffness is forgotten too."""
+        self._coupling = self._stated
+        self.reset()
+
     def reset(self) -> None:
+        """Continue after an interruption; a stiffness beyond the stated one stays known."""
         self._position: Vector | None = None
         self._force: Vector = ZERO
         self._stiffness = self._coupling

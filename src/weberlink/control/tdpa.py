@@ -227,7 +227,7 @@ class TdpaSlave(_TankedPort):
         self._owed = 0.0  # energy stored in the present contact that is on the master's account [J]
 
     def reset(self) -> None:
-        self._port.reset()
+        self._port.renew()
         self._owed = 0.0
         self._tank.reset()
         self._prediction.reset()
