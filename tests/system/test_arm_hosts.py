@@ -106,7 +106,7 @@ def test_session_over_bad_link(pair: Pair) -> None:
     for name in ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle"):
         assert summary[name]["reduction"] > 0.8
     assert summary["energy"]["link_generated_j"] < 1e-3
-    assert summary["joint_torque"]["error_max"] is not None
+    assert summary["joint_torque"]["packets"] > 0
 
 
 def tell(figures: object) -> None:
@@ -153,5 +153,6 @@ def check_stopped(ends: dict[str, Telemetry], side: str, at: float, what: str) -
     last = float(times[moving].max()) if moving.any() else -np.inf
     before = np.abs(output[times < 0]).max() if side == "master" else None
     tell({"event": what, "side": side, "still_after_s": last, "torque_before_nm": before})
-    assert times[-1] > LATEST_S or what.startswith("kill")
+    assert moving[(times > -1.0) & (times < 0.0)].any(), "there was torque or motion to end"
+    assert times[-1] > LATEST_S
     assert last < LATEST_S

@@ -97,7 +97,6 @@ def test_agreement_names_only_what_a_session_uses() -> None:
     of_arms, of_hand = (agreement(configuration(file=file).system) for file in (FILE, "loopback.yaml"))
     assert not any(name.startswith(("codec.force", "codec.position", "codec.rotation")) for name in of_arms)
     assert not any(name.startswith(("codec.joints", "codec.gripper")) for name in of_hand)
-    assert len(JOINTS) == 9
 
 
 def test_file_allows_the_schemes_that_arms_have() -> None:

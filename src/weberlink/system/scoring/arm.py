@@ -8,7 +8,7 @@ import numpy as np
 
 from weberlink.geometry.joints import Joints
 from weberlink.system.configuration.joints import per_axis
-from weberlink.system.scoring.channel import ErrorStatistics, tally
+from weberlink.system.scoring.channel import ErrorStatistics
 from weberlink.system.scoring.energy import Records, Series
 from weberlink.telemetry.record import JOINTS
 
@@ -143,15 +143,14 @@ class AxesScore:
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._squares = np.zeros(len(names))
         self._largest = np.zeros(len(names))
-        self._selected: dict[int, int] = {}
-        self._ticks = self._widened = 0
+        self._sends = self._ticks = self._widened = 0
 
     def add_sender(self, records: Records, in_session: Records) -> None:
         """Take the next records of the sender, and those of them that are in session and not in a ramp."""
         self._ticks += len(in_session)
         if self._axes != GRIPPER:
             self._widened += int((in_session["widened"] > 0).sum())
-        tally(self._selected, np.zeros(int((records[self._sent] > 0).sum()), np.uint8))
+        self._sends += int((records[self._sent] > 0).sum())
         if self._reports_coding and len(in_session):
             errors, deviations = self._errors(in_session["joint_decoded"], in_session)
             self._coding.add(errors.max(axis=1), np.ones(len(errors)), deviations)
@@ -170,7 +169,7 @@ class AxesScore:
         summary: dict[str, object] = dict(self.felt.summary(self._period))
         summary["widened_fraction"] = self._widened / self._ticks if self._ticks else None
         summary["widened_max"] = None
-        summary["selected"] = {self._thresholds.predictor: sum(self._selected.values())}
+        summary["selected"] = {self._thresholds.predictor: self._sends}
         if self._reports_coding:
             summary["coding"] = self._coding.summary(self._period)
         summary["axes"] = {
