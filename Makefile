@@ -99,7 +99,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra monitor --extra camera --extra gamepad --extra docs \
+		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 
 clean:

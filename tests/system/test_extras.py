@@ -19,6 +19,10 @@ PACKAGES = {
     "plots": ("matplotlib",),
     "dask": ("distributed",),
     "lerobot": ("pyarrow",),
+    "inverse3": ("websockets",),
+    "ros2": ("zenoh", "rosbags"),
+    "foxglove": ("foxglove",),
+    "franka": ("pylibfranka",),
     "others": ("scipy",),
 }
 """Import names of what an extra installs."""
@@ -34,6 +38,10 @@ PLACES = {
     ),
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
+    "inverse3": ("master.devices.inverse3.service", "master.emulators.inverse3"),
+    "ros2": ("ros2", "apps.bridge.ros2"),
+    "foxglove": ("apps.bridge.foxglove",),
+    "franka": ("slave.robots.franka.controller",),
     "plots": ("studies",),
     "dask": ("studies.cluster",),
 }

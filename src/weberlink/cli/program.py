@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import doctor, hardware, monitor, sessions, studies, visit
+from weberlink.cli import bridge, doctor, hardware, monitor, sessions, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -45,6 +45,8 @@ app = typer.Typer(
 for topic, commands in TOPICS.items():
     for command in commands:
         app.command(NAMES.get(command), rich_help_panel=topic)(command)
+    if topic == "Look":
+        app.add_typer(bridge.bridge, rich_help_panel=topic)
     if topic == "Devices":
         app.add_typer(hardware.device, rich_help_panel=topic)
 

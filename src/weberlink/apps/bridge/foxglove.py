@@ -1,0 +1,5 @@
+"""Placeholder."""
+
+
+def run(session: str | None) -> None:
+    raise NotImplementedError
