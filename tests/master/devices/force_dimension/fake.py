@@ -49,9 +49,10 @@ class FakeDevice:
         self._library.fake_set(self._index, name.encode(), value)
 
     def plug(self, type_: int = 33, serial: int = 1017) -> "FakeDevice":
+        """Plug it in anew: no program has it open any more."""
         wrist = type_ not in (33, 60, 63, 203, 206)
-        values = {"type": type_, "serial": serial, "wrist": wrist, "wrist_init": wrist, "has_watchdog": 1, "present": 1}
-        for name, value in values.items():
+        values = {"type": type_, "serial": serial, "wrist": wrist, "wrist_init": wrist, "has_watchdog": 1, "owner": 0}
+        for name, value in (*values.items(), ("present", 1)):
             self[name] = value
         return self
 
