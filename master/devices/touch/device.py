@@ -1,0 +1,167 @@
+"""The driver `touch`: 3D Systems Touch, Touch X and PHANTOM through the maker's library."""
+
+from collections.abc import Mapping
+from math import sqrt
+from threading import Thread
+from typing import ClassVar
+
+from pydantic import BaseModel
+
+from weberlink.geometry.vector import Vector, is_finite, norm
+from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
+from weberlink.hardware.fault import HardwareFault
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
+from weberlink.master.devices.threaded_device import RAMP_S, STALE_S
+from weberlink.master.devices.touch.hdapi import HdError
+from weberlink.master.devices.touch.options import NAME, TouchOptions, signs_fingerprint
+from weberlink.master.devices.touch.process import ServoProcess
+
+BUTTONS = 2
+NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
+UNKNOWN_WATCHDOG = (
+    "whether its board removes the force when this host loses its power or the cable is pulled is not published"
+)
+
+
+class TouchDevice:
+    """x toward the operator, y to the operator's right, z up; the origin is that of the maker's library.
+
+    The library has a servo thread of its own, in a process of its own: see `weberlink.master.devices.touch.servo`. Here a
+    tick reads and writes shared memory only.
+    """
+
+    Options: ClassVar[type[BaseModel]] = TouchOptions
+    USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x2988, 0x0302), UsbId(0x0301, 0x2988))
+    """The Touch with USB, as two reports have it; the others are not seen."""
+    SIGN_OPTIONS: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        "xyz", "there is no option for it: the maker's library gives the directions; calibrate the device"
+    )
+
+    def __init__(self, options: TouchOptions, tick_period: float) -> None:
+        armed = options.signs_checked == self.fingerprint(options)
+        reach = options.reach_m
+        self.spec = DeviceSpec(
+            name=NAME,
+            axes="xyz",
+            force_n=options.force_n if armed else 0.0,
+            stiffness_n_m=options.stiffness_n_m,
+            workspace_m=((-reach, -reach, -reach), (reach, reach, reach)),
+            rate_hz=1.0 / tick_period,
+            force_feedback=armed,
+            buttons=BUTTONS,
+            orientation=True,
+            note=UNKNOWN_WATCHDOG if armed else NO_FORCE,
+        )
+        self.guarded = armed
+        """The process of the servo loop takes the force off when this one stops."""
+        self._limit = self.spec.force_n
+        self._process = ServoProcess(
+            options.library,
+            options.name,
+            force=armed,
+            stale_s=max(STALE_S, 3.0 * tick_period),
+            ramp_s=RAMP_S,
+            calibration_s=options.calibration_s,
+        )
+        self._is_open = False
+        self._fault: str | None = None
+        self._stopping: Thread | None = None
+        self._answer: tuple[float, DeviceReading] | None = None
+        self._frames = 0
+        self.trouble: str | None = None
+        """Why there is less force than commanded, or why a force may be left; None where there is no such reason."""
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        """Devices on USB; those of the network, FireWire and a parallel port are known to the library alone."""
+        return serial_ports(cls.USB)
+
+    @classmethod
+    def fingerprint(cls, options: TouchOptions) -> str:
+        """Fingerprint of all settings that affect signs."""
+        return signs_fingerprint(options)
+
+    @property
+    def servo_pid(self) -> int | None:
+        """Process id of the servo loop; None while there is none."""
+        return self._process.pid
+
+    def open(self, now: float) -> None:  # noqa: ARG002
+        self.close()
+        try:
+            described = self._process.start()
+        except HardwareFault as fault:
+            raise DeviceFault(f"{NAME}: {fault}") from None
+        self.trouble = self._fault = None
+        self._limit = min(self.spec.force_n, described["force_n"])
+        self._is_open = True
+
+    def latest(self, now: float) -> DeviceReading:
+        if not self._is_open:
+            raise DeviceFault(f"{NAME}: {self._fault or 'not open'}")
+        if self._answer is not None and self._answer[0] == now:
+            return self._answer[1]
+        try:
+            state = self._process.state(now)
+        except HardwareFault as fault:
+            self._is_open, self._fault = False, str(fault)
+            # Taking the force off may take a second, which the tick that ends the session does not have.
+            self._stopping = Thread(target=self._stop, name="weberlink-touch-stop")
+            self._stopping.start()
+            raise DeviceFault(f"{NAME}: {fault}") from None
+        if self._answer is not None and state.frames == self._frames:
+            reading = self._answer[1]
+        else:
+            x, y, z = state.position
+            position = (1e-3 * z, 1e-3 * x, 1e-3 * y)
+            reading = DeviceReading(state.at, position, False, orientation(state.axes), state.buttons & 3)
+            self._frames = state.frames
+            self.trouble = HdError(state.error, state.internal).in_words if state.error else None
+        self._answer = (now, reading)
+        return reading
+
+    def command(self, force: Vector, now: float) -> None:
+        if not is_finite(force):
+            raise ValueError(f"{NAME}: commanded a force that is not finite: {force}")
+        size = norm(force)
+        share = self._limit / size if size > self._limit else 1.0
+        x, y, z = force
+        if self._is_open:
+            self._process.put((share * y, share * z, share * x), now)
+
+    def close(self) -> None:
+        if self._stopping is not None:
+            self._stopping.join()
+            self._stopping = None
+        self._is_open = False
+        self._fault = None
+        self._answer = None
+        self._stop()
+
+    def _stop(self) -> None:
+        self.trouble = self._process.stop() or self.trouble
+
+
+def orientation(axes: tuple[Vector, Vector, Vector]) -> Quaternion:
+    """Turns the frame of the handle into that of the device, both with x toward the operator, y right and z up.
+
+    Shepperd's method, "Quaternion from rotation matrix" (1978): the largest of the four squares is the divisor.
+
+    Args:
+        axes: x, y and z axis of the handle in the frame of the library, unit vectors.
+    """
+    (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
+    trace = m00 + m11 + m22
+    largest = max(trace, m00, m11, m22)
+    if largest == trace:
+        w, x, y, z = 1.0 + trace, m21 - m12, m02 - m20, m10 - m01
+    elif largest == m00:
+        w, x, y, z = m21 - m12, 1.0 + m00 - m11 - m22, m01 + m10, m02 + m20
+    elif largest == m11:
+        w, x, y, z = m02 - m20, m01 + m10, 1.0 + m11 - m00 - m22, m12 + m21
+    else:
+        w, x, y, z = m10 - m01, m02 + m20, m12 + m21, 1.0 + m22 - m00 - m11
+    length = sqrt(w * w + x * x + y * y + z * z)
+    if length == 0.0:
+        return (1.0, 0.0, 0.0, 0.0)
+    return (w / length, z / length, x / length, y / length)
