@@ -15,6 +15,7 @@ from weberlink.master.devices.threaded_device import RAMP_S, STALE_S
 from weberlink.master.devices.touch.hdapi import HdError
 from weberlink.master.devices.touch.options import NAME, TouchOptions, signs_fingerprint
 from weberlink.master.devices.touch.process import ServoProcess
+from weberlink.master.devices.touch.servo import ServoArguments
 
 BUTTONS = 2
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
@@ -26,8 +27,8 @@ UNKNOWN_WATCHDOG = (
 class TouchDevice:
     """x toward the operator, y to the operator's right, z up; the origin is that of the maker's library.
 
-    The library has a servo thread of its own, in a process of its own: see `weberlink.master.devices.touch.servo`. Here a
-    tick reads and writes shared memory only.
+    The library has a servo thread of its own, in a process of its own: see `weberlink.master.devices.touch.servo`. Here
+    a tick reads and writes shared memory only.
     """
 
     Options: ClassVar[type[BaseModel]] = TouchOptions
@@ -55,13 +56,9 @@ class TouchDevice:
         self.guarded = armed
         """The process of the servo loop takes the force off when this one stops."""
         self._limit = self.spec.force_n
+        stale_s = max(STALE_S, 3.0 * tick_period)
         self._process = ServoProcess(
-            options.library,
-            options.name,
-            force=armed,
-            stale_s=max(STALE_S, 3.0 * tick_period),
-            ramp_s=RAMP_S,
-            calibration_s=options.calibration_s,
+            ServoArguments(options.library, options.name, armed, stale_s, RAMP_S, options.calibration_s)
         )
         self._is_open = False
         self._fault: str | None = None

@@ -1,21 +1,33 @@
-"""What the daemon and the process of the servo loop exchange: two slots in shared memory, and lines of JSON."""
+"""What the daemon and the process of the servo loop exchange: three slots in shared memory."""
 
+import json
+from enum import IntEnum
+from mmap import mmap
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from weberlink.geometry.vector import Vector
-from weberlink.hardware.slot import size_of
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.slot import Slot, size_of
 
-FORCE = Struct("<4d")
-"""When it was commanded [s], and the force [N] in the frame of the library."""
+FORCE = Struct("<4dB")
+"""When it was commanded [s], the force [N] in the frame of the library, and 1 to end the servo loop."""
 STATE = Struct("<Qd3d9d3diIi")
-"""See `ServoState`; the transform by columns, without its last row."""
+"""A `ServoState`."""
+REPORT = Struct("<B1000s")
+"""A `Phase`, and JSON padded with spaces: of a `READY` device what the library says of it, of a `FAILED` one why."""
 FORCE_AT = 0
-STATE_AT = 64
-MEMORY_SIZE = STATE_AT + size_of(STATE)
+STATE_AT = FORCE_AT + size_of(FORCE)
+REPORT_AT = STATE_AT + size_of(STATE)
+MEMORY_SIZE = REPORT_AT + size_of(REPORT)
 
-END = b"x"
-"""From the daemon: end the servo loop."""
+
+class Phase(IntEnum):
+    """What the process of the servo loop is doing."""
+
+    STARTING = 0
+    READY = 1
+    FAILED = 2
+    """There is no force, and it waits to be ended."""
 
 
 class ServoState(NamedTuple):
@@ -42,16 +54,44 @@ class ServoState(NamedTuple):
     internal: int
 
 
-def unpacked(values: tuple[float, ...]) -> ServoState:
-    """The state from the values of its slot."""
-    frames, at, px, py, pz, xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz, buttons, error, internal = values
-    return ServoState(
-        int(frames),
-        at,
-        (px, py, pz),
-        ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)),
-        (fx, fy, fz),
-        int(buttons),
-        int(error),
-        int(internal),
-    )
+BEFORE_FIRST = ServoState(0, 0.0, ZERO, (ZERO, ZERO, ZERO), ZERO, 0, 0, 0)
+
+
+class ServoMemory:
+    """The slots, for either end.
+
+    Args:
+        memory: of `MEMORY_SIZE` bytes.
+    """
+
+    def __init__(self, memory: mmap | bytearray) -> None:
+        self._memory = memory
+        self.force = Slot(memory, FORCE_AT, FORCE)
+        self.state = Slot(memory, STATE_AT, STATE)
+        self._report = Slot(memory, REPORT_AT, REPORT)
+
+    def newest_state(self) -> ServoState | None:
+        """The newest state if it is another one than at the last call; None otherwise."""
+        values = self.state.newest()
+        if values is None:
+            return None
+        frames, at, px, py, pz, xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz, buttons, error, internal = values
+        axes = ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))
+        return ServoState(frames, at, (px, py, pz), axes, (fx, fy, fz), buttons, error, internal)
+
+    def say(self, phase: Phase, content: object = None) -> None:
+        """Report a phase; a text that is too long is cut."""
+        text = json.dumps(content)
+        while len(text) > REPORT.size - 1:
+            content = str(content)[:-100]
+            text = json.dumps(content)
+        self._report.write(phase, text.ljust(REPORT.size - 1).encode())
+
+    def heard(self) -> tuple[Phase, Any] | None:
+        """The newest report if it is another one than at the last call; None otherwise."""
+        values = self._report.newest()
+        return None if values is None else (Phase(values[0]), json.loads(values[1]))
+
+    def close(self) -> None:
+        if isinstance(self._memory, mmap):
+            self._memory.close()

@@ -1,7 +1,7 @@
 """HDAPI, the low-level interface of the maker's library libHD.so, by ctypes.
 
 Prototypes and constants: hd.h of OpenHaptics 3.x, as public programs quote it. A position is in mm, a force in N, a
-stiffness in N/mm; x points to the operator's right, y up and z toward the operator. The library is of the maker and must
+stiffness in N/mm; x points to the operator's right, y up and z toward the operator. The library is the maker's and must
 be installed; nothing of it is part of this project.
 """
 
@@ -102,7 +102,6 @@ PROTOTYPES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "hdUpdateCalibration": (None, (c_uint,)),
     "hdStartScheduler": (None, ()),
     "hdStopScheduler": (None, ()),
-    "hdSetSchedulerRate": (None, (c_ulong,)),
     "hdScheduleAsynchronous": (c_ulong, (ServoCallback, c_void_p, c_ushort)),
     "hdUnschedule": (None, (c_ulong,)),
 }

@@ -2,9 +2,8 @@
 
     python -m weberlink.master.devices.touch.servo ARGUMENTS
 
-`ARGUMENTS` are JSON of `ServoArguments`. It says one line of JSON on the socket: {"ready": {...}} or {"fault": "..."}, and
-a fault later on. It ends, without force, when it is told to or when its parent is gone. The library prints its licence on
-the standard output, which therefore carries nothing else.
+`ARGUMENTS` are JSON of `ServoArguments`. The process reports when it is ready or why it has failed. It ends, without
+force, when it is told to or when its parent is gone. The library prints its licence on the standard output.
 """
 
 import ctypes
@@ -17,22 +16,20 @@ from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from mmap import mmap
-from select import select
-from socket import socket
 from time import monotonic, sleep
 from typing import Any
 
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.slot import Slot
 from weberlink.master.devices.touch import hdapi
-from weberlink.master.devices.touch.exchange import FORCE, FORCE_AT, MEMORY_SIZE, STATE, STATE_AT
+from weberlink.master.devices.touch.exchange import MEMORY_SIZE, Phase, ServoMemory
 from weberlink.master.devices.touch.hdapi import Hdapi, HdError
 from weberlink.realtime.garbage import freeze_garbage
 
-RATE_HZ = 1000
 LOOK_S = 0.01
 """Pause between two looks at the servo loop and at the parent [s]."""
-FIRST_FRAME_S = 2.0
+LONGEST_S = 0.002
+"""Time for which the force comes up in one frame at most, however long the pause before it was [s]."""
+FIRST_FRAME_S = 1.0
 """Longest wait for the first call of the library [s]."""
 SILENT_LOOKS = 50
 """The library counts as stuck after so many looks without a call; counted, since a stopped process does not look."""
@@ -53,8 +50,8 @@ class ServoArguments:
         stale_s: age beyond which a commanded force no longer counts [s].
         ramp_s: how long the force takes to come up after an interruption [s].
         calibration_s: longest wait for the calibration [s].
-        socket: descriptor of the socket to the parent.
         memory: descriptor of the shared memory.
+        parent: its process id.
     """
 
     library: str
@@ -63,8 +60,8 @@ class ServoArguments:
     stale_s: float
     ramp_s: float
     calibration_s: float
-    socket: int
-    memory: int
+    memory: int = -1
+    parent: int = 0
 
 
 class ServoLoop:
@@ -76,20 +73,20 @@ class ServoLoop:
     Args:
         library: with the device initialized.
         handle: of the device.
-        force: slot that is read.
-        state: slot that is written.
+        memory: where it reads the force and writes the state.
         stale_s: [s].
         ramp_s: [s].
     """
 
-    def __init__(self, library: Hdapi, handle: int, force: Slot, state: Slot, stale_s: float, ramp_s: float) -> None:
+    def __init__(self, library: Hdapi, handle: int, memory: ServoMemory, stale_s: float, ramp_s: float) -> None:
         self._library = library
         self._handle = handle
-        self._slot = force
-        self._state = state
+        self._commands = memory.force
+        self._states = memory.state
         self._stale = stale_s
-        self._step = 1.0 / (ramp_s * RATE_HZ)
-        self._commanded = (-inf, 0.0, 0.0, 0.0)
+        self._ramp = ramp_s
+        self._last = inf
+        self._commanded: tuple[Any, ...] = (-inf, 0.0, 0.0, 0.0, 0)
         self._share = 0.0
         self._position = (ctypes.c_double * 3)()
         self._transform = (ctypes.c_double * 16)()
@@ -106,6 +103,11 @@ class ServoLoop:
         self.fault: str | None = None
         """Why there is no force any more; the loop goes on without one."""
 
+    @property
+    def ends(self) -> bool:
+        """Whether the parent has told it to end."""
+        return bool(self._commanded[4])
+
     def frame(self, _: object = None) -> int:
         """Called by the library; never raises, since a callback that raises would end the loop with the force on."""
         try:
@@ -113,7 +115,7 @@ class ServoLoop:
         except BaseException as error:
             self.fault = self.fault or f"internal error: {error!r}"
             with suppress(Exception):
-                self._force[:] = (0.0, 0.0, 0.0)
+                self._force[:] = [0.0, 0.0, 0.0]
                 self._library.hdSetDoublev(hdapi.FORCE, self._force)
                 self._library.hdEndFrame(self._handle)
         return hdapi.CONTINUE
@@ -128,7 +130,8 @@ class ServoLoop:
         if self.calibrates:
             self.calibration = library.hdCheckCalibration()
         faulty = self.fault is not None
-        self._force[:] = x, y, z = self._due(now)
+        x, y, z = self._due(now)
+        self._force[:] = [x, y, z]
         library.hdSetDoublev(hdapi.FORCE, self._force)
         library.hdEndFrame(handle)
         error = library.hdGetError()
@@ -140,20 +143,21 @@ class ServoLoop:
         if faulty:  # the last state stays that of the frame with the fault
             return
         t = self._transform
-        self._state.write(
+        self._states.write(
             self.frames, now, *self._position, *t[0:3], *t[4:7], *t[8:11], x, y, z,
             self._buttons.value, error.code, error.internal,
         )  # fmt: skip
 
     def _due(self, now: float) -> tuple[float, float, float]:
         """The force of this frame [N]."""
-        commanded = self._slot.newest() or self._commanded
-        self._commanded = commanded
-        at, x, y, z = commanded
+        commanded = self._commanded = self._commands.newest() or self._commanded
+        at, x, y, z, _ = commanded
         if now - at > self._stale or self.rests or self.fault is not None:
-            self._share = 0.0
+            self._share, self._last = 0.0, now
             return (0.0, 0.0, 0.0)
-        share = self._share = min(1.0, self._share + self._step)
+        elapsed = min(now - self._last, LONGEST_S)
+        self._last = now
+        share = self._share = min(1.0, self._share + max(0.0, elapsed) / self._ramp)
         return (share * x, share * y, share * z)
 
     def _note(self, error: HdError) -> None:
@@ -168,7 +172,7 @@ class ServoLoop:
 class TouchServo:
     """A device from its initialization until it is released."""
 
-    def __init__(self, arguments: ServoArguments, library: Hdapi, memory: mmap) -> None:
+    def __init__(self, arguments: ServoArguments, library: Hdapi, memory: ServoMemory) -> None:
         self._arguments = arguments
         self._library = library
         self._name = arguments.name or "the default device"
@@ -177,14 +181,7 @@ class TouchServo:
         self._raise_errors("cannot be initialized")
         if self._handle == hdapi.INVALID_HANDLE:
             raise HardwareFault(f"{self._name} cannot be initialized: no reason given")
-        self.loop = ServoLoop(
-            library,
-            self._handle,
-            Slot(memory, FORCE_AT, FORCE),
-            Slot(memory, STATE_AT, STATE),
-            arguments.stale_s,
-            arguments.ramp_s,
-        )
+        self.loop = ServoLoop(library, self._handle, memory, arguments.stale_s, arguments.ramp_s)
         self._callback = hdapi.ServoCallback(self.loop.frame)  # kept alive as long as the library may call it
         self._task: int | None = None
         self._seen = (0, 0)
@@ -204,7 +201,6 @@ class TouchServo:
             library.hdEnable(hdapi.FORCE_OUTPUT)
         described = self._described()
         self._raise_errors("cannot be set up")
-        library.hdSetSchedulerRate(RATE_HZ)
         self._task = library.hdScheduleAsynchronous(self._callback, None, hdapi.DEFAULT_PRIORITY)
         library.hdStartScheduler()
         # The driver for Linux is known to report an error here and to run all the same: the frames tell.
@@ -261,8 +257,8 @@ class TouchServo:
             if monotonic() > until:
                 inkwell = "put the stylus into its inkwell" if style & hdapi.INKWELL_STYLE else "move the handle about"
                 raise HardwareFault(
-                    f"{self._name} is not calibrated (0x{state:04x}): {inkwell} and start again, or calibrate it with the "
-                    "maker's set-up program"
+                    f"{self._name} is not calibrated (0x{state:04x}): {inkwell} and start again, or calibrate it with "
+                    "the maker's set-up program"
                 )
             sleep(LOOK_S)
 
@@ -280,38 +276,41 @@ def _holds(condition: Callable[[], bool], patience: float) -> bool:
     return True
 
 
+def run(arguments: ServoArguments, memory: ServoMemory) -> None:
+    """Serve the device until the parent ends this or is gone."""
+
+    def ended() -> bool:
+        return os.getppid() != arguments.parent
+
+    servo = None
+    try:
+        servo = TouchServo(arguments, Hdapi(arguments.library), memory)
+        described = servo.start()
+        freeze_garbage()
+        memory.say(Phase.READY, described)
+        fault = None
+        while fault is None and not ended() and not servo.loop.ends:
+            sleep(LOOK_S)
+            fault = servo.look()
+        if fault is not None:
+            memory.say(Phase.FAILED, fault)
+    except HardwareFault as fault:
+        memory.say(Phase.FAILED, str(fault))
+    except Exception as error:
+        memory.say(Phase.FAILED, f"internal error: {error!r}")
+    finally:
+        if servo is not None:
+            servo.stop()
+
+
 def main(text: str) -> int:
     arguments = ServoArguments(**json.loads(text))
-    parent = socket(fileno=arguments.socket)
     # Whoever stops the parent may send the same to its children; this one ends with the parent, not before.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.sched_setaffinity(0, range(os.cpu_count() or 1))  # not beside the parent's tick
-
-    def say(**line: object) -> None:
-        with suppress(OSError):
-            parent.sendall(json.dumps(line).encode() + b"\n")
-
-    servo = None
-    try:
-        servo = TouchServo(arguments, Hdapi(arguments.library), mmap(arguments.memory, MEMORY_SIZE))
-        described = servo.start()
-        freeze_garbage()
-        say(ready=described)
-        fault = None
-        while fault is None and not select((parent,), (), (), LOOK_S)[0]:
-            fault = servo.look()
-        if fault is not None:
-            say(fault=fault)
-            select((parent,), (), (), None)  # without force until the parent has read it
-    except HardwareFault as fault:
-        say(fault=str(fault))
-    except Exception as error:
-        say(fault=f"internal error: {error!r}")
-    finally:
-        if servo is not None:
-            servo.stop()
+    run(arguments, ServoMemory(mmap(arguments.memory, MEMORY_SIZE)))
     return 0
 
 

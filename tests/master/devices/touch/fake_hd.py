@@ -79,7 +79,7 @@ class Board(ctypes.Structure):
         """How long after `at` the force was zero [s]; None while it is not."""
         if hypot(*self.force) > 0.0:
             return None
-        return max(0.0, 1e-9 * self.force_at - at)
+        return max(0.0, 1e-9 * int(self.force_at) - at)
 
 
 @cache

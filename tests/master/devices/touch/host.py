@@ -1,0 +1,37 @@
+"""A program that pushes with a Touch until it is stopped; run as a process of its own.
+
+Arguments: options as JSON, and the force [N]. Its first line is the process id of the servo loop, a fault its last one.
+"""
+
+import json
+import sys
+from time import monotonic, sleep
+
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.touch.device import TouchDevice
+from weberlink.master.devices.touch.options import TouchOptions
+
+TICK = 0.001
+
+
+def main(options: str, force: str) -> None:
+    wanted = TouchOptions.model_validate_json(options)
+    device = TouchDevice(wanted.model_copy(update={"signs_checked": TouchDevice.fingerprint(wanted)}), TICK)
+    x, y, z = json.loads(force)
+    device.open(monotonic())
+    sys.stdout.write(f"{device.servo_pid}\n")
+    sys.stdout.flush()
+    try:
+        while True:
+            now = monotonic()
+            device.latest(now)
+            device.command((x, y, z), now)
+            sleep(TICK)
+    except DeviceFault as fault:
+        sys.stdout.write(f"{fault}\n")
+        sys.stdout.flush()
+    device.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
