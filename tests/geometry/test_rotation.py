@@ -14,6 +14,7 @@ from weberlink.geometry.rotation import (
     angle_between,
     inverse,
     negative,
+    of_matrix,
     product,
     quaternion,
     toward,
@@ -51,6 +52,35 @@ def by_matrix(q: Quaternion, v: Vector) -> Vector:
         dot((2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)), v),
         dot((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), v),
     )
+
+
+@given(units(), st.floats(-1e-4, 1e-4))
+def test_rotation_matrix_becomes_its_quaternion_to_its_precision(q: Quaternion, error: float) -> None:
+    columns = [by_matrix(q, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    first, second, third = zip(*columns, strict=True)
+    exact = of_matrix(first, second, third)
+    assert exact is not None
+    assert angle_between(exact, q) < 1e-7
+    rounded = of_matrix((first[0] + error, first[1], first[2]), second, third)
+    assert rounded is not None
+    assert angle_between(rounded, q) <= 2.0 * abs(error) + 1e-7
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ((0.0, 0.0, 0.0),) * 3,
+        ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        ((1.0, 0.0, 0.0), (0.1, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        ((1.1, 0.0, 0.0), (0.0, 1.1, 0.0), (0.0, 0.0, 1.1)),
+        ((nan, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        ((inf, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        ((1.0, 0.0, nan), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ],
+    ids=["zero", "reflection", "shear", "too long", "nan", "infinite", "nan off the diagonal"],
+)
+def test_matrix_that_is_no_rotation_is_refused(rows: tuple[Vector, Vector, Vector]) -> None:
+    assert of_matrix(*rows) is None
 
 
 @given(units(), units(), vectors)

@@ -1,23 +1,28 @@
 """The driver `touch`: 3D Systems Touch, Touch X and PHANTOM through the maker's library."""
 
 from collections.abc import Mapping
-from math import sqrt
+from math import inf, isfinite
 from threading import Thread
 from typing import ClassVar
 
 from pydantic import BaseModel
 
-from weberlink.geometry.vector import Vector, is_finite, norm
+from weberlink.geometry.rotation import IDENTITY, of_matrix
+from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S, STALE_S
+from weberlink.master.devices.touch.exchange import ServoState
 from weberlink.master.devices.touch.hdapi import HdError
 from weberlink.master.devices.touch.options import NAME, TouchOptions, signs_fingerprint
 from weberlink.master.devices.touch.process import ServoProcess
 from weberlink.master.devices.touch.servo import ServoArguments
 
 BUTTONS = 2
+BUTTON_BITS = (1 << BUTTONS) - 1
+NOWHERE = DeviceReading(-inf, ZERO, False, IDENTITY)
+"""Before the first valid frame; too old for a tick to take."""
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 UNKNOWN_WATCHDOG = (
     "whether its board removes the force when this host loses its power or the cable is pulled is not published"
@@ -34,6 +39,7 @@ class TouchDevice:
     Options: ClassVar[type[BaseModel]] = TouchOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x2988, 0x0302), UsbId(0x0301, 0x2988))
     """The Touch with USB, as two reports have it; the others are not seen."""
+    CHOSEN_BY: ClassVar[str] = "name, as the maker's set-up program calls them"
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = dict.fromkeys(
         "xyz", "there is no option for it: the maker's library gives the directions; calibrate the device"
     )
@@ -65,6 +71,7 @@ class TouchDevice:
         self._stopping: Thread | None = None
         self._answer: tuple[float, DeviceReading] | None = None
         self._frames = 0
+        self._newest = NOWHERE
         self.trouble: str | None = None
         """Why there is less force than commanded, or why a force may be left; None where there is no such reason."""
 
@@ -91,6 +98,7 @@ class TouchDevice:
             raise DeviceFault(f"{NAME}: {fault}") from None
         self.trouble = self._fault = None
         self._limit = min(self.spec.force_n, described["force_n"])
+        self._frames, self._newest = 0, NOWHERE
         self._is_open = True
 
     def latest(self, now: float) -> DeviceReading:
@@ -106,16 +114,21 @@ class TouchDevice:
             self._stopping = Thread(target=self._stop, name="weberlink-touch-stop")
             self._stopping.start()
             raise DeviceFault(f"{NAME}: {fault}") from None
-        if self._answer is not None and state.frames == self._frames:
-            reading = self._answer[1]
-        else:
-            x, y, z = state.position
-            position = (1e-3 * z, 1e-3 * x, 1e-3 * y)
-            reading = DeviceReading(state.at, position, False, orientation(state.axes), state.buttons & 3)
-            self._frames = state.frames
-            self.trouble = HdError(state.error, state.internal).in_words if state.error else None
+        reading = self._newest if state.frames == self._frames else self._read(state)
         self._answer = (now, reading)
         return reading
+
+    def _read(self, state: ServoState) -> DeviceReading:
+        """The reading of a new frame; the last one again if its values cannot be."""
+        self._frames = state.frames
+        self.trouble = HdError(state.error, state.internal).in_words if state.error else None
+        found = pose(state)
+        if found is None:
+            self.trouble = "the library gives a transform that cannot be"
+        else:
+            position, orientation = found
+            self._newest = DeviceReading(state.at, position, False, orientation, state.buttons & BUTTON_BITS)
+        return self._newest
 
     def command(self, force: Vector, now: float) -> None:
         if not is_finite(force):
@@ -139,26 +152,12 @@ class TouchDevice:
         self.trouble = self._process.stop() or self.trouble
 
 
-def orientation(axes: tuple[Vector, Vector, Vector]) -> Quaternion:
-    """Turns the frame of the handle into that of the device, both with x toward the operator, y right and z up.
+def pose(state: ServoState) -> tuple[Vector, Quaternion] | None:
+    """Position [m] and orientation in the frame of the driver; None if a position is not finite or a transform no turn.
 
-    Shepperd's method, "Quaternion from rotation matrix" (1978): the largest of the four squares is the divisor.
-
-    Args:
-        axes: x, y and z axis of the handle in the frame of the library, unit vectors.
+    The frames are turned by a third of a turn about the diagonal: x, y, z are z, x, y of the library.
     """
-    (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
-    trace = m00 + m11 + m22
-    largest = max(trace, m00, m11, m22)
-    if largest == trace:
-        w, x, y, z = 1.0 + trace, m21 - m12, m02 - m20, m10 - m01
-    elif largest == m00:
-        w, x, y, z = m21 - m12, 1.0 + m00 - m11 - m22, m01 + m10, m02 + m20
-    elif largest == m11:
-        w, x, y, z = m02 - m20, m01 + m10, 1.0 + m11 - m00 - m22, m12 + m21
-    else:
-        w, x, y, z = m10 - m01, m02 + m20, m12 + m21, 1.0 + m22 - m00 - m11
-    length = sqrt(w * w + x * x + y * y + z * z)
-    if length == 0.0:
-        return (1.0, 0.0, 0.0, 0.0)
-    return (w / length, z / length, x / length, y / length)
+    x, y, z = state.position
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = state.axes
+    orientation = of_matrix((zz, xz, yz), (zx, xx, yx), (zy, xy, yy))
+    return ((1e-3 * z, 1e-3 * x, 1e-3 * y), orientation) if orientation and isfinite(x + y + z) else None

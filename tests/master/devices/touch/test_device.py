@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import sqrt
+from math import inf, nan
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -13,17 +13,18 @@ from hypothesis import strategies as st
 
 from tests.hardware.scripted import wait_for
 from tests.master.devices.touch.fake_hd import FORCE_OUTPUT, Board, library, plugged
-from weberlink.geometry.rotation import turned
+from weberlink.geometry.rotation import turned, unit_quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.devices.touch import hdapi
-from weberlink.master.devices.touch.device import TouchDevice, orientation
+from weberlink.master.devices.touch.device import TouchDevice, pose
 from weberlink.master.devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
 from weberlink.master.devices.touch.options import TouchOptions
 from weberlink.master.devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop
 
 TICK = 0.001
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def device(*, armed: bool = True, **options: Any) -> TouchDevice:
@@ -77,14 +78,34 @@ def test_axes_of_position_force_and_buttons(board: Board) -> None:
         push(touch, (0.3, 0.1, 0.2), until=lambda: tuple(board.force) == pytest.approx((0.1, 0.2, 0.3)))
 
 
-@given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01), st.integers(0, 2))
-def test_orientation_turns_handle_axes_as_transform_does(parts: Quaternion, axis: int) -> None:
-    size = sqrt(sum(part * part for part in parts))
-    w, x, y, z = (part / size for part in parts)
-    x_axis, y_axis, z_axis = (turned((w, x, y, z), unit) for unit in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
-    axes = (x_axis, y_axis, z_axis)
-    unit = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))[axis]
-    assert turned(orientation(axes), ours(unit)) == pytest.approx(ours(axes[axis]), abs=1e-9)
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01))
+def test_orientation_turns_handle_axes_as_transform_does(parts: Quaternion) -> None:
+    unit = unit_quaternion(parts)
+    assert unit is not None
+    axes = (turned(unit, X), turned(unit, Y), turned(unit, Z))
+    found = pose(BEFORE_FIRST._replace(axes=axes))
+    assert found is not None
+    for axis, to in zip((X, Y, Z), axes, strict=True):
+        assert turned(found[1], ours(axis)) == pytest.approx(ours(to), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"position": (inf, 0.0, 0.0)}, {"axes": ((1.0, 0.0, 0.0),) * 3}, {"axes": ((nan, 0.0, 0.0),) * 3}],
+)
+def test_pose_that_cannot_be_is_none(wrong: dict[str, Any]) -> None:
+    assert pose(BEFORE_FIRST._replace(**{"axes": (X, Y, Z), **wrong})) is None
+
+
+def test_frames_without_valid_pose_repeat_the_last_reading(board: Board) -> None:
+    with opened() as touch:
+        reading = touch.latest(monotonic())
+        board.rotation[0] = 0.5
+        push(touch, (0.0, 0.0, 0.0), until=lambda: touch.trouble is not None)
+        last = touch.latest(monotonic())
+        sleep(0.01)
+        assert touch.latest(monotonic()).at == last.at >= reading.at
+        assert touch.trouble == "the library gives a transform that cannot be"
 
 
 def test_device_without_checked_signs_keeps_motors_off(board: Board) -> None:
@@ -163,8 +184,7 @@ def test_force_error_is_told_and_ramps_again(board: Board) -> None:
         seen = board.logged
         board.error, board.errors_left = 0x0200, ERRORS_MOST - 10
         push(touch, (0.0, 0.0, 2.0), until=lambda: touch.trouble is not None)
-        assert touch.trouble is not None
-        assert "HD_WARM_MOTORS" in touch.trouble
+        assert "HD_WARM_MOTORS" in str(touch.trouble)
         push(touch, (0.0, 0.0, 2.0), until=lambda: touch.trouble is None and board.displayed > 1.99)
         assert min(force for _, force in board.forces[seen:]) <= 2.0 * LONGEST_S / RAMP_S * 1.01
 
