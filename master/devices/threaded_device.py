@@ -1,7 +1,9 @@
 """A blocking device behind the non-blocking `Device` contract: its exchange runs in a thread."""
 
+from collections.abc import Callable
 from hashlib import sha256
-from typing import Protocol, runtime_checkable
+from math import inf
+from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.hardware.fault import HardwareFault
@@ -13,6 +15,21 @@ STALE_S = 0.01
 RAMP_S = 0.05
 """Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
 
+Command = TypeVar("Command")
+
+
+class Wrench(NamedTuple):
+    """Force [N] and torque [N m] on the hand."""
+
+    force: Vector = ZERO
+    torque: Vector = ZERO
+
+    def scaled(self, factor: float) -> "Wrench":
+        return Wrench(scale(self.force, factor), scale(self.torque, factor))
+
+
+NO_WRENCH = Wrench()
+
 
 @runtime_checkable
 class SessionExchange(Protocol):
@@ -23,41 +40,46 @@ class SessionExchange(Protocol):
         ...
 
 
-class ThreadedDevice:
-    """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
+class BlockingDevice(Generic[Command]):
+    """A device on a `Worker`; a subclass makes commands of what is to be displayed. Times are of `time.monotonic` [s].
 
-    A command starts an exchange at once. Without commands the exchange continues with zero force, which feeds the
-    device's own watchdog. After every interruption the force ramps up from zero over `RAMP_S`.
+    A command starts an exchange at once. Without commands the exchange continues with `rest`, which feeds the
+    device's own watchdog. After every interruption commands ramp up from zero over `RAMP_S`.
 
     Args:
         spec: of the device.
-        exchange: takes a force [N] along the axes and within the limit of the spec, and gives a reading; see
+        exchange: takes a command within the limits of the spec, and gives a reading; see
             `weberlink.hardware.worker.Exchange` for its exceptions.
         tick_period: [s].
-        bad_replies: number in a row that ends the session; there is no force from the first.
+        rest: the command that displays nothing.
+        share: gives a share of a command, 0 to 1.
+        bad_replies: number in a row that ends the session; nothing is displayed from the first.
         reconnect: how long to look for the device when it is gone [s].
     """
 
     def __init__(
         self,
         spec: DeviceSpec,
-        exchange: Exchange[Vector, DeviceReading],
+        exchange: Exchange[Command, DeviceReading],
         tick_period: float,
         *,
+        rest: Command,
+        share: Callable[[Command, float], Command],
         bad_replies: int = 10,
         reconnect: float = 0.0,
     ) -> None:
         self.spec = spec
         self._exchange = exchange
+        self._stale = max(STALE_S, 3.0 * tick_period)
         self._worker = Worker(
             exchange,
-            rest=ZERO,
+            rest=rest,
             period=2.0 * tick_period,  # else the pause could end just before the command comes
             on_command=True,
-            stale=max(STALE_S, 3.0 * tick_period),
+            stale=self._stale,
             bad_replies=bad_replies,
             reconnect=reconnect,
-            scale=scale,
+            scale=share,
             ramp=RAMP_S,
         )
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
@@ -98,13 +120,12 @@ class ThreadedDevice:
             self._answer = (now, self._worker.newest[0])
         return self._answer[1]
 
-    def command(self, force: Vector, now: float) -> None:
+    def _displayable(self, force: Vector) -> Vector:
+        """The force along the axes of the device, cut to its limit; raises ValueError for one that is not finite."""
         if not is_finite(force):
             raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
         x, y, z = self._mask
-        along = (x * force[0], y * force[1], z * force[2])
-        length, limit = norm(along), self.spec.force_n
-        self._worker.command(along if length <= limit else scale(along, limit / length), now)
+        return _within((x * force[0], y * force[1], z * force[2]), self.spec.force_n)
 
     def close(self) -> None:
         self._is_open = False
@@ -115,6 +136,77 @@ class ThreadedDevice:
         """The fault with the driver's name in front, once."""
         name = f"{self.spec.name}: "
         return DeviceFault(name + why.removeprefix(name))
+
+
+class ThreadedDevice(BlockingDevice[Vector]):
+    """A device that displays force alone: its exchange takes a force [N] along the axes.
+
+    For the arguments see `BlockingDevice`.
+    """
+
+    def __init__(
+        self,
+        spec: DeviceSpec,
+        exchange: Exchange[Vector, DeviceReading],
+        tick_period: float,
+        *,
+        bad_replies: int = 10,
+        reconnect: float = 0.0,
+    ) -> None:
+        super().__init__(
+            spec, exchange, tick_period, rest=ZERO, share=scale, bad_replies=bad_replies, reconnect=reconnect
+        )
+
+    def command(self, force: Vector, now: float) -> None:
+        self._worker.command(self._displayable(force), now)
+
+
+class ThreadedTorqueDevice(BlockingDevice[Wrench]):
+    """A device that displays force and torque, as one command; see `BlockingDevice` for the arguments.
+
+    `command` starts the exchange, with the torque of the last `turn`: a loop that turns after it commands is one tick
+    late with the torque. A torque ends as a force does when no new one comes.
+    """
+
+    def __init__(
+        self,
+        spec: DeviceSpec,
+        exchange: Exchange[Wrench, DeviceReading],
+        tick_period: float,
+        *,
+        bad_replies: int = 10,
+        reconnect: float = 0.0,
+    ) -> None:
+        super().__init__(
+            spec,
+            exchange,
+            tick_period,
+            rest=NO_WRENCH,
+            share=Wrench.scaled,
+            bad_replies=bad_replies,
+            reconnect=reconnect,
+        )
+        self._torque: tuple[Vector, float] = (ZERO, -inf)
+        """The last one, and its time."""
+
+    def open(self, now: float) -> None:
+        self._torque = (ZERO, -inf)
+        super().open(now)
+
+    def command(self, force: Vector, now: float) -> None:
+        torque, at = self._torque
+        self._worker.command(Wrench(self._displayable(force), torque if now - at <= self._stale else ZERO), now)
+
+    def turn(self, torque: Vector, now: float) -> None:
+        if not is_finite(torque):
+            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
+        self._torque = (_within(torque, self.spec.torque_n_m), now)
+
+
+def _within(vector: Vector, limit: float) -> Vector:
+    """The vector, shortened to the limit where it is longer."""
+    length = norm(vector)
+    return vector if length <= limit else scale(vector, limit / length)
 
 
 def fingerprint(settings: str) -> str:

@@ -140,6 +140,13 @@ def test_identical_devices_are_listed_by_stable_names(tmp_path: Path) -> None:
     )
 
 
+def test_devices_without_port_are_chosen_by_their_option() -> None:
+    access = DeviceAccess(accessible=lambda path: True, rules=())
+    two = (PluggedDevice("/dev/bus/usb/001/004"), PluggedDevice("/dev/bus/usb/001/005"))
+    found = status(access, paddle=driver(*two, CHOSEN_BY="serial_number"))
+    assert found.advice == ("2 are plugged in; say which under master.device: serial_number",)
+
+
 @pytest.fixture
 def node(tmp_path: Path) -> Path:
     path = tmp_path / "ttyACM0"

@@ -4,7 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, UsbId, hid_devices, only, serial_ports
+from weberlink.hardware.discovery import (
+    DeviceLocator,
+    PluggedDevice,
+    UsbId,
+    hid_devices,
+    only,
+    serial_ports,
+    usb_devices,
+)
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.polhem.serial_device import teensys
 
@@ -45,6 +53,29 @@ def test_identity_matches_product_or_whole_vendor() -> None:
 def test_unknown_vendor_finds_nothing() -> None:
     nobody = (UsbId(0xFFFF, 0xFFFF),)
     assert serial_ports(nobody) == hid_devices(nobody) == serial_ports(()) == hid_devices(()) == []
+
+
+def test_usb_device_is_listed_by_its_node(tmp_path: Path) -> None:
+    interface = tmp_path / "1-5:1.0"
+    for folder, attributes in {
+        tmp_path / "usb1": {"idVendor": "1d6b", "idProduct": "0002", "busnum": "1", "devnum": "1"},
+        tmp_path / "1-5": {
+            "idVendor": "1451",
+            "idProduct": "0402",
+            "busnum": "1",
+            "devnum": "24",
+            "product": "omega.x",
+        },
+        interface: {"bInterfaceNumber": "00"},
+    }.items():
+        folder.mkdir()
+        for name, value in attributes.items():
+            (folder / name).write_text(f"{value}\n")
+    (found,) = usb_devices([UsbId(0x1451)], tmp_path)
+    assert (found.path, found.name, found.serial_number) == ("/dev/bus/usb/001/024", "omega.x", "")
+    assert found.problem is not None
+    assert found.problem.startswith("no permission to open /dev/bus/usb/001/024; ")
+    assert usb_devices([UsbId(0x1451, 0x0403)], tmp_path) == usb_devices([UsbId(0x1451)], tmp_path / "none") == []
 
 
 def test_named_port_is_taken_whatever_is_plugged_in() -> None:

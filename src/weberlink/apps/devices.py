@@ -163,8 +163,9 @@ class _Inspection:
         advice = [line for found, state in zip(plugged, states, strict=True) for line in self._advice(found, state)]
         usable = [found for found, state in zip(plugged, states, strict=True) if state == READY]
         if len(usable) > 1:
-            ports = " or ".join(f"port: {self._lasting(found.path)}" for found in usable)
-            advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[self.side]}: {ports}")
+            choices = " or ".join(f"port: {self._lasting(found.path)}" for found in usable)
+            choices = getattr(driver, "CHOSEN_BY", choices)
+            advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[self.side]}: {choices}")
         state = READY if usable else states[0] if states else NOTHING
         return self._status("hardware", extra, state, plugged, *advice)
 

@@ -106,6 +106,24 @@ def input_devices(key: int, root: Path = Path("/sys/class/input")) -> list[Plugg
     return sorted(found, key=lambda each: each.path)
 
 
+def usb_devices(ids: Iterable[UsbId], root: Path = Path("/sys/bus/usb/devices")) -> list[PluggedDevice]:
+    """USB devices with one of these identities that a library reaches by libusb, by path; none of them is opened."""
+    wanted = tuple(ids)
+    found = []
+    for entry in root.glob("*"):
+        try:
+            vendor, product, bus, number = (
+                int(_attribute(entry, name), base)
+                for name, base in (("idVendor", 16), ("idProduct", 16), ("busnum", 10), ("devnum", 10))
+            )
+        except ValueError:  # an interface, which has none of these
+            continue
+        if any(id_.matches(vendor, product) for id_ in wanted):
+            path = f"/dev/bus/usb/{bus:03d}/{number:03d}"
+            found.append(PluggedDevice(path, _attribute(entry, "product"), _attribute(entry, "serial"), _problem(path)))
+    return sorted(found, key=lambda each: each.path)
+
+
 def _attribute(device: Path, name: str) -> str:
     try:
         return (device / name).read_text(encoding="utf-8", errors="replace").strip()

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from tests.apps.device_test.people import Keyboard, complaint
+from tests.master.devices.force_dimension.fake import Devices, FakeDevice
 from tests.system.processes import PATIENCE
 from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
 from weberlink.apps.device_test.master import PUSH_N
@@ -86,7 +87,7 @@ class Emulated:
 
         return [(calm, ""), answer]
 
-    def check(self, name: str, port: Path, axes: str, *overrides: str) -> tuple[str, str]:
+    def check(self, name: str, port: Path | None, axes: str, *overrides: str) -> tuple[str, str]:
         """The whole test by a person who tells the truth: what is on the screen, and the complaint if there is one."""
         screen, began = io.StringIO(), monotonic()
         keyboard = Keyboard(screen, "", "")
@@ -101,10 +102,42 @@ class Emulated:
 
         dialog = Dialog(keyboard, screen, clock=clock, pause=self.pause, poll=0.02)
         try:
-            run(DeviceTestRequest(name, None, [f"port={port}", *overrides]), dialog)
+            where = [] if port is None else [f"port={port}"]
+            run(DeviceTestRequest(name, None, [*where, *overrides]), dialog)
         except DeviceTestError as error:
             return screen.getvalue(), str(error)
         return screen.getvalue(), ""
+
+
+class HeldHandle:
+    """The handle of a device behind a library, in place of an emulator's."""
+
+    def __init__(self, device: FakeDevice) -> None:
+        self._device = device
+        self.handle = self
+        self.arrived = True
+
+    @property
+    def force(self) -> Vector:
+        return self._device.wrench[0]
+
+    @property
+    def position(self) -> Vector:
+        return self._device["x"], self._device["y"], self._device["z"]
+
+    def carry(self, to: Vector) -> None:
+        for axis, value in zip("xyz", to, strict=True):
+            self._device[axis] = value
+        sleep(0.01)  # the driver reads every 2 ms
+
+    def receive(self, data: bytes, now: float) -> None: ...
+
+
+class BehindLibrary(Emulated):
+    """A device whose messages nobody sees."""
+
+    def carried(self, *to: float, is_open: bool = True) -> tuple[Callable[[], None], str]:  # noqa: ARG002
+        return super().carried(*to, is_open=False)
 
 
 @contextmanager
@@ -137,6 +170,19 @@ def test_emulated_planar_device_passes_with_two_axes(tmp_path: Path) -> None:
         screen, error = device.check("haply_2diy", port, "xy")
     assert error == "", screen
     assert "The force is right.\n" in screen
+
+
+@pytest.mark.parametrize("model", ["omega.3", "novint_falcon"])
+def test_device_behind_library_passes_and_gets_force(model: str, tmp_path: Path) -> None:
+    fake = Devices(tmp_path / "devices")
+    device = BehindLibrary(HeldHandle(fake[0].plug({"omega.3": 33, "novint_falcon": 60}[model])))
+    options = {"library": str(fake.library), "model": model}
+    screen, error = device.check("force_dimension", None, "xyz", *(f"{key}={value}" for key, value in options.items()))
+    assert error == "", screen
+    assert "The force is right.\n" in screen
+    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
+    driver: Any = devices.load("force_dimension")
+    assert driver(driver.Options(**options, **yaml.safe_load(line)), 0.001).spec.force_feedback
 
 
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from tests.master.devices.force_dimension.fake import Devices as FakeDhd
 from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 from tests.master.devices.targets import Targets
@@ -112,6 +113,30 @@ def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
 
 
 @contextmanager
+def force_dimension(folder: Path) -> Iterator[Bench]:
+    """A real library file, compiled, in place of the maker's."""
+    fake = FakeDhd(folder / "devices")
+    handle = fake[0].plug()
+    handle["swing_m"] = 0.05
+    device = armed("force_dimension", library=str(fake.library))
+    faults: dict[str, Callable[[], None]] = {
+        "unplug": lambda: handle.__setitem__("present", 0),
+        "silent": lambda: handle.__setitem__("fails", 7),
+        "garbled": lambda: handle.__setitem__("not_a_number", 1),
+        "restart": lambda: handle.__setitem__("reset", 1),
+        "button": lambda: handle.switch_off(1),
+        "too_fast": lambda: handle.switch_off(2),
+    }
+    try:
+        yield Bench(device, real_time(), lambda: norm(handle.wrench[0]), faults)
+    finally:
+        device.close()
+
+
+DHD_FAULTS = ("unplug", "silent", "garbled", "restart", "button", "too_fast")
+
+
+@contextmanager
 def polhem_hid(folder: Path) -> Iterator[Bench]:
     if ADDRESS not in os.environ:
         pytest.skip("in the process that test_hid_contract starts")
@@ -156,6 +181,7 @@ def touch(folder: Path) -> Iterator[Bench]:
 
 
 BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
+    "force_dimension": force_dimension,
     "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
     "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
     "operator": operator,
@@ -166,10 +192,11 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
     "touch": touch,
 }
-ON_A_WIRE = ("haply_2diy", "polhem_hid", "polhem_serial", "touch")
+ON_A_WIRE = ("force_dimension", "haply_2diy", "polhem_hid", "polhem_serial", "touch")
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "polhem_serial") for fault in SERIAL_FAULTS),
     *(("polhem_hid", fault) for fault in HID_FAULTS),
+    *(("force_dimension", fault) for fault in DHD_FAULTS),
     *(("touch", fault) for fault in ("unplug", "silent", "killed", "stopped")),
 ]

@@ -9,7 +9,14 @@ import pytest
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
-from weberlink.master.devices.threaded_device import RAMP_S, STALE_S, ThreadedDevice
+from weberlink.master.devices.threaded_device import (
+    NO_WRENCH,
+    RAMP_S,
+    STALE_S,
+    ThreadedDevice,
+    ThreadedTorqueDevice,
+    Wrench,
+)
 
 PATIENCE = 30.0
 TICK = 0.001
@@ -124,3 +131,43 @@ def test_a_fault_has_the_name_in_front_once(
     exchange.trouble = None
     device.open(0.0)
     assert device.latest(0.0).at <= monotonic()
+
+
+class WrenchExchange:
+    """Takes down the last wrench that it is told."""
+
+    def __init__(self) -> None:
+        self.told = NO_WRENCH
+
+    def open(self) -> DeviceReading:
+        return DeviceReading(monotonic(), (0.0, 0.0, 0.0))
+
+    def exchange(self, command: Wrench) -> DeviceReading:
+        self.told = command
+        return self.open()
+
+    def close(self) -> None: ...
+
+
+def test_torque_goes_with_the_force_within_limit_until_stale() -> None:
+    spec = DeviceSpec(
+        "thing", "xyz", 3.0, 500.0, BOX, 1.0 / TICK, force_feedback=True, orientation=True, torque_n_m=0.2
+    )
+    exchange = WrenchExchange()
+    device = ThreadedTorqueDevice(spec, exchange, TICK)
+    device.turn((0.1, 0.0, 0.0), monotonic())
+    device.open(monotonic())
+    try:
+        gives_up = monotonic() + PATIENCE
+        while exchange.told != ((1.0, 0.0, 0.0), (0.0, 0.2, 0.0)):
+            assert monotonic() < gives_up
+            assert exchange.told.torque[0] == 0.0, "what was said before it was opened has no effect"
+            device.command((1.0, 0.0, 0.0), monotonic())
+            device.turn((0.0, 7.0, 0.0), monotonic())
+            sleep(TICK)
+        while exchange.told != ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)):
+            assert monotonic() < gives_up
+            device.command((1.0, 0.0, 0.0), monotonic())
+            sleep(TICK)
+    finally:
+        device.close()

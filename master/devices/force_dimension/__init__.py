@@ -1,0 +1,1 @@
+"""Devices of Force Dimension, and the Novint Falcon, through the maker's library."""

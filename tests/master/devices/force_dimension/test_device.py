@@ -1,0 +1,296 @@
+"""The driver in this process, against the stand-in for the maker's library."""
+
+import re
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from tests.hardware.scripted import wait_for
+from tests.master.devices.force_dimension.fake import Devices
+from weberlink.geometry.vector import Vector, norm
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
+from weberlink.master.devices.force_dimension.library import PROTOTYPES, DhdLibrary, find
+from weberlink.master.devices.force_dimension.models import MODELS
+from weberlink.master.devices.force_dimension.options import ForceDimensionOptions
+from weberlink.master.devices.threaded_device import RAMP_S
+
+TICK = 0.001
+PUSH: Vector = (0.0, 2.0, 0.0)
+SIGMA_7, LAMBDA_7, FALCON = 104, 108, 60
+BUTTON, VELOCITY, WATCHDOG = 1, 2, 3
+
+Make = Callable[..., ForceDimensionDevice]
+
+
+@pytest.fixture
+def devices(tmp_path: Path) -> Devices:
+    return Devices(tmp_path / "devices")
+
+
+@pytest.fixture
+def make(devices: Devices) -> Iterator[Make]:
+    """Makes a device whose signs count as checked, unless told otherwise."""
+    made: list[ForceDimensionDevice] = []
+
+    def of(*, checked: bool = True, **options: Any) -> ForceDimensionDevice:
+        wanted = ForceDimensionOptions(**{"library": str(devices.library), **options})
+        signs = ForceDimensionDevice.fingerprint(wanted) if checked else None
+        made.append(ForceDimensionDevice(wanted.model_copy(update={"signs_checked": signs}), TICK))
+        return made[-1]
+
+    yield of
+    for device in made:
+        device.close()
+
+
+def hold(device: ForceDimensionDevice, until: Callable[[], bool], force: Vector = PUSH) -> None:
+    """Command a force tick by tick until something is so."""
+
+    def so() -> bool:
+        now = monotonic()
+        device.latest(now)
+        device.command(force, now)
+        return until()
+
+    wait_for(so)
+
+
+def refusal(device: ForceDimensionDevice) -> str:
+    with pytest.raises(DeviceFault) as raised:
+        device.open(monotonic())
+    assert "\n" not in str(raised.value)
+    return str(raised.value)
+
+
+def ends(device: ForceDimensionDevice) -> str:
+    """The fault that ends the session."""
+    with pytest.raises(DeviceFault) as raised:
+        hold(device, lambda: False)
+    return str(raised.value)
+
+
+# --- force
+
+
+def test_without_checked_signs_no_force_is_ever_enabled(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug()
+    handle["z"] = 0.04
+    device = make(checked=False)
+    assert "weberlink device test force_dimension" in device.spec.note
+    device.open(monotonic())
+    for _ in range(50):
+        device.command(PUSH, monotonic())
+        sleep(TICK)
+    assert device.latest(monotonic()).position == (0.0, 0.0, 0.04)
+    assert (handle["sets"], handle["enables"], handle["force_on"]) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("changed", [{"model": "omega.6"}, {"serial_number": 7}])
+def test_other_model_or_device_needs_another_sign_check(changed: dict[str, Any]) -> None:
+    before = ForceDimensionDevice.fingerprint(ForceDimensionOptions())
+    after = ForceDimensionOptions(**changed, signs_checked=before)
+    assert not ForceDimensionDevice(after, TICK).spec.force_feedback
+
+
+def test_device_keeps_the_time_limit_and_expert_mode_ends(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug()
+    device = make(watchdog_ms=10.0)
+    assert device.spec.watchdog_s == 0.01
+    device.open(monotonic())
+    assert handle["watchdog"] == 80
+    library = DhdLibrary(str(devices.library))
+    assert library.tell("dhdSetWatchdog", 255, 0) < 0
+    assert library.words("dhdErrorGetLastStr") == "expert mode disabled"
+    assert handle["gravity"] == 1
+
+
+def test_device_without_time_limit_is_refused_until_accepted(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug(FALCON)
+    handle["has_watchdog"] = 0
+    said = refusal(make(model="novint_falcon"))
+    assert "takes no time limit for its force (dhdSetWatchdog: not available)" in said
+    assert "set master.device.watchdog_ms: 0" in said
+    assert (handle["owner"], handle["force_on"]) == (0, 0)
+    device = make(model="novint_falcon", watchdog_ms=0.0)
+    assert device.spec.watchdog_s is None, "the configuration asks for master.accept_no_watchdog then"
+    device.open(monotonic())
+    hold(device, lambda: norm(handle.wrench[0]) > 1.9)
+
+
+def test_watchdog_that_tripped_lets_force_ramp_up_again(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug()
+    device = make()
+    device.open(monotonic())
+    hold(device, lambda: norm(handle.wrench[0]) > 1.9)
+    seen = int(handle["sets"])
+    handle.switch_off(WATCHDOG)
+    hold(device, lambda: handle["enables"] == 2 and norm(handle.wrench[0]) > 1.9)
+    forces = [(at, norm(force)) for at, force in handle.log(seen)]
+    assert min(force for _, force in forces) == 0.0
+    for (before, a), (after, b) in pairwise(forces):
+        assert b - a <= 2.0 * (2.0 * TICK + after - before) / RAMP_S
+
+
+@pytest.mark.parametrize(
+    ("cause", "words"), [(BUTTON, "by its force button"), (VELOCITY, "its velocity limit tripped")]
+)
+def test_force_switched_off_by_person_stays_off_over_reconnection(
+    cause: int, words: str, devices: Devices, make: Make
+) -> None:
+    handle = devices[0].plug()
+    device = make(reconnect_s=0.2)
+    device.open(monotonic())
+    hold(device, lambda: norm(handle.wrench[0]) > 1.9)
+    handle.switch_off(cause)
+    assert f"force_dimension: its force is off: {words}; start the session again" in ends(device)
+    assert (handle["enables"], handle["force_on"]) == (1, 0)
+    device.open(monotonic())
+    hold(device, lambda: norm(handle.wrench[0]) > 1.9)
+
+
+def test_torque_is_displayed_within_its_limit_and_ends(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug(LAMBDA_7)
+    device = make(model="lambda.7", torque_n_m=0.1)
+    assert device.spec.torque_n_m == 0.1
+    device.open(monotonic())
+
+    def turning() -> bool:
+        device.turn((0.0, 0.0, -5.0), monotonic())
+        return handle.wrench[1][2] < -0.0999
+
+    hold(device, turning)
+    assert handle.wrench[1] == pytest.approx((0.0, 0.0, -0.1))
+    assert handle["gripper"] == 0
+    hold(device, lambda: handle.wrench[1] == (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="torque that is not finite"):
+        device.turn((0.0, float("nan"), 0.0), monotonic())
+
+
+# --- readings
+
+
+@pytest.mark.parametrize(("model", "type_", "shown"), [("sigma.7", SIGMA_7, 0xA5), ("novint_falcon", FALCON, 0x5)])
+def test_readings_have_what_the_model_has(model: str, type_: int, shown: int, devices: Devices, make: Make) -> None:
+    handle = devices[0].plug(type_)
+    handle["x"], handle["buttons"], handle["turned_rad"] = 0.01, 0x7A5, 0.2
+    device = make(model=model)
+    device.open(monotonic())
+    reading = device.latest(monotonic())
+    assert (reading.position, reading.buttons) == ((0.01, 0.0, 0.0), shown)
+    assert (reading.orientation is not None) == (model == "sigma.7")
+
+
+# --- which device
+
+
+def test_device_is_chosen_by_its_serial_number(devices: Devices, make: Make) -> None:
+    devices[0].plug(33, 11)
+    devices[1].plug(33, 12)
+    said = refusal(make())
+    assert "2 are plugged in, with serial numbers 11, 12; say which with master.device.serial_number" in said
+    assert "the one with serial number 13 is not there, but 11, 12" in refusal(make(serial_number=13))
+    device = make(serial_number=12)
+    device.open(monotonic())
+    hold(device, lambda: norm(devices[1].wrench[0]) > 1.9)
+    assert (devices[0]["owner"], devices[0]["sets"]) == (0, 0)
+
+
+def test_device_of_another_program_is_said_to_be_taken(devices: Devices, make: Make) -> None:
+    devices[0].plug()["owner"] = 1  # a process that always runs
+    assert "see that it is switched on and that no other program has it open (dhdOpenID: device in use)" in refusal(
+        make()
+    )
+
+
+def test_reconnection_takes_the_same_device_alone(devices: Devices, make: Make) -> None:
+    handle = devices[0].plug(33, 11)
+    device = make(reconnect_s=0.5)
+    device.open(monotonic())
+    for serial_number in (11, 12):
+        hold(device, lambda: norm(handle.wrench[0]) > 1.9)
+        handle["present"] = 0
+        hold(device, lambda: device.trouble is not None and "communication error" in device.trouble)
+        handle.plug(33, serial_number)
+    assert "the one with serial number 11 is not there, but 12" in ends(device)
+
+
+# --- what is refused
+
+
+def test_wrong_model_is_named_with_the_right_one(devices: Devices, make: Make) -> None:
+    devices[0].plug(LAMBDA_7)
+    said = "force_dimension: is a lambda.7 (type 108), the file says omega.3; set master.device.model: lambda.7"
+    assert refusal(make()) == said
+    devices[0]["type"] = 999
+    assert "(type 999), the file says omega.3; which this driver does not know" in refusal(make())
+    assert devices[0]["owner"] == 0
+
+
+@pytest.mark.parametrize(("field", "value", "words"), [("reset", 1, "is not"), ("wrist_init", 0, "the wrist is not")])
+def test_uncalibrated_device_is_refused(field: str, value: int, words: str, devices: Devices, make: Make) -> None:
+    handle = devices[0].plug(SIGMA_7)
+    handle[field] = value
+    assert f"{words} calibrated: bring the handle to its calibration position" in refusal(make(model="sigma.7"))
+    assert (handle["owner"], handle["enables"]) == (0, 0)
+
+
+def test_missing_or_wrong_library_is_said_in_one_line(
+    devices: Devices, make: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("FDSDK", "FORCEDIM_SDK"):
+        monkeypatch.setenv(name, str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    if not list(Path("/usr/local/lib").glob("libd[hr]d.so*")):
+        assert "get the SDK from forcedimension.com, and set the environment variable FDSDK" in refusal(
+            make(library=None)
+        )
+    assert "the maker's library cannot be loaded: " in refusal(make(library=str(tmp_path / "none.so")))
+    assert "has no dhdErrorGetLastStr: install a newer SDK" in refusal(make(library="libm.so.6"))
+
+
+def test_newest_library_of_the_sdk_is_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    monkeypatch.setenv("FDSDK", str(tmp_path))
+    folder = tmp_path / "lib" / "release" / "lin-x86_64-gcc"
+    folder.mkdir(parents=True)
+    for name in ("libdrd.so.3.17.1", "libdhd.so.3.9.1", "libdhd.so.3.17.1", "libdhd.a"):
+        (folder / name).touch()
+    assert find() == str(folder / "libdhd.so.3.17.1")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"force_n": 13.0}, "force_n: expected at most 12 N for omega.3, got 13"),
+        ({"torque_n_m": 0.1}, "torque_n_m: expected at most 0 N m for omega.3, got 0.1"),
+        ({"watchdog_ms": 1.0}, "watchdog_ms: expected 0, or at least 5 for a loop at 1 kHz, got 1"),
+        ({"watchdog_ms": 40.0}, "less than or equal to 31.875"),
+        ({"model": "omega.9"}, "Input should be 'omega.3'"),
+    ],
+)
+def test_options_out_of_range_say_the_range(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=re.escape(words)):
+        ForceDimensionOptions(**options)
+
+
+# --- the stand-in
+
+
+def test_stand_in_has_each_call_with_as_many_arguments() -> None:
+    source = Path(__file__).with_name("libdhd.c").read_text(encoding="utf-8")
+    for name, (_, arguments) in PROTOTYPES.items():
+        found = re.search(rf"\b{name}\(([^)]*)\) \{{", source)
+        assert found is not None, name
+        declared = [each for each in found[1].split(",") if each.strip() != "void"]
+        assert len(declared) == len(arguments), name
+
+
+def test_every_model_has_types_of_its_own() -> None:
+    types = [type_ for model in MODELS.values() for type_ in model.types]
+    assert len(types) == len(set(types))
