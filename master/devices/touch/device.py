@@ -107,7 +107,7 @@ class TouchDevice:
         if self._answer is not None and self._answer[0] == now:
             return self._answer[1]
         try:
-            state = self._process.state(now)
+            state = self._process.state()
         except HardwareFault as fault:
             self._is_open, self._fault = False, str(fault)
             # Taking the force off may take a second, which the tick that ends the session does not have.

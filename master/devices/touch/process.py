@@ -24,8 +24,8 @@ END_S = 0.5
 """Longest time for the process to end [s]."""
 RELEASE_S = 3.0
 """Longest time for another process to take the force off [s]."""
-QUIET_S = 0.03
-"""Time without a new state before the process itself is looked at [s]."""
+QUIET_S = 0.005
+"""Time without a new state before the process itself is looked at [s]; below the limits that a session has."""
 SILENT_S = 0.25
 """Time without a new state that is a fault while this process ran [s]."""
 LOOKED_S = 0.05
@@ -64,7 +64,7 @@ class ServoProcess:
         except BaseException:
             self.stop()
             raise
-        self.state(monotonic())
+        self.state()
         return described
 
     def put(self, force: Vector, at: float) -> None:
@@ -72,14 +72,14 @@ class ServoProcess:
         if self._memory is not None:
             self._memory.force.write(at, *force, 0)
 
-    def state(self, now: float) -> ServoState:
+    def state(self) -> ServoState:
         """The newest state.
 
         Raises:
             HardwareFault: the process died, reports a fault, or is silent.
         """
         assert self._memory is not None
-        state = self._memory.newest_state()
+        state, now = self._memory.newest_state(), monotonic()
         if state is not None:
             self._state = state
             self._changed_at = self._looked_at = now
