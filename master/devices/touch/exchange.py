@@ -69,6 +69,8 @@ class ServoMemory:
         self.force = Slot(memory, FORCE_AT, FORCE)
         self.state = Slot(memory, STATE_AT, STATE)
         self._report = Slot(memory, REPORT_AT, REPORT)
+        self._watched = Slot(memory, FORCE_AT, FORCE)
+        self._ends = False
 
     def newest_state(self) -> ServoState | None:
         """The newest state if it is another one than at the last call; None otherwise."""
@@ -78,6 +80,13 @@ class ServoMemory:
         frames, at, px, py, pz, xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz, buttons, error, internal = values
         axes = ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))
         return ServoState(frames, at, (px, py, pz), axes, (fx, fy, fz), buttons, error, internal)
+
+    def told_to_end(self) -> bool:
+        """Whether the daemon ends the servo loop; takes nothing from who else reads the slot of the force."""
+        values = self._watched.newest()
+        if values is not None:
+            self._ends = bool(values[4])
+        return self._ends
 
     def say(self, phase: Phase, content: object = None) -> None:
         """Report a phase; a text that is too long is cut."""

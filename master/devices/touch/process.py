@@ -18,12 +18,12 @@ from weberlink.master.devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, P
 from weberlink.master.devices.touch.servo import ServoArguments
 
 START_S = 10.0
-"""Longest time for the process to start, without that for the calibration [s]."""
+"""Longest time for the process to start, without that for the calibration [s]; a busy host takes seconds."""
 POLL_S = 0.002
 END_S = 0.5
 """Longest time for the process to end [s]."""
-RELEASE_S = 3.0
-"""Longest time for another process to take the force off [s]."""
+STUCK_S = 0.15
+"""The same for a process that was already silent for `SILENT_S` [s]."""
 QUIET_S = 0.005
 """Time without a new state before the process itself is looked at [s]; below the limits that a session has."""
 SILENT_S = 0.25
@@ -106,7 +106,7 @@ class ServoProcess:
         died = child.poll() is not None and child.returncode != 0
         memory.force.write(-inf, *ZERO, 1)
         try:
-            child.wait(END_S)
+            child.wait(STUCK_S if monotonic() - self._changed_at > SILENT_S else END_S)
         except subprocess.TimeoutExpired:  # it was stopped by a signal, or the library hangs
             child.kill()
             child.wait()
@@ -125,7 +125,7 @@ class ServoProcess:
         again = ServoProcess(replace(self._arguments, force=False))
         try:
             again._spawn()
-            again._described(RELEASE_S)
+            again._described(START_S)
         except HardwareFault as fault:
             return f"its servo process died with a force on the hand, and the next one says: {fault}"
         finally:

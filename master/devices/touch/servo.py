@@ -103,11 +103,6 @@ class ServoLoop:
         self.fault: str | None = None
         """Why there is no force any more; the loop goes on without one."""
 
-    @property
-    def ends(self) -> bool:
-        """Whether the parent has told it to end."""
-        return bool(self._commanded[4])
-
     def frame(self, _: object = None) -> int:
         """Called by the library; never raises, since a callback that raises would end the loop with the force on."""
         try:
@@ -289,7 +284,7 @@ def run(arguments: ServoArguments, memory: ServoMemory) -> None:
         freeze_garbage()
         memory.say(Phase.READY, described)
         fault = None
-        while fault is None and not ended() and not servo.loop.ends:
+        while fault is None and not ended() and not memory.told_to_end():
             sleep(LOOK_S)
             fault = servo.look()
         if fault is not None:

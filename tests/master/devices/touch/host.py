@@ -31,6 +31,7 @@ def main(options: str, force: str) -> None:
         sys.stdout.write(f"{fault}\n")
         sys.stdout.flush()
     device.close()
+    sys.stdout.write(f"{device.trouble}\n")
 
 
 if __name__ == "__main__":

@@ -27,8 +27,8 @@ pytestmark = pytest.mark.realtime(alone=True)
 FORCE_N = 2.0
 LIMIT_S = 0.1
 """In which the force ends where the servo process lives."""
-RELEASE_LIMIT_S = 3.0
-"""In which another servo process takes the force off; about 0.3 s and 0.9 s on an idle machine."""
+RELEASE_LIMIT_S = 10.0
+"""In which another servo process, which must start first, takes the force off: below a second on an idle host."""
 STEP_N = FORCE_N * LONGEST_S / RAMP_S
 """In one frame on the way up, at most."""
 

@@ -19,7 +19,7 @@ from weberlink.master.devices.touch.options import TouchOptions
 pytestmark = pytest.mark.realtime(alone=True)
 
 LIMIT_S = 0.1
-RELEASE_LIMIT_S = 3.0
+RELEASE_LIMIT_S = 10.0
 DEPTH_M, STIFFNESS = 0.006, 300.0
 FILE = """
 axes: xyz
