@@ -1,5 +1,6 @@
 """The driver `touch`: 3D Systems Touch, Touch X and PHANTOM through the maker's library."""
 
+import sys
 from collections.abc import Mapping
 from math import inf, isfinite
 from threading import Thread
@@ -149,7 +150,10 @@ class TouchDevice:
         self._stop()
 
     def _stop(self) -> None:
-        self.trouble = self._process.stop() or self.trouble
+        left = self._process.stop()
+        if left is not None:
+            self.trouble = left
+            sys.stderr.write(f"{NAME}: {left}\n")  # the session is over, and nobody reads `trouble` any more
 
 
 def pose(state: ServoState) -> tuple[Vector, Quaternion] | None:

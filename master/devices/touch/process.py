@@ -127,7 +127,7 @@ class ServoProcess:
             again._spawn()
             again._described(START_S)
         except HardwareFault as fault:
-            return f"its servo process died with a force on the hand, and the next one says: {fault}"
+            return f"its servo process died with a force on the hand: switch the device off; the next one says: {fault}"
         finally:
             again.stop()
         return None

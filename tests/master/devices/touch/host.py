@@ -1,6 +1,7 @@
 """A program that pushes with a Touch until it is stopped; run as a process of its own.
 
-Arguments: options as JSON, and the force [N]. Its first line is the process id of the servo loop, a fault its last one.
+Arguments: options as JSON, and the force [N]. It says the process id of the servo loop, then a fault, and after closing
+the device its trouble.
 """
 
 import json

@@ -105,6 +105,19 @@ def test_killed_servo_is_a_fault_and_force_is_taken_off(tmp_path: Path) -> None:
         assert (at.board.owner, at.board.displayed) == (0, 0.0)
 
 
+def test_force_that_cannot_be_taken_off_is_told(tmp_path: Path) -> None:
+    """The device of a killed program may refuse the next one, as users report."""
+    with pushing(tmp_path) as at:
+        wait_for(at.pushes)
+        at.board.jams = 1
+        os.kill(at.servo, signal.SIGKILL)
+        assert at.last_words() == "touch: its servo process ended by SIGKILL\n"
+        said = at.last_words()
+        assert "died with a force on the hand: switch the device off" in said
+        assert "HD_COMM_CONFIG_ERROR" in said
+        assert at.board.displayed == pytest.approx(FORCE_N, rel=0.05)
+
+
 def test_stopped_servo_is_a_fault_and_force_is_taken_off(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         assert at.zero_after(lambda: os.kill(at.servo, signal.SIGSTOP)) <= RELEASE_LIMIT_S
