@@ -95,12 +95,25 @@ class TouchDevice:
         self.close()
         try:
             described = self._process.start()
+            self._check(described["force_n"], described["reach_m"])
         except HardwareFault as fault:
+            self._stop()
             raise DeviceFault(f"{NAME}: {fault}") from None
         self.trouble = self._fault = None
         self._limit = min(self.spec.force_n, described["force_n"])
         self._frames, self._newest = 0, NOWHERE
         self._is_open = True
+
+    def _check(self, force_n: float, reach_m: float) -> None:
+        """Raise HardwareFault if what the library says of the device does not fit the options."""
+        if not force_n > 0.0:
+            raise HardwareFault(
+                f"its largest force is {force_n:g} N, says the library; there is no telling how strong it is"
+            )
+        if reach_m > self.spec.workspace_m[1][0]:
+            raise HardwareFault(
+                f"its workspace reaches {reach_m:g} m, says the library; set master.device.reach_m to that"
+            )
 
     def latest(self, now: float) -> DeviceReading:
         if not self._is_open:

@@ -13,21 +13,20 @@ from typing import Any, NamedTuple
 from weberlink.hardware.fault import HardwareFault
 
 LIBRARY = "libHD.so"
-DONE, CONTINUE = 0, 1
-"""What a callback returns: whether it is called again in the next cycle."""
+CONTINUE = 1
+"""What a callback returns to be called again in the next cycle."""
 INVALID_HANDLE = 0xFFFFFFFF
 
 BUTTONS = 0x2000
 POSITION = 0x2050
 TRANSFORM = 0x2052
-MODEL, DRIVER_VERSION, VENDOR, SERIAL_NUMBER = 0x2501, 0x2502, 0x2503, 0x2504
-MAX_WORKSPACE, USABLE_WORKSPACE = 0x2550, 0x2551
+MAX_WORKSPACE = 0x2550
 CALIBRATION_STYLE = 0x2555
-MAX_STIFFNESS, MAX_FORCE, MAX_CONTINUOUS_FORCE = 0x2602, 0x2603, 0x2604
+MAX_FORCE = 0x2603
 FORCE = 0x2700
 FORCE_OUTPUT, FORCE_CLAMPING, FORCE_LIMIT = 0x4000, 0x4001, 0x4003
 CALIBRATED, CALIBRATION_NEEDS_UPDATE, CALIBRATION_NEEDS_HAND = 0x5000, 0x5001, 0x5002
-ENCODER_RESET_STYLE, AUTO_STYLE, INKWELL_STYLE = 1, 2, 4
+AUTO_STYLE, INKWELL_STYLE = 2, 4
 DEFAULT_PRIORITY = 0x7FFF
 
 FORCE_ERRORS = range(0x0200, 0x0300)
@@ -94,7 +93,6 @@ PROTOTYPES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "hdGetError": (_ErrorInfo, ()),
     "hdGetDoublev": (None, (c_uint, POINTER(c_double))),
     "hdGetIntegerv": (None, (c_uint, POINTER(c_int))),
-    "hdGetString": (c_char_p, (c_uint,)),
     "hdSetDoublev": (None, (c_uint, POINTER(c_double))),
     "hdEnable": (None, (c_uint,)),
     "hdDisable": (None, (c_uint,)),
@@ -159,7 +157,3 @@ class Hdapi:
         value = c_int()
         self.hdGetIntegerv(name, value)
         return value.value
-
-    def text(self, name: int) -> str:
-        found: bytes | None = self.hdGetString(name)
-        return (found or b"").decode(errors="replace")

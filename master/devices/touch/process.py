@@ -9,7 +9,6 @@ from dataclasses import asdict, replace
 from math import inf
 from mmap import mmap
 from time import monotonic, sleep
-from typing import Any
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
@@ -51,8 +50,8 @@ class ServoProcess:
         """Process id; None while there is none."""
         return None if self._child is None else self._child.pid
 
-    def start(self) -> dict[str, Any]:
-        """Start it, and wait for the calibrated device; gives what the library says of it.
+    def start(self) -> dict[str, float]:
+        """Start it, and wait for the calibrated device; gives its largest force [N] and coordinate [m].
 
         Raises:
             HardwareFault: it does not start, or the device cannot be used; nothing is left running.
@@ -151,7 +150,7 @@ class ServoProcess:
         finally:
             os.close(memory)
 
-    def _described(self, patience: float) -> dict[str, Any]:
+    def _described(self, patience: float) -> dict[str, float]:
         """What the library says of the device, once it is ready.
 
         Raises:
@@ -167,7 +166,7 @@ class ServoProcess:
         phase, content = report
         if phase is Phase.FAILED:
             raise HardwareFault(content)
-        described: dict[str, Any] = content
+        described: dict[str, float] = content
         return described
 
     def _check(self, silent: float) -> None:

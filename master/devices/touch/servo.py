@@ -131,7 +131,7 @@ class ServoLoop:
         library.hdEndFrame(handle)
         error = library.hdGetError()
         if error.code:
-            self._note(HdError(error.code, error.internal))
+            self._note([HdError(error.code, error.internal), *library.errors()])
         else:
             self.bad_frames = 0
         self.frames += 1
@@ -155,13 +155,12 @@ class ServoLoop:
         share = self._share = min(1.0, self._share + max(0.0, elapsed) / self._ramp)
         return (share * x, share * y, share * z)
 
-    def _note(self, error: HdError) -> None:
+    def _note(self, errors: list[HdError]) -> None:
         self._share = 0.0
-        if error.code in hdapi.FORCE_ERRORS:
-            self.bad_frames += 1
-            if self.bad_frames < ERRORS_MOST:
-                return
-        self.fault = self.fault or error.in_words
+        self.bad_frames += 1
+        lasting = [error for error in errors if error.code not in hdapi.FORCE_ERRORS]
+        if lasting or self.bad_frames >= ERRORS_MOST:
+            self.fault = self.fault or (lasting or errors)[0].in_words
 
 
 class TouchServo:
@@ -182,8 +181,8 @@ class TouchServo:
         self._seen = (0, 0)
         """Number of the last frame that `look` saw, and its looks since then."""
 
-    def start(self) -> dict[str, Any]:
-        """Run the loop without force until the device is calibrated; gives what the library says of it.
+    def start(self) -> dict[str, float]:
+        """Run the loop without force until the device is calibrated; gives its largest force [N] and coordinate [m].
 
         Raises:
             HardwareFault: the library does not call, the device is not calibrated, or is in error.
@@ -227,17 +226,11 @@ class TouchServo:
             return f"{self._name}: the library has stopped calling"
         return self.loop.fault and f"{self._name}: {self.loop.fault}"
 
-    def _described(self) -> dict[str, Any]:
+    def _described(self) -> dict[str, float]:
         library = self._library
         return {
-            "model": library.text(hdapi.MODEL),
-            "serial_number": library.text(hdapi.SERIAL_NUMBER),
-            "driver": library.text(hdapi.DRIVER_VERSION),
             "force_n": library.doubles(hdapi.MAX_FORCE, 1)[0],
-            "continuous_force_n": library.doubles(hdapi.MAX_CONTINUOUS_FORCE, 1)[0],
-            "stiffness_n_m": 1e3 * library.doubles(hdapi.MAX_STIFFNESS, 1)[0],
-            "workspace_mm": library.doubles(hdapi.MAX_WORKSPACE, 6),
-            "style": library.integer(hdapi.CALIBRATION_STYLE),
+            "reach_m": 1e-3 * max(map(abs, library.doubles(hdapi.MAX_WORKSPACE, 6))),
         }
 
     def _calibrate(self) -> None:

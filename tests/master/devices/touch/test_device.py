@@ -125,6 +125,15 @@ def test_limit_of_the_device_holds_where_lower(board: Board) -> None:
         assert max(force for _, force in board.forces) <= 1.0 + 1e-9
 
 
+def test_device_that_does_not_fit_the_options_is_a_fault(board: Board) -> None:
+    with pytest.raises(DeviceFault, match=r"reaches 0\.21 m, .* set master\.device\.reach_m"), opened(reach_m=0.2):
+        pass
+    board.max_force = 0.0
+    with pytest.raises(DeviceFault, match="its largest force is 0 N"), opened():
+        pass
+    assert board.owner == 0
+
+
 def test_device_that_wants_an_update_is_calibrated(board: Board) -> None:
     board.calibration = hdapi.CALIBRATION_NEEDS_UPDATE
     with opened():

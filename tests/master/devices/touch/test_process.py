@@ -138,6 +138,6 @@ def test_both_stopped_together_leave_the_force(tmp_path: Path) -> None:
         for pid in (at.servo, at.process.pid):
             os.kill(pid, signal.SIGCONT)
         wait_for(lambda: at.board.logged > seen)
-        assert held == pytest.approx(FORCE_N)
+        assert held == pytest.approx(FORCE_N, rel=0.05)
         assert at.board.forces[seen][1] == 0.0
         wait_for(at.pushes)
