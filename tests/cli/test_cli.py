@@ -170,6 +170,8 @@ def test_simulate_refuses_hardware_drivers() -> None:
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
     assert "master.device.driver: polhem_serial is a hardware driver" in line
     assert "weberlink emulate polhem_serial" in line
+    line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml", "--set", "master.device={driver: force_dimension}"))
+    assert line.endswith("run it live"), "nothing emulates a library"
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name not in HARDWARE])

@@ -55,9 +55,14 @@ def _refuse_hardware(configuration: Configuration) -> None:
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
         if part is not None and hasattr(part.driver, "plugged"):
+            from weberlink.master import emulators as devices  # noqa: PLC0415 - for the complaint alone
+            from weberlink.slave import emulators as robots  # noqa: PLC0415
+
+            known = name in {*devices.EMULATORS, *robots.EMULATORS}
+            emulated = f", against `weberlink emulate {name}` if need be" if known else ""
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "
-                f"virtual time; run it live, against `weberlink emulate {name}` if need be"
+                f"virtual time; run it live{emulated}"
             )
 
 

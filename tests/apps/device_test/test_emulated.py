@@ -161,7 +161,7 @@ class HeldStylus(HeldHandle):
 class BehindLibrary(Emulated):
     """A device whose messages nobody sees."""
 
-    def carried(self, *to: float, is_open: bool = True) -> tuple[Callable[[], None], str]:  # noqa: ARG002
+    def carried(self, *to: float, is_open: bool = True) -> tuple[Callable[[], None], str]:
         return super().carried(*to, is_open=False)
 
 

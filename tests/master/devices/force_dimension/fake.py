@@ -1,5 +1,6 @@
 """The stand-in for the maker's library: compiled once, and its devices as the tests see and change them."""
 
+import atexit
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -20,7 +21,9 @@ STATE = "FAKE_DHD"
 @cache
 def library() -> Path:
     """The compiled file; skips the test where there is no C compiler."""
-    return compiled(Path(mkdtemp(prefix="weberlink-dhd-")) / "libdhd.so.3.17")
+    folder = Path(mkdtemp(prefix="weberlink-dhd-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return compiled(folder / "libdhd.so.3.17")
 
 
 def compiled(path: Path, stubs: Sequence[str] = ()) -> Path:

@@ -40,19 +40,19 @@ def compare() -> int:
 
 
 def use(force: list[float]) -> dict[str, object]:
-    """Open the first device, push with a force [N] under a time limit of 20 ms, and read everything back."""
+    """Open the first device, push with a force [N], read everything back, and set a time limit of 20 ms."""
     device = dhd.open()
     if device < 0:
         return {"opened": False, "error": dhd.errorGetLastStr()}
     position, status = containers.Vec3(), containers.Status()
     frame = [[0.0] * 3 for _ in range(3)]
-    dhd.expert.enableExpertMode()
-    told = dhd.expert.setWatchdog(160, device), dhd.expert.getWatchdog(device)
-    dhd.expert.disableExpertMode()
     done = [dhd.enableForce(True, device)]
     done.append(dhd.setForceAndTorqueAndGripperForce(force, [0.0, 0.0, 0.0], 0.0, device))
     done.append(dhd.getPositionAndOrientationFrame(position, frame, device))
     done.append(dhd.getStatus(status, device))
+    dhd.expert.enableExpertMode()
+    told = dhd.expert.setWatchdog(160, device), dhd.expert.getWatchdog(device)  # last: until here a force may stand
+    dhd.expert.disableExpertMode()
     return {
         "opened": True,
         "count": dhd.getDeviceCount(),
