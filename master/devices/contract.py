@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import Vector
+
+if TYPE_CHECKING:  # else a process that only serves a device would take a second to start on a busy host
+    from pydantic import BaseModel
 
 Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""
@@ -135,5 +136,5 @@ class GuardedDevice(Protocol):
 class DeviceDriver(Protocol):
     """A driver class: its options, and a device built from them and `tick_period` [s]."""
 
-    Options: ClassVar[type[BaseModel]]
+    Options: "ClassVar[type[BaseModel]]"
     __call__: Callable[[Any, float], Device]

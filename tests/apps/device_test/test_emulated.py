@@ -13,6 +13,7 @@ import yaml
 
 from tests.apps.device_test.people import Keyboard, complaint
 from tests.master.devices.force_dimension.fake import Devices, FakeDevice
+from tests.master.devices.touch.fake_hd import Board, library, plugged
 from tests.system.processes import PATIENCE
 from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
 from weberlink.apps.device_test.master import PUSH_N
@@ -133,6 +134,30 @@ class HeldHandle:
     def receive(self, data: bytes, now: float) -> None: ...
 
 
+class HeldStylus(HeldHandle):
+    """The same of a Touch, whose library has x to the right, y up and z toward the operator, in mm."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self.handle = self
+        self.arrived = True
+
+    @property
+    def force(self) -> Vector:
+        right, up, near = self._board.force
+        return near, right, up
+
+    @property
+    def position(self) -> Vector:
+        right, up, near = self._board.centre
+        return 1e-3 * near, 1e-3 * right, 1e-3 * up
+
+    def carry(self, to: Vector) -> None:
+        near, right, up = to
+        self._board.centre[:] = 1e3 * right, 1e3 * up, 1e3 * near
+        sleep(0.01)
+
+
 class BehindLibrary(Emulated):
     """A device whose messages nobody sees."""
 
@@ -183,6 +208,17 @@ def test_device_behind_library_passes_and_gets_force(model: str, tmp_path: Path)
     (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
     driver: Any = devices.load("force_dimension")
     assert driver(driver.Options(**options, **yaml.safe_load(line)), 0.001).spec.force_feedback
+
+
+def test_touch_passes_and_gets_force(tmp_path: Path) -> None:
+    driver: Any = devices.load("touch")
+    with plugged(tmp_path) as (board,):
+        board.radius, path = 0.0, f"{library()}"
+        screen, error = BehindLibrary(HeldStylus(board)).check("touch", None, "xyz", f"library={path}")
+    assert error == "", screen
+    assert "The force is right.\n" in screen
+    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
+    assert driver(driver.Options(library=path, **yaml.safe_load(line)), 0.001).spec.force_feedback
 
 
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])

@@ -5,6 +5,7 @@ in virtual time. A device of the kernel is seen only by the process that `test_h
 """
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from tests.master.devices.force_dimension.fake import Devices as FakeDhd
 from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 from tests.master.devices.targets import Targets
+from tests.master.devices.touch import fake_hd
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.emulator import PtyDevice, WireFaults
@@ -161,6 +163,23 @@ def seen_by_the_kernel(name: str) -> Iterator[Bench]:
             device.close()
 
 
+@contextmanager
+def touch(folder: Path) -> Iterator[Bench]:
+    """The maker's library is a fake one, whose board holds the last force."""
+    with fake_hd.plugged(folder) as (board,):
+        device: Any = armed("touch", library=str(fake_hd.library()))
+        faults: dict[str, Callable[[], None]] = {
+            "unplug": lambda: setattr(board, "unplugged", 1),
+            "silent": lambda: setattr(board, "silent", 1),
+            "killed": lambda: os.kill(device.servo_pid, signal.SIGKILL),
+            "stopped": lambda: os.kill(device.servo_pid, signal.SIGSTOP),
+        }
+        try:
+            yield Bench(device, real_time(), lambda: board.displayed, faults)
+        finally:
+            device.close()
+
+
 BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "force_dimension": force_dimension,
     "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
@@ -171,11 +190,13 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
     "replay": replay,
     "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
+    "touch": touch,
 }
-ON_A_WIRE = ("force_dimension", "haply_2diy", "polhem_hid", "polhem_serial")
+ON_A_WIRE = ("force_dimension", "haply_2diy", "polhem_hid", "polhem_serial", "touch")
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "polhem_serial") for fault in SERIAL_FAULTS),
     *(("polhem_hid", fault) for fault in HID_FAULTS),
     *(("force_dimension", fault) for fault in DHD_FAULTS),
+    *(("touch", fault) for fault in ("unplug", "silent", "killed", "stopped")),
 ]

@@ -1,0 +1,237 @@
+"""The driver `touch` on the fake library: directions, limits, what the library complains of, and two devices."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf, nan
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.hardware.scripted import wait_for
+from tests.master.devices.touch.fake_hd import FORCE_OUTPUT, Board, library, plugged
+from weberlink.geometry.rotation import turned, unit_quaternion
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
+from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.devices.touch import hdapi
+from weberlink.master.devices.touch.device import TouchDevice, pose
+from weberlink.master.devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
+from weberlink.master.devices.touch.options import TouchOptions
+from weberlink.master.devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop
+
+TICK = 0.001
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def device(*, armed: bool = True, **options: Any) -> TouchDevice:
+    wanted = TouchOptions(**{"library": str(library()), "calibration_s": 0.2, **options})
+    signs = TouchDevice.fingerprint(wanted) if armed else None
+    return TouchDevice(wanted.model_copy(update={"signs_checked": signs}), TICK)
+
+
+@contextmanager
+def opened(**options: Any) -> Iterator[TouchDevice]:
+    touch = device(**options)
+    try:
+        touch.open(monotonic())
+        yield touch
+    finally:
+        touch.close()
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Board]:
+    with plugged(tmp_path) as (board,):
+        yield board
+
+
+def push(touch: TouchDevice, force: Vector, seconds: float = 0.0, until: Any = None) -> DeviceReading:
+    """Command a force at the tick for a time, or until a condition holds."""
+    ends, gives_up = monotonic() + seconds, monotonic() + 10.0
+    while True:
+        now = monotonic()
+        assert now < gives_up
+        reading = touch.latest(now)
+        touch.command(force, now)
+        if until() if until is not None else now > ends:
+            return reading
+        sleep(TICK)
+
+
+def ours(vector: Vector) -> Vector:
+    """From x right, y up, z toward the operator to x toward the operator, y right, z up."""
+    x, y, z = vector
+    return (z, x, y)
+
+
+def test_axes_of_position_force_and_buttons(board: Board) -> None:
+    board.centre[:], board.radius, board.buttons = (10.0, 20.0, 30.0), 0.0, 2
+    with opened() as touch:
+        reading = touch.latest(monotonic())
+        assert reading.position == pytest.approx((0.03, 0.01, 0.02))
+        assert reading.orientation == (1.0, 0.0, 0.0, 0.0)
+        assert reading.buttons == 2
+        push(touch, (0.3, 0.1, 0.2), until=lambda: tuple(board.force) == pytest.approx((0.1, 0.2, 0.3)))
+
+
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01))
+def test_orientation_turns_handle_axes_as_transform_does(parts: Quaternion) -> None:
+    unit = unit_quaternion(parts)
+    assert unit is not None
+    axes = (turned(unit, X), turned(unit, Y), turned(unit, Z))
+    found = pose(BEFORE_FIRST._replace(axes=axes))
+    assert found is not None
+    for axis, to in zip((X, Y, Z), axes, strict=True):
+        assert turned(found[1], ours(axis)) == pytest.approx(ours(to), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"position": (inf, 0.0, 0.0)}, {"axes": ((1.0, 0.0, 0.0),) * 3}, {"axes": ((nan, 0.0, 0.0),) * 3}],
+)
+def test_pose_that_cannot_be_is_none(wrong: dict[str, Any]) -> None:
+    assert pose(BEFORE_FIRST._replace(**{"axes": (X, Y, Z), **wrong})) is None
+
+
+def test_frames_without_valid_pose_repeat_the_last_reading(board: Board) -> None:
+    with opened() as touch:
+        reading = touch.latest(monotonic())
+        board.rotation[0] = 0.5
+        push(touch, (0.0, 0.0, 0.0), until=lambda: touch.trouble is not None)
+        last = touch.latest(monotonic())
+        sleep(0.01)
+        assert touch.latest(monotonic()).at == last.at >= reading.at
+        assert touch.trouble == "the library gives a transform that cannot be"
+
+
+def test_device_without_checked_signs_keeps_motors_off(board: Board) -> None:
+    with opened(armed=False) as touch:
+        assert (touch.spec.force_n, touch.spec.force_feedback) == (0.0, False)
+        assert touch.spec.note == "no force: signs not checked; run: weberlink device test touch"
+        push(touch, (1.0, 0.0, 0.0), 0.1)
+        assert not board.enabled & FORCE_OUTPUT
+        assert board.logged == 0
+
+
+def test_limit_of_the_device_holds_where_lower(board: Board) -> None:
+    board.max_force = 1.0
+    with opened(force_n=3.0) as touch:
+        push(touch, (0.0, 0.0, 3.0), 3.0 * RAMP_S)
+        assert board.displayed == pytest.approx(1.0)
+        assert max(force for _, force in board.forces) <= 1.0 + 1e-9
+
+
+def test_device_that_does_not_fit_the_options_is_a_fault(board: Board) -> None:
+    with pytest.raises(DeviceFault, match=r"reaches 0\.21 m, .* set master\.device\.reach_m"), opened(reach_m=0.2):
+        pass
+    board.max_force = 0.0
+    with pytest.raises(DeviceFault, match="its largest force is 0 N"), opened():
+        pass
+    assert board.owner == 0
+
+
+def test_device_that_wants_an_update_is_calibrated(board: Board) -> None:
+    board.calibration = hdapi.CALIBRATION_NEEDS_UPDATE
+    with opened():
+        assert board.updates >= 1
+        assert board.calibration == hdapi.CALIBRATED
+
+
+def calibration(state: int, style: int) -> dict[str, int]:
+    return {"calibration": state, "style": style}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"unlicensed": 1}, "HD_INVALID_LICENSE (0x0600, internal -28); the licence of OpenHaptics is missing"),
+        ({"unplugged": 1}, "HD_COMM_ERROR (0x0302, internal -28); check its cable"),
+        ({"jammed": 1}, "HD_COMM_CONFIG_ERROR (0x0303, internal -28); a program that was killed"),
+        (calibration(hdapi.CALIBRATION_NEEDS_HAND, hdapi.INKWELL_STYLE), "put the stylus into its inkwell"),
+        (calibration(hdapi.CALIBRATION_NEEDS_HAND, hdapi.AUTO_STYLE), "move the handle about"),
+        pytest.param({"silent": 1}, "the library does not call within", marks=pytest.mark.hunt),
+    ],
+)
+def test_unusable_device_is_a_fault_with_advice(board: Board, wrong: dict[str, int], says: str) -> None:
+    for name, value in wrong.items():
+        setattr(board, name, value)
+    with pytest.raises(DeviceFault) as caught, opened():
+        pass
+    assert str(caught.value).startswith("touch: the default device")
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert (board.owner, board.logged) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("path", "says"), [("libno-such-HD.so", "install OpenHaptics"), ("libc.so.6", "has no hdInitDevice")]
+)
+def test_library_that_cannot_be_used_is_named(path: str, says: str, board: Board) -> None:
+    with pytest.raises(DeviceFault, match=f"touch: {path} .*{says}"), opened(library=path):
+        pass
+
+
+def test_two_devices_by_name_are_independent(tmp_path: Path) -> None:
+    with plugged(tmp_path, "left", "right") as (left, right):
+        with opened(name="left") as one, opened(name="right") as other:
+            push(one, (0.0, 0.0, 1.0), until=lambda: left.displayed > 0.99)
+            assert right.displayed == 0.0
+            push(other, (0.0, 0.0, 2.0), until=lambda: right.displayed > 1.99)
+            with pytest.raises(DeviceFault, match=r"left cannot be initialized: HD_DEVICE_ALREADY_INITIATED.*end that"):
+                device(name="left").open(monotonic())
+        with pytest.raises(DeviceFault, match=r"middle cannot be initialized: HD_COMM_ERROR"):
+            device(name="middle").open(monotonic())
+
+
+def test_force_error_is_told_and_ramps_again(board: Board) -> None:
+    with opened() as touch:
+        push(touch, (0.0, 0.0, 2.0), until=lambda: board.displayed > 1.99)
+        seen = board.logged
+        board.error, board.errors_left = 0x0200, ERRORS_MOST - 10
+        push(touch, (0.0, 0.0, 2.0), until=lambda: touch.trouble is not None)
+        assert "HD_WARM_MOTORS" in str(touch.trouble)
+        push(touch, (0.0, 0.0, 2.0), until=lambda: touch.trouble is None and board.displayed > 1.99)
+        assert min(force for _, force in board.forces[seen:]) <= 2.0 * LONGEST_S / RAMP_S * 1.01
+
+
+def test_lasting_force_error_ends_the_session(board: Board) -> None:
+    with opened() as touch:
+        board.error, board.errors_left = 0x0200, 10 * ERRORS_MOST
+        with pytest.raises(DeviceFault, match=r"HD_WARM_MOTORS.*let them cool"):
+            push(touch, (0.0, 0.0, 2.0), 5.0)
+        wait_for(lambda: board.displayed == 0.0)
+
+
+class Broken:
+    """A library that raises while a frame is open, and what it is told before the frame ends."""
+
+    def __init__(self) -> None:
+        self.force: list[float] = []
+        self.ended = 0
+
+    def hdBeginFrame(self, handle: int) -> None: ...  # noqa: N802 - the library's name
+
+    def hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+        raise ArithmeticError("lost")
+
+    def hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+        self.force = list(values)
+
+    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
+        self.ended += 1
+
+
+def test_error_in_the_callback_sends_zero_and_goes_on() -> None:
+    broken: Any = Broken()
+    memory = ServoMemory(bytearray(MEMORY_SIZE))
+    loop = ServoLoop(broken, 0, memory, 0.01, RAMP_S)
+    loop.rests = False
+    memory.force.write(monotonic(), 1.0, 0.0, 0.0, 0)
+    assert loop.frame() == hdapi.CONTINUE
+    assert (broken.force, broken.ended) == ([0.0, 0.0, 0.0], 1)
+    assert loop.fault == "internal error: ArithmeticError('lost')"
+    assert (memory.newest_state() or BEFORE_FIRST).frames == 0
