@@ -1,5 +1,6 @@
 """The driver `inverse3`: a Haply Inverse3 through the WebSocket of its service."""
 
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from math import isfinite
@@ -9,6 +10,7 @@ from pydantic import BaseModel
 
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.discovery import PluggedDevice
+from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.master.devices.inverse3.http_requests import service_devices
@@ -69,16 +71,20 @@ class Inverse3Device(ThreadedDevice):
         """Fingerprint of all settings that affect signs."""
         return fingerprint(f"{NAME} {options.preset}")
 
-    def measure_silence(self, force: Vector) -> str:
-        """Measure how long a force [N] stands without commands, in words; the device must be closed.
+    def examine(self, force: Vector) -> Sequence[str]:
+        """Say how the service filters forces [N], and how long one stands without commands; the device must be closed.
 
         Raises:
-            HardwareFault: it cannot be used.
+            DeviceFault: it cannot be used.
         """
-        found = self._service.measure_time_out(self._options, force)
-        if not isfinite(found.shortest):
-            return f"The service keeps a force for more than {found.longest * 1e3:g} ms without commands."
+        try:
+            found = self._service.measure_time_out(self._options, force)
+        except HardwareFault as fault:
+            raise self._fault(str(fault)) from None
+        gate = found.settings.gate
+        end = f"and less than {found.shortest * 1e3:g} ms" if isfinite(found.shortest) else "perhaps for ever"
         return (
-            f"Without commands, the service keeps a force for {found.longest * 1e3:g} ms or more, "
-            f"and less than {found.shortest * 1e3:g} ms."
+            f"Without commands, the service keeps a force for {found.longest * 1e3:g} ms or more, {end}.",
+            f"Its filters: {found.settings.filters}.",
+            *(() if gate is None else ("To keep the gain of the force gate, add:", f"  force_gate: {gate:g}")),
         )

@@ -201,6 +201,7 @@ class TimeOut(NamedTuple):
 
     longest: float
     shortest: float
+    settings: ServiceSettings
 
 
 def measure_time_out(options: Inverse3Options, force: Vector, wait: Callable[[float], object] = sleep) -> TimeOut:
@@ -230,8 +231,8 @@ def measure_time_out(options: Inverse3Options, force: Vector, wait: Callable[[fl
             if displayed is None:
                 raise HardwareFault("the service does not say what force it displays")
             if norm(displayed) < 0.5 * norm(force):
-                return TimeOut(longest, silence)
+                return TimeOut(longest, silence, exchange.settings)
             longest = silence
     finally:
         exchange.close()
-    return TimeOut(longest, inf)
+    return TimeOut(longest, inf, exchange.settings)

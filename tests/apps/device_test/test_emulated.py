@@ -17,6 +17,7 @@ from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialo
 from weberlink.apps.device_test.master import PUSH_N
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master import devices, emulators
 
 HASTE = 20.0
@@ -86,7 +87,7 @@ class Emulated:
 
         return [(calm, ""), answer]
 
-    def check(self, name: str, port: Path, axes: str, *overrides: str) -> tuple[str, str]:
+    def check(self, name: str, port: Path | str, axes: str, *overrides: str) -> tuple[str, str]:
         """The whole test by a person who tells the truth: what is on the screen, and the complaint if there is one."""
         screen, began = io.StringIO(), monotonic()
         keyboard = Keyboard(screen, "", "")
@@ -95,6 +96,7 @@ class Emulated:
         keyboard.left += ["yes", self.carried(0.0, 0.0, 0.0, is_open=False)]
         for axis in axes:
             keyboard.left += self.feeling(axis, keyboard)
+        keyboard.left += [""] * hasattr(devices.load(name), "examine")
 
         def clock() -> float:
             return began + HASTE * (monotonic() - began)
@@ -105,6 +107,19 @@ class Emulated:
         except DeviceTestError as error:
             return screen.getvalue(), str(error)
         return screen.getvalue(), ""
+
+
+class Counted(Emulated):
+    """A device behind a service: the messages of all its clients are its questions."""
+
+    def __init__(self, service: Any) -> None:
+        self._emulator = service
+        self._handle = service.handle
+        self._felt: list[Vector] = []
+
+    @property
+    def _questions(self) -> int:
+        return int(self._emulator.messages)
 
 
 @contextmanager
@@ -137,6 +152,17 @@ def test_emulated_planar_device_passes_with_two_axes(tmp_path: Path) -> None:
         screen, error = device.check("haply_2diy", port, "xy")
     assert error == "", screen
     assert "The force is right.\n" in screen
+
+
+def test_emulated_inverse3_passes_and_its_service_is_examined() -> None:
+    emulator: Any = emulators.load("inverse3")
+    service = emulator(emulator.Options(time_out_ms=7.0))
+    with WebSocketDevice(service) as wire:
+        screen, error = Counted(service).check("inverse3", wire.address, "xyz")
+    assert error == "", screen
+    assert "The force is right.\n" in screen
+    assert "the service keeps a force for" in screen
+    assert "  force_gate: 0.3\n" in screen
 
 
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])
