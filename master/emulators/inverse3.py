@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import BadReply
 from weberlink.master.devices.inverse3.protocol import decode, listed, ours, theirs
@@ -61,7 +61,7 @@ class Inverse3Session:
             message = decode(text)
             full = "force_render_full_state" in message.get("session", {})
             self._take(message, now)
-        except (BadReply, ValueError, TypeError, AttributeError):
+        except (BadReply, LookupError, ValueError, TypeError, AttributeError):
             full = False  # a message that it does not understand is answered, and has no effect
         self._service.advance_force(now)
         self._say(self._service.document(self, full=full), now)
@@ -100,8 +100,10 @@ class Inverse3Session:
             return
         force = wanted.get("vector") if self._service.has_sessions else None
         force = wanted["values"] if force is None else force  # 3.5 still takes the older key
-        self.force = (float(force["x"]), float(force["y"]), float(force["z"]))
-        self.commanded_at = now
+        wanted_n = (float(force["x"]), float(force["y"]), float(force["z"]))
+        if not is_finite(wanted_n):
+            raise ValueError("a force that is not finite")
+        self.force, self.commanded_at = wanted_n, now
 
     def _say(self, document: dict[str, Any], now: float) -> None:
         self._replies.append((now + self._service.answer_s, json.dumps(document).encode()))
