@@ -82,7 +82,7 @@ class Host:
 def pushing() -> Iterator[Host]:
     service = Logged()
     with WebSocketDevice(service) as wire:
-        arguments = ("inverse3", json.dumps({"port": wire.address}), json.dumps([0.0, FORCE_N, 0.0]))
+        arguments = ("inverse3", json.dumps({"port": wire.address, "reply_ms": 100.0}), json.dumps([0.0, FORCE_N, 0.0]))
         process = subprocess.Popen(
             [sys.executable, "-m", host.__name__, *arguments],
             cwd=Path(__file__).parents[4],
@@ -144,5 +144,5 @@ def test_silent_service_ends_the_program_with_a_reason() -> None:
         wait_for(at.pushes)
         at.service.faults.silent = True
         assert at.process.stdout is not None
-        assert "no answer within 10 ms" in at.process.stdout.readline()
+        assert "no answer within 100 ms" in at.process.stdout.readline()
         wait_for(lambda: at.service.force == ZERO)
