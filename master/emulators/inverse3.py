@@ -31,7 +31,9 @@ class Inverse3EmulatorOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    version: Literal["3.5", "3.1"] = Field(default="3.5", description="of the service; 3.1 takes `values` alone")
+    version: Literal["3.5", "3.1", "3.0"] = Field(
+        default="3.5", description="of the service; 3.1 takes `values` alone, 3.0 only says that it is older"
+    )
     tcp_port: int = Field(default=0, ge=0, le=65535, description="of the service; 0: a free one, 10001: the usual one")
     device_id: str = Field(default="049D", pattern=r"^\w+$")
     grip: Literal["wireless_verse_grip", "verse_grip", "none"] = "wireless_verse_grip"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from math import isfinite
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel
 
@@ -17,6 +17,9 @@ from weberlink.master.devices.inverse3.http_requests import service_devices
 from weberlink.master.devices.inverse3.options import ADDRESS, NAME, Inverse3Options
 from weberlink.master.devices.inverse3.protocol import GRIP_BUTTONS
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+
+if TYPE_CHECKING:  # it imports an optional package
+    from weberlink.master.devices.inverse3.service import ServiceExchange, TimeOut
 
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 BAD_REPLIES = 10
@@ -38,9 +41,9 @@ class Inverse3Device(ThreadedDevice):
         if find_spec(package) is None:
             raise ValueError(f'driver {NAME}: needs {package}; install it with: pip install "weberlink[{extra}]"')
         self._options = options
-        self._service = import_module("weberlink.master.devices.inverse3.service")
+        self._service: Any = import_module("weberlink.master.devices.inverse3.service")
         armed = options.signs_checked == self.fingerprint(options)
-        self._dialogue: Any = self._service.ServiceExchange(options, Guardian(b"") if armed else None)
+        self._dialogue: ServiceExchange = self._service.ServiceExchange(options, Guardian(b"") if armed else None)
         edge, grip = options.reach_m, options.grip
         spec = DeviceSpec(
             name=NAME,
@@ -78,7 +81,7 @@ class Inverse3Device(ThreadedDevice):
             DeviceFault: it cannot be used.
         """
         try:
-            found = self._service.measure_time_out(self._options, force)
+            found: TimeOut = self._service.measure_time_out(self._options, force)
         except HardwareFault as fault:
             raise self._fault(str(fault)) from None
         gate = found.settings.gate

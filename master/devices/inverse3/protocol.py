@@ -18,6 +18,8 @@ from weberlink.master.devices.contract import Quaternion
 
 ForceKey = Literal["vector", "values"]
 Grip = Literal["none", "wireless_verse_grip", "verse_grip"]
+OLDEST = (3, 1)
+"""First version with this JSON; that of 3.0 is another one, on another port."""
 VECTOR_SINCE = (3, 5)
 """First version whose `set_cursor_force` has `vector`; earlier ones have `values`."""
 PROFILE = "weberlink:master"
@@ -317,4 +319,5 @@ def ids_in(document: Any) -> Sequence[str]:
     if not isinstance(inner, dict):
         return ()
     found = inner.get("inverse3", [])
-    return [str(each.get("device_id")) for each in found if isinstance(each, dict)] if isinstance(found, list) else ()
+    ids = [each.get("device_id") for each in found if isinstance(each, dict)] if isinstance(found, list) else []
+    return [each for each in ids if isinstance(each, str)]

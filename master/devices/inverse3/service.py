@@ -18,6 +18,7 @@ from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.inverse3.http_requests import service_version
 from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.devices.inverse3.protocol import (
+    OLDEST,
     VECTOR_SINCE,
     CommandWriter,
     ForceComparison,
@@ -137,6 +138,8 @@ class ServiceExchange:
                 "the service does not say its version; set master.device.force_key: vector for 3.5 and later, "
                 "values for 3.1 to 3.4"
             )
+        if version < OLDEST:
+            raise HardwareFault(f"the service is version {version[0]}.{version[1]}, and 3.1 is the least; update it")
         return "vector" if version >= VECTOR_SINCE else "values"
 
     def _wishes(self, key: ForceKey) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 Isaac Lab (isaaclab on PyPI) has a client of its own, `devices/haply/se3_haply.py`, under BSD-3-Clause. Its module runs
 here as it is in the wheel, at the emulated service; the package around it needs a simulator and is not imported. Runs
-in an environment with isaaclab, torch and WeberLink: `make inverse3`. Prints what it found, and exits with status 1 if
+in an environment with isaaclab, torch and WeberLink: `make isaaclab`. Prints what it found, and exits with status 1 if
 something was wrong.
 """
 
@@ -141,7 +141,7 @@ def run(service: str) -> str:
 def main() -> int:
     lacking = missing()
     if lacking is not None:
-        sys.stdout.write(f"{lacking} is not installed; run: make inverse3\n")
+        sys.stdout.write(f"{lacking} is not installed; run: make isaaclab\n")
         return 1
     said = {service: run(service) for service in ("3.5", "3.1")}
     found = {"isaaclab": version("isaaclab"), "torch": version("torch"), "our driver said": said}

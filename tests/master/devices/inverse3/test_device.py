@@ -52,10 +52,23 @@ class Bench:
         return str(caught.value)
 
 
+class Unnamed(Inverse3Emulator):
+    """A service that answers no HTTP."""
+
+    def get(self, path: str) -> str | None:
+        return None
+
+
 @contextmanager
-def bench(service: dict[str, Any] | None = None, *, signs: bool = True, **options: Any) -> Iterator[Bench]:
+def bench(
+    service: dict[str, Any] | None = None,
+    *,
+    signs: bool = True,
+    kind: type[Inverse3Emulator] = Inverse3Emulator,
+    **options: Any,
+) -> Iterator[Bench]:
     """Patient with the emulated service: a machine that stalls is not what is tested."""
-    emulator = Inverse3Emulator(Inverse3EmulatorOptions.model_validate({"handle": STILL, **(service or {})}))
+    emulator = kind(Inverse3EmulatorOptions.model_validate({"handle": STILL, **(service or {})}))
     emulator.handle.carry(emulator.handle.position)
     with WebSocketDevice(emulator) as wire:
         wanted = Inverse3Options.model_validate({"port": wire.address, "reply_ms": 100.0, **options})
@@ -199,6 +212,19 @@ def test_other_id_than_the_service_lists_is_refused() -> None:
         options = Inverse3Options(port=f"{at.wire.address}#04BA")
         with pytest.raises(DeviceFault, match="lists no Inverse3 called 04BA: there is 049D"):
             Inverse3Device(options, TICK).open(monotonic())
+
+
+def test_service_that_is_too_old_is_refused() -> None:
+    with bench({"version": "3.0"}) as at, pytest.raises(DeviceFault, match=r"version 3\.0, and 3\.1 is the least"):
+        at.device.open(monotonic())
+
+
+def test_service_without_a_version_needs_the_key_in_the_file() -> None:
+    with bench(kind=Unnamed) as at, pytest.raises(DeviceFault, match=r"set master\.device\.force_key"):
+        at.device.open(monotonic())
+    with bench(kind=Unnamed, force_key="vector") as at:
+        at.device.open(monotonic())
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
 
 
 def test_version_and_devices_are_asked_by_http() -> None:
