@@ -6,13 +6,11 @@ operator, Z up. Ours: x toward the operator, y to the right, z up.
 """
 
 import json
-from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Any, Literal, NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import Quaternion
 
@@ -30,6 +28,8 @@ GRIP_BUTTONS: Mapping[Grip, tuple[str, ...]] = {
     "verse_grip": ("button",),
 }
 """Names of the buttons of each grip; their places are the bits of a reading."""
+FARTHEST_M = 1.0
+"""No cursor is farther from the origin of any preset."""
 NEEDED = {"power_supply": "without its power supply", "calibrated": "not calibrated", "ready": "not ready"}
 """What `status` must say of a device before it may be used."""
 
@@ -134,14 +134,17 @@ def state_of(message: dict[str, Any], device_id: str, grip: Grip) -> ServiceStat
     if device is None:
         raise HardwareFault(f"the service has lost device {device_id}")
     check_status(device, device_id)
-    state = _mapping(device, "state")
+    state = mapping_in(device, "state")
     if state is None or "cursor_position" not in state:
         raise BadReply("an answer without a position")
+    position = read_vector(state["cursor_position"])
+    if norm(position) > FARTHEST_M:
+        raise BadReply("a position out of reach of any such device")
     force = state.get("current_cursor_force")
     orientation, buttons = _grip_of(message, grip)
     return ServiceState(
-        ours(_vector(state["cursor_position"])),
-        None if force is None else ours(_vector(force)),
+        ours(position),
+        None if force is None else ours(read_vector(force)),
         orientation,
         buttons,
     )
@@ -157,7 +160,7 @@ def listed(message: dict[str, Any], kind: str) -> list[dict[str, Any]]:
 
 def check_status(device: dict[str, Any], device_id: str) -> None:
     """Raise HardwareFault for a device that says that it cannot be used; older services say less."""
-    status = _mapping(device, "status") or {}
+    status = mapping_in(device, "status") or {}
     for name, why in NEEDED.items():
         if status.get(name) is False:
             raise HardwareFault(f"device {device_id} is {why}; Haply Hub shows what it waits for")
@@ -183,86 +186,10 @@ def choose(inventory: dict[str, Any], wanted: str | None) -> dict[str, Any]:
     raise HardwareFault(f"the service lists no Inverse3{f' called {wanted}' if wanted else ''}: {there}")
 
 
-@dataclass(frozen=True, slots=True)
-class ServiceSettings:
-    """What the service does to positions and forces on their way, as the full state of a device says.
-
-    Args:
-        gate: gain of the force gate, which attenuates forces that the service takes for an oscillation; None: unknown.
-        damping: viscous resistance that the service adds; None if unknown.
-        basis: permutation of the axes.
-        scale: of positions, per axis.
-    """
-
-    gate: float | None = None
-    damping: float | None = None
-    basis: str = "XYZ"
-    scale: Vector = (1.0, 1.0, 1.0)
-
-    def check(self) -> None:
-        """Raise HardwareFault for settings that turn or stretch the axes behind the back of the sign check."""
-        if self.basis != "XYZ":
-            raise HardwareFault(f"the service permutes the axes ({self.basis}); set basis XYZ in Haply Hub")
-        if distance(self.scale, (1.0, 1.0, 1.0)) > 1e-6:
-            raise HardwareFault(
-                f"the service scales positions by {self.scale}; set the mount's scale to 1 in Haply Hub"
-            )
-
-    @property
-    def filters(self) -> str:
-        """The filters in words."""
-        known = {"force gate": self.gate, "damping": self.damping}
-        return ", ".join(f"{name} {value:g}" for name, value in known.items() if value is not None) or "filters unknown"
-
-
-def settings_of(device: dict[str, Any]) -> ServiceSettings:
-    """Read `config` of a full state; what is not there is at its default."""
-    config = _mapping(device, "config") or {}
-    filters = _mapping(config, "filters") or {}
-    basis = (_mapping(config, "basis") or {}).get("permutation", "XYZ")
-    mount = _mapping(config, "mount") or {}
-    return ServiceSettings(
-        gate=_number_in(_mapping(filters, "force_gate"), "gain"),
-        damping=_number_in(_mapping(filters, "damping"), "scalar"),
-        basis=basis if isinstance(basis, str) else "XYZ",
-        scale=_vector(mount.get("scale", {}), 1.0),
-    )
-
-
-ALTERED_N = 0.2
-ALTERED_SHARE = 0.25
-ALTERED_MOST = 100
-"""Answers in a row, 0.1 s at 1 kHz: the force gate is to be named, not the answer that came before its command."""
-
-
-class ForceComparison:
-    """Notices that the service displays another force than was commanded: forces of several programs add, and its
-    filters alter them."""
-
-    def __init__(self) -> None:
-        self._last: deque[Vector] = deque([ZERO], maxlen=3)
-        self._altered = 0
-
-    def judge(self, commanded: Vector, displayed: Vector | None) -> str | None:
-        """The complaint, after `ALTERED_MOST` answers in a row that fit none of the last three commands; both [N]."""
-        self._last.append(commanded)
-        if displayed is None:
-            return None
-        fits = any(distance(displayed, each) <= max(ALTERED_N, ALTERED_SHARE * norm(each)) for each in self._last)
-        self._altered = 0 if fits else self._altered + 1
-        if self._altered < ALTERED_MOST:
-            return None
-        return f"the service displays {_newtons(displayed)} N instead of {_newtons(commanded)} N"
-
-
-def _newtons(force: Vector) -> str:
-    return "({:.1f}, {:.1f}, {:.1f})".format(*force)
-
-
 def _grip_of(message: dict[str, Any], grip: Grip) -> tuple[Quaternion | None, int]:
     """Orientation and buttons; none of both while the grip is away or asleep."""
     found = [] if grip == "none" else listed(message, grip)
-    state = _mapping(found[0], "state") if found else None
+    state = mapping_in(found[0], "state") if found else None
     if state is None:
         return None, 0
     pressed = state.get("buttons", state)
@@ -275,28 +202,30 @@ def _grip_of(message: dict[str, Any], grip: Grip) -> tuple[Quaternion | None, in
 
 
 def _unit_quaternion(value: Any) -> Quaternion:
-    x, y, z = _vector(value)
-    w = _number(value.get("w", 1.0))
+    x, y, z = read_vector(value)
+    w = read_number(value.get("w", 1.0))
     size = hypot(w, x, y, z)
     if not 0.9 < size < 1.1:
         raise BadReply("an orientation that is none")
     return (w / size, x / size, y / size, z / size)
 
 
-def _mapping(parent: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+def mapping_in(parent: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+    """A part that is an object; None if it is none."""
     value = parent.get(name)
     return value if isinstance(value, dict) else None
 
 
-def _vector(value: Any, identity: float = 0.0) -> Vector:
-    """x, y and z; a part that the service left out has its identity (3.5 leaves such fields out)."""
+def read_vector(value: Any, identity: float = 0.0) -> Vector:
+    """x, y and z; a part that the service left out has its identity (3.5 leaves such fields out). Raises BadReply."""
     if not isinstance(value, dict):
         raise BadReply("a malformed vector")
-    x, y, z = (_number(value.get(axis, identity)) for axis in "xyz")
+    x, y, z = (read_number(value.get(axis, identity)) for axis in "xyz")
     return (x, y, z)
 
 
-def _number(value: Any) -> float:
+def read_number(value: Any) -> float:
+    """A finite number; raises BadReply for what is none."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadReply("a malformed number")
     try:
@@ -306,11 +235,6 @@ def _number(value: Any) -> float:
     if not isfinite(number):
         raise BadReply("a number that is not finite")
     return number
-
-
-def _number_in(parent: Mapping[str, Any] | None, name: str) -> float | None:
-    value = None if parent is None else parent.get(name)
-    return None if value is None else _number(value)
 
 
 def ids_in(document: Any) -> Sequence[str]:

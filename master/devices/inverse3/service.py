@@ -15,19 +15,17 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.websocket_port import WebSocketPort, text_frame
 from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.inverse3.filters import ForceComparison, ServiceSettings, settings_of
 from weberlink.master.devices.inverse3.http_requests import service_version
 from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.devices.inverse3.protocol import (
     OLDEST,
     VECTOR_SINCE,
     CommandWriter,
-    ForceComparison,
     ForceKey,
-    ServiceSettings,
     ServiceState,
     choose,
     decode,
-    settings_of,
     state_of,
     theirs,
 )

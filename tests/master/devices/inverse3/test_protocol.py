@@ -20,20 +20,18 @@ from tests.master.devices.inverse3.published import (
     STATUS,
     VERSION,
 )
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.inverse3.filters import ALTERED_MOST, ForceComparison, ServiceSettings, settings_of
 from weberlink.master.devices.inverse3.protocol import (
-    ALTERED_MOST,
+    FARTHEST_M,
     CommandWriter,
-    ForceComparison,
     ForceKey,
-    ServiceSettings,
     check_status,
     choose,
     decode,
     our_orientation,
     ours,
-    settings_of,
     state_of,
     theirs,
     version_in,
@@ -176,7 +174,7 @@ def test_any_json_is_read_or_refused_in_one_line(document: Any, place: str) -> N
     except HardwareFault as fault:
         assert "\n" not in str(fault)
     else:
-        assert all(abs(part) < float("inf") for part in state.position)
+        assert norm(state.position) <= FARTHEST_M
 
 
 def test_other_force_is_named_after_a_while_only() -> None:
