@@ -6,6 +6,7 @@ from weberlink.registry import Registry
 EMULATORS = {
     "gamepad": "weberlink.master.emulators.gamepad:GamepadEmulator",
     "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
+    "inverse3": "weberlink.master.emulators.inverse3:Inverse3Emulator",
     "koch_leader": "weberlink.arms.emulators.dynamixel.joint_arm:KochLeaderEmulator",
     "omx_leader": "weberlink.arms.emulators.dynamixel.joint_arm:OmxLeaderEmulator",
     "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",

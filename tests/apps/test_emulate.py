@@ -276,7 +276,8 @@ class Plugged:
 
 def test_emulator_page_lists_all_commands() -> None:
     page = (ROOT / "docs" / "emulators.md").read_text(encoding="utf-8")
-    every, polhem, haply, rated, dynamixel, so101 = re.findall(r"^\| word \|.*\n\|[-|]+\|\n((?:\|.*\n)+)", page, re.M)
+    tables_of_words = re.findall(r"^\| word \|.*\n\|[-|]+\|\n((?:\|.*\n)+)", page, re.M)
+    every, polhem, haply, inverse3, rated, dynamixel, so101 = tables_of_words
 
     def words(table: str, column: int = 2) -> set[str]:
         rows = [line.split("|") for line in table.splitlines()]
@@ -286,10 +287,11 @@ def test_emulator_page_lists_all_commands() -> None:
     assert words(polhem) == set(devices.load("polhem_serial").OWN_FAULTS)
     assert words(polhem, 3) == set(devices.load("polhem_hid").OWN_FAULTS)
     assert words(haply) == set(devices.load("haply_2diy").OWN_FAULTS)
+    assert words(inverse3) == set(devices.load("inverse3").OWN_FAULTS)
     assert words(rated) == set(devices.load("spacemouse").OWN_FAULTS) == set(devices.load("gamepad").OWN_FAULTS)
     assert words(dynamixel) == set(robots.load("dynamixel").OWN_FAULTS) == set(devices.load("koch_leader").OWN_FAULTS)
     assert words(so101) == set(devices.load("so101_leader").OWN_FAULTS) == set(robots.load("so101_follower").OWN_FAULTS)
-    listed = re.findall(r"^\| `(\w+)` \| .* \| (serial|HID|evdev) \|$", page, re.M)
+    listed = re.findall(r"^\| `(\w+)` \| .* \| (serial|HID|evdev|WebSocket) \|$", page, re.M)
     tables: dict[str, Any] = {**dict.fromkeys(devices.EMULATORS, devices), **dict.fromkeys(robots.EMULATORS, robots)}
     assert {name: wire.lower() for name, wire in listed} == {
         name: tables[name].load(name).transport for name in names()

@@ -38,7 +38,7 @@ PLACES = {
     ),
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
-    "inverse3": ("master.devices.inverse3.service", "master.emulators.inverse3"),
+    "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "ros2": ("ros2", "apps.bridge.ros2"),
     "foxglove": ("apps.bridge.foxglove",),
     "franka": ("slave.robots.franka.controller",),

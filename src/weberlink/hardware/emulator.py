@@ -1,7 +1,11 @@
-"""Emulated devices: the interface of one, the loop that carries its bytes, and the pseudo terminal that serves it."""
+"""Emulated devices: the interface of one, the loop that carries its bytes, and the pseudo terminal that serves it.
+
+A device behind a WebSocket is served by `weberlink.hardware.websocket_device`.
+"""
 
 import os
 import tty
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -57,9 +61,10 @@ class Emulator(Protocol):
 
 
 class EmulatorClass(Protocol):
-    """An emulator class: its options, its transport (serial, hid, evdev), and its own faults with what each value does.
+    """An emulator class: its options, its transport (serial, hid, evdev, websocket), and its own faults.
 
-    Emulators that are not serial have `identity`, a `weberlink.hardware.umockdev.Identity`.
+    `OWN_FAULTS` says what each value does. Emulators of the kernel's devices (hid, evdev) have `identity`, a
+    `weberlink.hardware.umockdev.Identity`; those on a WebSocket are a `weberlink.hardware.websocket_device.Service`.
     """
 
     Options: ClassVar[type[BaseModel]]
@@ -118,20 +123,16 @@ def _garbled(reply: bytes, faults: WireFaults) -> bytes:
     return reply[:middle] + bytes([reply[middle] ^ 0x55]) + reply[middle + 1 :]
 
 
-class PtyDevice:
-    """While in the `with`, `path` is a serial port with the emulator at its other end.
+class ServedDevice(ABC):
+    """While in the `with`, an emulated device answers at an address; the same one after every `unplug`.
 
     Args:
-        emulator: the device; only the thread that serves it calls its methods.
-        path: of the link that is made; must not exist yet.
-        begin: called first in that thread, for example to set its priority.
+        begin: called first in the thread that serves it, for example to set its priority.
     """
 
-    def __init__(self, emulator: Emulator, path: Path, *, begin: Callable[[], object] = lambda: None) -> None:
-        self.emulator = emulator
-        self.path = path
+    def __init__(self, begin: Callable[[], object]) -> None:
         self._begin = begin
-        self._descriptors: tuple[int, int] | None = None
+        self._plugged = False
         self._stopping = Event()
         self._thread: Thread | None = None
 
@@ -144,7 +145,7 @@ class PtyDevice:
 
     @property
     def plugged(self) -> bool:
-        return self._descriptors is not None
+        return self._plugged
 
     @property
     def serving(self) -> bool:
@@ -152,12 +153,59 @@ class PtyDevice:
         return self._thread is not None and self._thread.is_alive()
 
     def plug(self) -> None:
-        """Make the port; the same path after every `unplug`.
+        """Connect the device.
 
         Raises:
-            FileExistsError: there is something at the path.
+            OSError: its address is taken, or not permitted.
         """
-        assert self._descriptors is None
+        assert not self._plugged
+        self._connect()
+        self._plugged = True
+        self._stopping.clear()
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """Disconnect it; whoever has it open gets an error. May be called again."""
+        if not self._plugged:
+            return
+        self._stopping.set()
+        assert self._thread is not None
+        self._thread.join()
+        self._disconnect()
+        self._plugged = False
+
+    def _run(self) -> None:
+        self._begin()
+        self._serve()
+
+    @abstractmethod
+    def _connect(self) -> None: ...
+
+    @abstractmethod
+    def _disconnect(self) -> None: ...
+
+    @abstractmethod
+    def _serve(self) -> None:
+        """Answer until `_stopping` is set."""
+
+
+class PtyDevice(ServedDevice):
+    """A serial port with the emulator at its other end.
+
+    Args:
+        emulator: the device; only the thread that serves it calls its methods.
+        path: of the link that is made; must not exist yet.
+        begin: see `ServedDevice`.
+    """
+
+    def __init__(self, emulator: Emulator, path: Path, *, begin: Callable[[], object] = lambda: None) -> None:
+        super().__init__(begin)
+        self.emulator = emulator
+        self.path = path
+        self._near = self._far = -1
+
+    def _connect(self) -> None:
         near, far = os.openpty()
         try:
             self._prepare(far)
@@ -167,31 +215,17 @@ class PtyDevice:
             os.close(near)
             os.close(far)
             raise
-        self._descriptors = (near, far)  # the far end stays open: without one, the near end gives errors
-        self._stopping.clear()
-        self._thread = Thread(target=self._run, args=self._descriptors, daemon=True)
-        self._thread.start()
+        self._near, self._far = near, far  # the far end stays open: without one, the near end gives errors
 
-    def unplug(self) -> None:
-        """Remove the port; whoever has it open gets an error. May be called again."""
-        if self._descriptors is None:
-            return
-        self._stopping.set()
-        assert self._thread is not None
-        self._thread.join()
-        for descriptor in self._descriptors:
-            os.close(descriptor)
-        self._descriptors = None
+    def _disconnect(self) -> None:
+        os.close(self._near)
+        os.close(self._far)
         with suppress(FileNotFoundError):
             self.path.unlink()
-
-    def _run(self, near: int, far: int) -> None:
-        self._begin()
-        self._serve(near, far)
 
     def _prepare(self, far: int) -> None:
         """Set up the end that the host opens."""
         tty.setraw(far)
 
-    def _serve(self, near: int, far: int) -> None:  # noqa: ARG002 - subclasses look at the queue there
-        serve(self.emulator, near, self._stopping.is_set)
+    def _serve(self) -> None:
+        serve(self.emulator, self._near, self._stopping.is_set)

@@ -300,12 +300,12 @@ class HidNode(TestbedNode):
         settings[6] = special
         termios.tcsetattr(far, termios.TCSANOW, settings)
 
-    def _serve(self, near: int, far: int) -> None:
+    def _serve(self) -> None:
         device = _Reports(self.emulator, self._identity.report_size)
-        serve(device, near, self._stopping.is_set, encode=lambda message: self._encode(message, far))
+        serve(device, self._near, self._stopping.is_set, encode=self._encode)
 
-    def _encode(self, message: bytes, far: int) -> bytes:
-        (waiting,) = struct.unpack("i", ioctl(far, termios.FIONREAD, bytes(4)))
+    def _encode(self, message: bytes) -> bytes:
+        (waiting,) = struct.unpack("i", ioctl(self._far, termios.FIONREAD, bytes(4)))
         if waiting >= QUEUE * len(message):
             return b""
         return b"".join(LITERAL + message[i : i + 1] for i in range(len(message))) + END

@@ -19,6 +19,7 @@ from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialo
 from weberlink.apps.device_test.master import PUSH_N
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master import devices, emulators
 
 HASTE = 20.0
@@ -88,7 +89,7 @@ class Emulated:
 
         return [(calm, ""), answer]
 
-    def check(self, name: str, port: Path | None, axes: str, *overrides: str) -> tuple[str, str]:
+    def check(self, name: str, port: Path | str | None, axes: str, *overrides: str) -> tuple[str, str]:
         """The whole test by a person who tells the truth: what is on the screen, and the complaint if there is one."""
         screen, began = io.StringIO(), monotonic()
         keyboard = Keyboard(screen, "", "")
@@ -97,6 +98,7 @@ class Emulated:
         keyboard.left += ["yes", self.carried(0.0, 0.0, 0.0, is_open=False)]
         for axis in axes:
             keyboard.left += self.feeling(axis, keyboard)
+        keyboard.left += [""] * hasattr(devices.load(name), "examine")
 
         def clock() -> float:
             return began + HASTE * (monotonic() - began)
@@ -165,6 +167,19 @@ class BehindLibrary(Emulated):
         return super().carried(*to, is_open=False)
 
 
+class Counted(Emulated):
+    """A device behind a service: the messages of all its clients are its questions."""
+
+    def __init__(self, service: Any) -> None:
+        self._emulator = service
+        self._handle = service.handle
+        self._felt: list[Vector] = []
+
+    @property
+    def _questions(self) -> int:
+        return int(self._emulator.messages)
+
+
 @contextmanager
 def emulated(name: str, folder: Path, **options: Any) -> Iterator[tuple[Emulated, Path]]:
     emulator = emulators.load(name)
@@ -219,6 +234,17 @@ def test_touch_passes_and_gets_force(tmp_path: Path) -> None:
     assert "The force is right.\n" in screen
     (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
     assert driver(driver.Options(library=path, **yaml.safe_load(line)), 0.001).spec.force_feedback
+
+
+def test_emulated_inverse3_passes_and_its_service_is_examined() -> None:
+    emulator: Any = emulators.load("inverse3")
+    service = emulator(emulator.Options(time_out_ms=7.0))
+    with WebSocketDevice(service) as wire:
+        screen, error = Counted(service).check("inverse3", wire.address, "xyz")
+    assert error == "", screen
+    assert "The force is right.\n" in screen
+    assert "the service keeps a force for" in screen
+    assert "  force_gate: 0.3\n" in screen
 
 
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])

@@ -24,7 +24,8 @@ from tests.master.devices.targets import Targets
 from tests.master.devices.touch import fake_hd
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
-from weberlink.hardware.emulator import PtyDevice, WireFaults
+from weberlink.hardware.emulator import PtyDevice, ServedDevice, WireFaults
+from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
@@ -87,11 +88,10 @@ def armed(name: str, **options: Any) -> Device:
 
 
 @contextmanager
-def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
-    emulator_class = load_emulator(name)
-    emulator = emulator_class(emulator_class.Options())
-    with PtyDevice(emulator, folder / name) as wire:
-        device = armed(name, port=str(wire.path), **options)
+def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> Iterator[Bench]:
+    """A device on the wire of its emulator, which is served there."""
+    with wire:
+        device = make()
         wrong: WireFaults = emulator.faults
 
         def displayed() -> float:
@@ -134,6 +134,24 @@ def force_dimension(folder: Path) -> Iterator[Bench]:
 
 
 DHD_FAULTS = ("unplug", "silent", "garbled", "restart", "button", "too_fast")
+
+
+@contextmanager
+def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
+    emulator_class = load_emulator(name)
+    emulator = emulator_class(emulator_class.Options())
+    wire = PtyDevice(emulator, folder / name)
+    with on_a_wire(emulator, wire, lambda: armed(name, port=str(wire.path), **options)) as bench:
+        yield bench
+
+
+@contextmanager
+def on_a_websocket(name: str, **options: Any) -> Iterator[Bench]:
+    emulator_class = load_emulator(name)
+    emulator = emulator_class(emulator_class.Options())
+    wire = WebSocketDevice(emulator)
+    with on_a_wire(emulator, wire, lambda: armed(name, port=wire.address, **options)) as bench:
+        yield bench
 
 
 @contextmanager
@@ -184,6 +202,7 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "force_dimension": force_dimension,
     "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
     "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
+    "inverse3": lambda folder: on_a_websocket("inverse3", grip="wireless_verse_grip"),
     "operator": operator,
     "pointer": pointer,
     "polhem_hid": polhem_hid,
@@ -192,10 +211,10 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
     "touch": touch,
 }
-ON_A_WIRE = ("force_dimension", "haply_2diy", "polhem_hid", "polhem_serial", "touch")
+ON_A_WIRE = ("force_dimension", "haply_2diy", "inverse3", "polhem_hid", "polhem_serial", "touch")
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
-    *((name, fault) for name in ("haply_2diy", "polhem_serial") for fault in SERIAL_FAULTS),
+    *((name, fault) for name in ("haply_2diy", "inverse3", "polhem_serial") for fault in SERIAL_FAULTS),
     *(("polhem_hid", fault) for fault in HID_FAULTS),
     *(("force_dimension", fault) for fault in DHD_FAULTS),
     *(("touch", fault) for fault in ("unplug", "silent", "killed", "stopped")),

@@ -20,12 +20,12 @@ def test_emulator_is_named_like_its_driver(name: str) -> None:
 @every_emulator
 def test_emulator_names_transport_and_faults(name: str) -> None:
     emulator_class = load(name)
-    assert emulator_class.transport in ("serial", "hid", "evdev")
+    assert emulator_class.transport in ("serial", "hid", "evdev", "websocket")
     assert isinstance(emulator_class.OWN_FAULTS, Mapping)
     assert all(word.isidentifier() and what for word, what in emulator_class.OWN_FAULTS.items())
     emulator = emulator_class(emulator_class.Options())
     assert emulator.faults == WireFaults()
-    assert hasattr(emulator, "identity") == (emulator_class.transport != "serial")
+    assert hasattr(emulator, "identity") == (emulator_class.transport in ("hid", "evdev"))
 
 
 @every_emulator

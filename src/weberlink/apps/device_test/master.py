@@ -1,6 +1,6 @@
 """Test of a haptic device: readings, then a check of signs without force, then a gentle force along each axis."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import cos, inf, pi
@@ -18,7 +18,7 @@ from weberlink.apps.device_test.dialog import (
     uninterrupted,
 )
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, subtract
-from weberlink.master.devices.contract import Device, DeviceReading
+from weberlink.master.devices.contract import Device, DeviceReading, ReportsTrouble
 
 Frame = Mapping[str, str]
 """Direction of each positive axis, as the person before the device sees it."""
@@ -51,6 +51,19 @@ class Timed(Protocol):
 
     @property
     def round_trip_s(self) -> float: ...
+
+
+@runtime_checkable
+class ExaminesForce(Protocol):
+    """A closed device that finds out by itself what becomes of a force [N] on its way to the hand."""
+
+    def examine(self, force: Vector) -> Sequence[str]:
+        """Lines for the person, who holds the device.
+
+        Raises:
+            DeviceFault: it cannot be used.
+        """
+        ...
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
@@ -95,6 +108,9 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
         check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_hardware)
     if fingerprint is not None:
         dialog.tell("Put this line under master.device:", f"  {SIGNS}: {_yaml(fingerprint)}")
+    if isinstance(armed, ExaminesForce):
+        dialog.ask(f"\nHold it, then press Enter for a few short pushes of {_size(armed):g} N up: ")
+        dialog.tell(*armed.examine((0.0, 0.0, _size(armed))))
 
 
 def _with_signs(options: BaseModel, fingerprint: str | None) -> BaseModel:
@@ -141,6 +157,8 @@ class DeviceView:
         if spec.buttons:
             pressed = [str(button) for button in range(spec.buttons) if reading.buttons >> button & 1]
             lines.append(f"buttons pressed: {', '.join(pressed) or 'none'} (of 0 to {spec.buttons - 1})")
+        if isinstance(self._device, ReportsTrouble) and self._device.trouble:
+            lines.append(self._device.trouble)
         return lines
 
 

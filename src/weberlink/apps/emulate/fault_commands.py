@@ -10,7 +10,7 @@ from typing import Any, Protocol, TextIO
 from weberlink.hardware.fault import HardwareFault
 
 WIRE_FAULTS = {
-    "garble": "as many of the next answers arrive with a byte changed",
+    "garble": "as many of the next answers arrive with a byte changed; on a WebSocket: cut in half",
     "late": "every answer is delayed by as many seconds; 0: no delay",
     "silent": "answers are lost",
     "ok": "end these three faults",

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,7 +18,7 @@ from pydantic import ValidationError
 
 from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.apps.tasks import first_result
-from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.emulator import PtyDevice, ServedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev import Testbed, plugged_into
 from weberlink.master import emulators as devices
@@ -26,6 +27,7 @@ from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
+from weberlink.system.configuration.extras import need
 from weberlink.system.order import COMPLETED, FAILED
 
 PORT = "{port}"
@@ -38,6 +40,8 @@ LOOK_S = 0.2
 STOP_LIMIT_S = 3.0
 """Time from SIGTERM to SIGKILL."""
 CHUNK = 4096
+OF_THE_KERNEL = ("hid", "evdev")
+"""Transports of devices that only a command in their testbed sees."""
 
 
 def names() -> list[str]:
@@ -59,7 +63,7 @@ def run(
 
     Args:
         name: driver of the device.
-        link: path of a serial device's port; weberlink-NAME in the working directory if None.
+        link: path of a serial device's port; weberlink-NAME in the working directory if None. Other devices have none.
         overrides: "key=value" for the emulator's options.
         command: to run meanwhile; `{port}` in it is replaced by the port. Only this command sees a HID or input device.
         out: stream for the line with the port, and for answers.
@@ -87,7 +91,7 @@ async def _emulate(
     faults: Path | None,
 ) -> int:
     section, emulator = _build(name, overrides)
-    if emulator.transport != "serial" and not command:
+    if emulator.transport in OF_THE_KERNEL and not command:
         raise ConfigurationError(f"{name}: this device is visible to one command only; give it: -- COMMAND...")
     stop = _stop_signals()
     with ExitStack() as stack:
@@ -131,12 +135,14 @@ def _build(name: str, overrides: Sequence[str]) -> tuple[str, Any]:
     return section, emulator_class(options)
 
 
-def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[PtyDevice, str, dict[str, str]]:
+def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[ServedDevice, str, dict[str, str]]:
     """The device, its port, and the environment of processes that use it."""
+    if emulator.transport != "serial" and link is not None:
+        raise ConfigurationError(f"--link: the path of this device cannot be chosen; omit it for {name}")
     try:
-        if emulator.transport != "serial":
-            if link is not None:
-                raise ConfigurationError(f"--link: the path of this device cannot be chosen; omit it for {name}")
+        if emulator.transport == "websocket":
+            return *_on_a_websocket(stack, name, emulator), dict(os.environ)
+        if emulator.transport in OF_THE_KERNEL:
             testbed = stack.enter_context(Testbed(PRIORITY))
             node = stack.enter_context(plugged_into(testbed, emulator, _hurry))
             return node, node.node, testbed.environment
@@ -150,6 +156,17 @@ def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tu
         raise ConfigurationError(f"{error.filename2 or path}: cannot be created: {error.strerror}") from None
     except HardwareFault as fault:
         raise ConfigurationError(f"{name}: {fault}") from None
+
+
+def _on_a_websocket(stack: ExitStack, name: str, emulator: Any) -> tuple[ServedDevice, str]:
+    """The device, and its address."""
+    need("websockets", "inverse3", f"emulate {name}")
+    module = import_module("weberlink.hardware.websocket_device")
+    try:
+        device = stack.enter_context(module.WebSocketDevice(emulator, emulator.tcp_port, begin=_hurry))
+    except OSError as error:
+        raise ConfigurationError(f"--set tcp_port={emulator.tcp_port}: cannot listen there: {error.strerror}") from None
+    return device, device.address
 
 
 @contextmanager
@@ -188,7 +205,7 @@ async def _until_stopped(stop: asyncio.Queue[int]) -> int:
     return COMPLETED
 
 
-async def _until_failed(device: PtyDevice) -> int:
+async def _until_failed(device: ServedDevice) -> int:
     while not device.plugged or device.serving:
         await asyncio.sleep(LOOK_S)
     return FAILED

@@ -17,7 +17,7 @@ from time import monotonic, sleep
 import pytest
 
 from tests.hardware.scripted import wait_for
-from tests.master.devices.haply import host
+from tests.master.devices import pushing_host as host
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
@@ -85,7 +85,7 @@ def pushing(folder: Path) -> Iterator[Host]:
     with PtyDevice(board, folder / "tty") as port:
         options = json.dumps({"port": str(port.path), "home_deg": HOME_DEG})
         process = subprocess.Popen(
-            [sys.executable, "-m", host.__name__, options, json.dumps([0.0, FORCE_N])],
+            [sys.executable, "-m", host.__name__, "haply_2diy", options, json.dumps([0.0, FORCE_N, 0.0])],
             cwd=Path(__file__).parents[4],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -1,0 +1,1 @@
+"""The Haply Inverse3 through the WebSocket of its service."""

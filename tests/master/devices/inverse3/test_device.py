@@ -1,0 +1,252 @@
+"""The driver and the emulated service, over a real WebSocket."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from tests.hardware.scripted import wait_for
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.hardware.websocket_device import WebSocketDevice
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.inverse3.device import NO_FORCE, Inverse3Device
+from weberlink.master.devices.inverse3.http_requests import service_devices, service_version
+from weberlink.master.devices.inverse3.options import Inverse3Options
+from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
+
+TICK = 0.001
+PATIENCE_S = 10.0
+PLACE: Vector = (0.02, -0.03, 0.04)
+PULL: Vector = (0.2, -0.4, 0.8)
+STILL = {"tremor_m": 0.0, "script": [{"motion": "rest"}]}
+CLOSE = 1e-4
+"""Force that the JSON may be off by [N]."""
+
+
+@dataclass
+class Bench:
+    """A device and its emulated service."""
+
+    emulator: Inverse3Emulator
+    wire: WebSocketDevice
+    device: Inverse3Device
+
+    def run(self, until: Callable[[], bool], force: Vector = ZERO) -> None:
+        """Tick until something is so."""
+        patience = monotonic() + PATIENCE_S
+        while not until():
+            assert monotonic() < patience, "it did not come to be so"
+            now = monotonic()
+            self.device.latest(now)
+            self.device.command(force, now)
+            sleep(TICK)
+
+    def fault(self) -> str:
+        """The fault that ends the session."""
+        with pytest.raises(DeviceFault) as caught:
+            self.run(lambda: False, PULL)
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+
+class Unnamed(Inverse3Emulator):
+    """A service that answers no HTTP."""
+
+    def get(self, path: str) -> str | None:
+        return None
+
+
+@contextmanager
+def bench(
+    service: dict[str, Any] | None = None,
+    *,
+    signs: bool = True,
+    kind: type[Inverse3Emulator] = Inverse3Emulator,
+    **options: Any,
+) -> Iterator[Bench]:
+    """Patient with the emulated service: a machine that stalls is not what is tested."""
+    emulator = kind(Inverse3EmulatorOptions.model_validate({"handle": STILL, **(service or {})}))
+    emulator.handle.carry(emulator.handle.position)
+    with WebSocketDevice(emulator) as wire:
+        wanted = Inverse3Options.model_validate({"port": wire.address, "reply_ms": 100.0, **options})
+        checked = Inverse3Device.fingerprint(wanted) if signs else None
+        device = Inverse3Device(wanted.model_copy(update={"signs_checked": checked}), TICK)
+        try:
+            yield Bench(emulator, wire, device)
+        finally:
+            device.close()
+
+
+@pytest.mark.parametrize("version", ["3.5", "3.1"])
+def test_position_and_force_are_those_of_the_hand(version: str) -> None:
+    with bench({"version": version}) as at:
+        at.device.open(monotonic())
+        at.emulator.handle.carry(PLACE)
+        at.run(lambda: distance(at.device.latest(monotonic()).position, PLACE) < 1e-9)
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+        assert at.device.trouble is None
+        at.device.close()
+        assert at.emulator.force == ZERO
+
+
+def test_origin_and_session_settings_are_those_of_the_file() -> None:
+    with bench(origin_m=PLACE, preset="led_front", force_gate=0.7) as at:
+        at.device.open(monotonic())
+        at.emulator.handle.carry(PLACE)
+        at.run(lambda: distance(at.device.latest(monotonic()).position, ZERO) < 1e-9)
+        (session,) = at.emulator.sessions
+        assert (session.profile, session.preset, session.gate) == ("weberlink:master", "led_front", 0.7)
+        assert at.device._dialogue.settings.filters == "force gate 0.7, damping 0"
+
+
+def test_without_checked_signs_there_is_no_force() -> None:
+    with bench(signs=False) as at:
+        assert (at.device.spec.force_n, at.device.spec.note, at.device.guarded) == (0.0, NO_FORCE, False)
+        at.device.open(monotonic())
+        seen = at.emulator.messages
+        at.run(lambda: at.emulator.messages > seen + 20, PULL)
+        assert at.emulator.most_force_n == 0.0
+    first, second = (Inverse3Options(preset=preset) for preset in ("led_front", None))
+    assert Inverse3Device.fingerprint(first) != Inverse3Device.fingerprint(second), "the preset turns the axes"
+
+
+@pytest.mark.parametrize(("grip", "held"), [("wireless_verse_grip", 0b101), ("verse_grip", 0b1)])
+def test_grip_gives_buttons_and_orientation_until_it_sleeps(grip: str, held: int) -> None:
+    with bench({"grip": grip}, grip=grip) as at:
+        assert at.device.spec.orientation
+        at.device.open(monotonic())
+        at.emulator.inject("button", float(held))
+        at.run(lambda: at.device.latest(monotonic()).buttons == held)
+        turn = at.device.latest(monotonic()).orientation
+        assert turn is not None
+        assert turn[2] != 0.0 == turn[1], "the grip nods about the axis to the right, our y"
+        at.emulator.inject("asleep", 1.0)
+        at.run(lambda: at.device.latest(monotonic()).orientation is None)
+        assert at.device.trouble == f"no {grip}: it is away or asleep"
+
+
+@pytest.mark.parametrize(("fault", "said"), [("push", "instead of"), ("oscillation", "force gate 0.3")])
+def test_altered_force_is_named_while_it_lasts(fault: str, said: str) -> None:
+    with bench() as at:
+        at.device.open(monotonic())
+        at.emulator.inject(fault, 1.5)
+        at.run(lambda: said in (at.device.trouble or ""), PULL)
+        at.emulator.inject(fault, 0.0)
+        at.run(lambda: at.device.trouble is None, PULL)
+
+
+def test_device_in_use_is_refused_unless_shared() -> None:
+    with bench() as at:
+        at.emulator.inject("push", 0.5)
+        wait_for(lambda: norm(at.emulator.force) > 0.0)
+        with pytest.raises(DeviceFault, match="another program uses device 049D, and forces add"):
+            at.device.open(monotonic())
+    with bench(shared=True) as at:
+        at.emulator.inject("push", 0.5)
+        at.device.open(monotonic())
+        at.run(lambda: distance(at.emulator.force, (0.2, -0.4, 1.3)) < CLOSE, PULL)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"), [("lost", "the service has lost device 049D"), ("unready", "device 049D is not ready")]
+)
+def test_device_that_cannot_be_used_is_a_fault(fault: str, said: str) -> None:
+    with bench() as at:
+        at.device.open(monotonic())
+        at.emulator.inject(fault, 1.0)
+        assert said in at.fault()
+        wait_for(lambda: at.emulator.force == ZERO)
+        with pytest.raises(DeviceFault, match=r"049D|lists no Inverse3"):
+            at.device.open(monotonic())
+
+
+def test_restarted_service_is_found_again_and_force_ramps() -> None:
+    with bench(reconnect_s=10.0) as at:
+        at.device.open(monotonic())
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+        at.emulator.inject("restart", 1.0)
+        at.run(lambda: at.emulator.force == ZERO, PULL)
+        at.wire.unplug()
+        sleep(0.1)
+        at.wire.plug()
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+
+
+def test_late_answers_are_never_taken_for_others() -> None:
+    """After answers that came too late, a reading is that of its own message again."""
+    with bench(reply_ms=10.0) as at:
+        at.device.open(monotonic())
+        at.emulator.faults.late_s = 0.03
+        at.run(lambda: at.device.trouble is not None)
+        at.emulator.faults.late_s = 0.0
+        at.run(lambda: at.device.trouble is None)
+        at.emulator.handle.carry(PLACE)
+        wait_for(lambda: at.emulator.handle.arrived)
+        seen = at.emulator.messages
+        at.run(lambda: at.emulator.messages > seen + 3)
+        assert distance(at.device.latest(monotonic()).position, PLACE) < 1e-9
+
+
+def test_garbled_answers_take_the_force_off_and_are_survived() -> None:
+    with bench() as at:
+        at.device.open(monotonic())
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+        at.emulator.faults.garble = 3
+        at.run(lambda: at.emulator.force == ZERO, PULL)
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+
+
+def test_absent_service_is_one_line_with_advice() -> None:
+    with bench() as at:
+        at.wire.unplug()
+        with pytest.raises(DeviceFault, match="nothing listens there; is the Haply Inverse Service running") as caught:
+            at.device.open(monotonic())
+        assert "\n" not in str(caught.value)
+
+
+def test_other_id_than_the_service_lists_is_refused() -> None:
+    with bench() as at:
+        options = Inverse3Options(port=f"{at.wire.address}#04BA")
+        with pytest.raises(DeviceFault, match="lists no Inverse3 called 04BA: there is 049D"):
+            Inverse3Device(options, TICK).open(monotonic())
+
+
+def test_service_that_is_too_old_is_refused() -> None:
+    with bench({"version": "3.0"}) as at, pytest.raises(DeviceFault, match=r"version 3\.0, and 3\.1 is the least"):
+        at.device.open(monotonic())
+
+
+def test_service_without_a_version_needs_the_key_in_the_file() -> None:
+    with bench(kind=Unnamed) as at, pytest.raises(DeviceFault, match=r"set master\.device\.force_key"):
+        at.device.open(monotonic())
+    with bench(kind=Unnamed, force_key="vector") as at:
+        at.device.open(monotonic())
+        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+
+
+def test_version_and_devices_are_asked_by_http() -> None:
+    with bench({"version": "3.1", "device_id": "04BA"}) as at:
+        assert service_version(at.wire.address) == (3, 1)
+        assert service_devices(at.wire.address) == ("04BA",)
+        at.wire.unplug()
+        assert service_version(at.wire.address) is None
+        assert service_devices(at.wire.address) == ()
+
+
+@pytest.mark.parametrize("port", ["http://localhost:10001", "ws://localhost:10001/x", "ws://a b#", "wss://h", ""])
+def test_address_that_is_none_is_refused_by_options(port: str) -> None:
+    with pytest.raises(ValueError, match="port"):
+        Inverse3Options(port=port)
+
+
+def test_examination_says_time_out_and_filters() -> None:
+    with bench({"time_out_ms": 4.0}) as at:
+        said = " ".join(at.device.examine((0.0, 0.0, 0.3)))
+        assert "and less than" in said
+        assert "force gate 0.3, damping 0." in said
+        at.emulator.inject("lost", 1.0)
+        with pytest.raises(DeviceFault, match="lists no Inverse3"):
+            at.device.examine((0.0, 0.0, 0.3))

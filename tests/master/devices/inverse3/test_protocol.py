@@ -1,0 +1,196 @@
+"""The JSON of the Inverse Service: published messages, frames, and whatever else may come."""
+
+import json
+from collections.abc import Callable
+from copy import deepcopy
+from math import cos, pi, sin
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.master.devices.inverse3.published import (
+    FORCE_UP,
+    FORMER_FORCE_UP,
+    GRIP,
+    INVENTORY,
+    PRESET,
+    STATUS,
+    VERSION,
+)
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.inverse3.filters import ALTERED_MOST, ForceComparison, ServiceSettings, settings_of
+from weberlink.master.devices.inverse3.protocol import (
+    FARTHEST_M,
+    CommandWriter,
+    ForceKey,
+    check_status,
+    choose,
+    decode,
+    our_orientation,
+    ours,
+    state_of,
+    theirs,
+    version_in,
+)
+
+numbers = st.floats(-1e3, 1e3)
+vectors = st.tuples(numbers, numbers, numbers)
+documents = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=4,
+)
+
+
+def test_published_inventory_is_read() -> None:
+    device = choose(INVENTORY, None)
+    assert device["device_id"] == "049D"
+    assert settings_of(device) == ServiceSettings(gate=0.3, damping=0.0)
+    state = state_of(INVENTORY, "049D", "none")
+    assert state == ((0.12, 0.0, 0.15), ZERO, None, 0), "ours: toward the operator, to the right, up"
+
+
+@pytest.mark.parametrize(("key", "message"), [("vector", FORCE_UP), ("values", FORMER_FORCE_UP)])
+def test_force_command_is_the_published_one(key: ForceKey, message: dict[str, Any]) -> None:
+    assert json.loads(CommandWriter("049D", key).force(theirs((0.0, 0.0, 1.5)))) == message
+
+
+def test_first_message_names_the_session_once() -> None:
+    writer = CommandWriter("049D", "vector")
+    first = json.loads(writer.first(PRESET))
+    assert first["session"]["configure"] == {"profile": {"name": "weberlink:master"}}
+    assert first["session"]["force_render_full_state"] == {}
+    (device,) = first["inverse3"]
+    assert device["configure"] == PRESET
+    assert device["commands"] == {"set_cursor_force": {"vector": {"x": 0.0, "y": 0.0, "z": 0.0}}}
+    assert "session" not in json.loads(writer.force(ZERO))
+    assert "configure" not in json.loads(CommandWriter("049D", "values").first({}))["session"]
+
+
+def test_version_is_read_with_and_without_envelope() -> None:
+    assert version_in(VERSION) == version_in({"ok": True, "data": VERSION}) == (3, 0)
+    for wrong in (None, [], {"ok": False, "error": "x"}, {"project_version": 3}, {"project_version": "three"}):
+        assert version_in(wrong) is None
+
+
+@given(vectors)
+@examples(50)
+def test_frames_are_inverse_and_keep_right_hands(vector: Vector) -> None:
+    assert ours(theirs(vector)) == theirs(ours(vector)) == vector
+    assert [ours(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))] == [
+        (0.0, 1.0, 0.0),  # X, to the right, is our y
+        (-1.0, 0.0, 0.0),  # Y, forward, is against our x
+        (0.0, 0.0, 1.0),
+    ]
+
+
+def test_orientation_turns_about_the_same_axis_in_space() -> None:
+    half = 0.5 * pi / 3.0
+    assert our_orientation((1.0, 0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0), "level stays level"
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
+        x, y, z = (part * sin(half) for part in axis)
+        w, *turned = our_orientation((cos(half), x, y, z))
+        assert (w, *turned) == pytest.approx((cos(half), *(part * sin(half) for part in ours(axis))))
+
+
+def test_grip_gives_orientation_and_buttons() -> None:
+    message = deepcopy(INVENTORY)
+    assert state_of(message, "049D", "wireless_verse_grip")[2:] == (None, 0), "away"
+    grip = deepcopy(GRIP)
+    grip["state"] = {"orientation": {"w": 1.0}, "buttons": {"a": True, "b": False, "c": True}}
+    message["wireless_verse_grip"] = [grip]
+    assert state_of(message, "049D", "wireless_verse_grip")[2:] == ((1.0, 0.0, 0.0, 0.0), 0b101)
+    message["verse_grip"] = [{"device_id": "F0A8", "state": {"orientation": {"w": 1.0}, "button": True, "hall": 1}}]
+    assert state_of(message, "049D", "verse_grip")[2:] == ((1.0, 0.0, 0.0, 0.0), 0b1)
+
+
+def test_left_out_components_have_their_identity() -> None:
+    message = {"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"y": -0.1}}}]}
+    assert state_of(message, "049D", "none").position == (0.1, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["calibrated", "ready", "power_supply"])
+def test_unready_device_is_named(name: str) -> None:
+    check_status({"status": STATUS}, "049D")
+    with pytest.raises(HardwareFault, match="device 049D is "):
+        check_status({"status": {**STATUS, name: False}}, "049D")
+
+
+def test_choice_of_the_device_is_one_line() -> None:
+    two = {"inverse3": [{"device_id": "049D"}, {"device_id": "04BA"}]}
+    assert choose(two, "04BA")["device_id"] == "04BA"
+    for message, wanted, said in (
+        (two, None, "2 devices: 049D, 04BA; name one behind the address in master.device.port: #ID"),
+        (two, "1", "lists no Inverse3 called 1: there is 049D, 04BA"),
+        ({"inverse3": []}, None, "it lists none; is it plugged in"),
+        ({}, None, "it lists none"),
+    ):
+        with pytest.raises(HardwareFault, match=said):
+            choose(message, wanted)
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ({"basis": {"permutation": "XZY"}}, "permutes the axes"),
+        ({"mount": {"scale": {"x": 2.0}}}, r"scales positions by \(2.0, 1.0, 1.0\)"),
+    ],
+)
+def test_settings_that_turn_or_stretch_axes_raise(config: dict[str, Any], said: str) -> None:
+    with pytest.raises(HardwareFault, match=said):
+        settings_of({"config": config}).check()
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"7", b"\xff\xfe", b"[" * 100_000])
+def test_what_is_no_message_is_a_bad_reply(data: bytes) -> None:
+    with pytest.raises(BadReply, match="malformed"):
+        decode(data)
+
+
+@given(documents, st.sampled_from(["inverse3", "device", "state", "position", "x", "grip", "status", "config"]))
+@examples(80)
+def test_any_json_is_read_or_refused_in_one_line(document: Any, place: str) -> None:
+    """Anything may stand at any place of a message."""
+    message: dict[str, Any] = {**deepcopy(INVENTORY), "wireless_verse_grip": [deepcopy(GRIP)]}
+    device = message["inverse3"][0]
+    spots: dict[str, Callable[[], None]] = {
+        "inverse3": lambda: message.update(inverse3=document),
+        "device": lambda: message.update(inverse3=[document]),
+        "state": lambda: device.update(state=document),
+        "position": lambda: device["state"].update(cursor_position=document),
+        "x": lambda: device["state"]["cursor_position"].update(x=document),
+        "grip": lambda: message.update(wireless_verse_grip=[{"state": document}]),
+        "status": lambda: device.update(status=document),
+        "config": lambda: device["config"].update(filters=document, mount=document, basis=document),
+    }
+    spots[place]()
+    try:
+        state = state_of(decode(json.dumps(message).encode()), "049D", "wireless_verse_grip")
+        settings_of(choose(message, "049D"))
+    except HardwareFault as fault:
+        assert "\n" not in str(fault)
+    else:
+        assert norm(state.position) <= FARTHEST_M
+
+
+def test_other_force_is_named_after_a_while_only() -> None:
+    comparison = ForceComparison()
+    push: Vector = (0.0, 0.0, 1.0)
+    for _ in range(2 * ALTERED_MOST):
+        assert comparison.judge(push, push) is None
+    said = [comparison.judge(push, (0.0, 0.0, 0.3)) for _ in range(ALTERED_MOST)]
+    assert said[:-1] == [None] * (ALTERED_MOST - 1)
+    assert said[-1] == "the service displays (0.0, 0.0, 0.3) N instead of (0.0, 0.0, 1.0) N"
+    assert comparison.judge(push, push) is None
+
+
+def test_answer_that_lags_by_two_commands_is_no_alteration() -> None:
+    comparison = ForceComparison()
+    forces: list[Vector] = [(0.0, 0.0, 2.0 * sin(0.5 * step)) for step in range(5 * ALTERED_MOST)]
+    for before, now in zip([ZERO, ZERO, *forces], forces, strict=False):
+        assert comparison.judge(now, before) is None
+    assert ForceComparison().judge(ZERO, None) is None
