@@ -112,6 +112,8 @@ class FoxgloveBridge(ServerListener):
         """Ask for a change; returns what is in force then, whatever came of it."""
         del client, request_id
         asked = {parameter.name: parameter.get_value() for parameter in parameters}
+        if not asked:
+            return []
         answer = self._parameters.change(asked)
         if answer.get("accepted"):
             self._server.remove_status([REFUSED])

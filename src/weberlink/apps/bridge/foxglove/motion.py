@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from foxglove.messages import (
-    Duration,
     FrameTransform,
     FrameTransforms,
     JointState,
@@ -104,9 +103,8 @@ def packets(slave: Records, times_ns: Any, reach: float) -> SceneUpdate | None:
     entities = []
     for row in np.flatnonzero(slave["sent"] > 0)[-MOST_PACKETS:]:
         mark = ball(slave["output"][row], 0.002 * reach / LEAST_REACH_M, color(PACKETS, 0.8))
-        name, lifetime = f"packet {slave['tick'][row]}", Duration.from_secs(PACKETS_S)
-        stamp = moment(int(times_ns[row]))
-        entities.append(SceneEntity(timestamp=stamp, frame_id=FIXED_FRAME, id=name, lifetime=lifetime, spheres=[mark]))
+        name, at_ns = f"packet {slave['tick'][row]}", int(times_ns[row])
+        entities.append(entity(name, at_ns, {"spheres": [mark]}, lifetime_s=PACKETS_S))
     return SceneUpdate(entities=entities) if entities else None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from foxglove.messages import (
     ArrowPrimitive,
     Color,
+    Duration,
     Point3,
     Pose,
     Quaternion,
@@ -86,9 +87,20 @@ def triangles(corners: Iterable[Sequence[float]], faces: list[int], colored: Col
     return TriangleListPrimitive(pose=pose(ZERO), points=points, indices=faces, color=colored)
 
 
-def entity(name: str, at_ns: int, parts: Mapping[str, Any], frame: str = FIXED_FRAME) -> SceneEntity:
-    """Something to draw, in place of an earlier one of its name; `parts` are lists of primitives by kind."""
-    return SceneEntity(timestamp=moment(at_ns), frame_id=frame, id=name, frame_locked=True, **parts)
+def entity(
+    name: str, at_ns: int, parts: Mapping[str, Any], *, frame: str = FIXED_FRAME, lifetime_s: float = 0.0
+) -> SceneEntity:
+    """Something to draw, in place of an earlier one of its name.
+
+    Args:
+        name: of the entity; the topic has one with this name.
+        at_ns: time on the wall clock [ns since 1970].
+        parts: lists of primitives by kind.
+        frame: in which it is.
+        lifetime_s: how long it is drawn [s]; 0 for as long as nothing takes its place.
+    """
+    lifetime = Duration.from_secs(lifetime_s)
+    return SceneEntity(timestamp=moment(at_ns), frame_id=frame, id=name, lifetime=lifetime, frame_locked=True, **parts)
 
 
 def _cross(a: Vector, b: Vector) -> Vector:

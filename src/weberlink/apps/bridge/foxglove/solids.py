@@ -17,7 +17,7 @@ from foxglove.messages import (
     SceneUpdate,
 )
 
-from weberlink.apps.bridge.foxglove.primitives import Z, ball, color, entity, pose, toward, triangles, vector
+from weberlink.apps.bridge.foxglove.primitives import Z, ball, color, entity, moment, pose, toward, triangles, vector
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.rotation import vector as rotation_vector
 from weberlink.geometry.vector import Vector, add, norm, scale
@@ -58,8 +58,9 @@ def scene_update(scene: Sequence[Shape], tool: Sequence[Vector], at_ns: int) -> 
     reach = reach_of(scene)
     entities = [_entity(f"solid {place}", shape, reach, at_ns) for place, shape in enumerate(scene)]
     if tool:
-        entities.append(entity("tool", at_ns, {"lines": [_sticks(tool)]}, ROBOT_FRAME))
-    return SceneUpdate(deletions=[SceneEntityDeletion(type=SceneEntityDeletionType.All)], entities=entities)
+        entities.append(entity("tool", at_ns, {"lines": [_sticks(tool)]}, frame=ROBOT_FRAME))
+    earlier = SceneEntityDeletion(timestamp=moment(at_ns), type=SceneEntityDeletionType.All)
+    return SceneUpdate(deletions=[earlier], entities=entities)
 
 
 def _entity(name: str, shape: Shape, reach: float, at_ns: int) -> SceneEntity:
