@@ -2,7 +2,7 @@
 // against Foxglove's published schemas, and sets parameters. Run by trial.py; see package.json for the packages.
 //
 // Usage: node judge.cjs URL. Each line of standard input is a command: {"set": {NAME: VALUE}}, {"get": []},
-// {"watch": [NAME]} or {"report": true}. Each line of standard output is an event.
+// {"watch": [NAME]}, {"settle": true} or {"report": true}. Each line of standard output is an event.
 
 const { parse: parseRos } = require("@foxglove/rosmsg");
 const { MessageReader } = require("@foxglove/rosmsg2-serialization");
@@ -63,6 +63,11 @@ class Topic {
     Object.assign(this, { count: 0, wrong: 0, why: null, late: [], skipped: 0, bytes: 0 });
   }
 
+  // Forgets how late messages were: those of the beginning waited for the schemas to be compiled.
+  settle() {
+    this.late = [];
+  }
+
   take({ data, timestamp }) {
     const bytes = new Uint8Array(data.buffer, data.byteOffset, data.byteLength);
     const [message, why] = this.read(bytes);
@@ -112,12 +117,13 @@ client.on("message", (event) => {
   }
 });
 createInterface({ input: process.stdin }).on("line", (line) => {
-  const { set, get, watch, report } = JSON.parse(line);
+  const { set, get, watch, settle, report } = JSON.parse(line);
   if (set) {
     const parameters = Object.entries(set).map(([name, value]) => ({ name, value }));
     client.setParameters(parameters, "set");
   }
   if (get) client.getParameters(get, "get");
   if (watch) client.subscribeParameterUpdates(watch);
+  if (settle) for (const topic of topics.values()) topic.settle();
   if (report) say("report", { topics: Object.fromEntries([...topics].map(([name, of]) => [name, of.report])) });
 });

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
@@ -113,6 +113,16 @@ class Judge:
         self.command(**what)
         return self.next(kind, after)
 
+    def until_all(self, wanted: Iterable[str]) -> None:
+        """Wait until every one of these topics has brought something; lateness counts from then on."""
+
+        def complete() -> bool:
+            report = self.report()
+            return all(report[name]["count"] for name in wanted)
+
+        until(complete, "a message of each topic")
+        self.command(settle=True)
+
     def report(self) -> dict[str, Event]:
         topics: dict[str, Event] = self.asked("report", report=True)["topics"]
         return topics
@@ -142,6 +152,7 @@ def cartesian(laws: Laws, folder: Path) -> None:
                 types = judge.next("topics", 0)["types"]
                 laws.check("topics have their types", types == CARTESIAN | ARMS | EVERY, len(types))
                 other.next("topics", 0)
+                judge.until_all(CARTESIAN | EVERY)
                 sleep(5.0)
                 right(laws, judge.report(), CARTESIAN | EVERY)
                 parameters(laws, judge, other, program.pid)
@@ -227,9 +238,10 @@ def arms(laws: Laws, folder: Path) -> None:
             judge.next("topics", 0)
             with Program("loopback", "--duration", 3, *PATIENT) as program:
                 program.finish()
-            with Program("loopback", "configs/arms.yaml", "--duration", 6, *PATIENT) as program:
+            with Program("loopback", "configs/arms.yaml", "--duration", 20, *PATIENT) as program:
                 bridge.until_said(f"session {program.pid}: slave at")
-                sleep(3.0)
+                judge.until_all(ARMS)
+                sleep(2.0)
                 topics = judge.report()
                 refused = judge.asked("status", set={"weber": 0.2})["text"]
                 laws.check("without --allow-changes, parameters are read-only", "--allow-changes" in refused, refused)

@@ -65,9 +65,12 @@ def scene_update(scene: Sequence[Shape], tool: Sequence[Vector], at_ns: int) -> 
 
 def _entity(name: str, shape: Shape, reach: float, at_ns: int) -> SceneEntity:
     """A solid with what is carved out of it."""
-    cuts = shape.get("carve") or ()
+    cuts = [cut for cut in shape.get("carve") or () if cut["shape"] != "plane"]  # which has no end
     parts: dict[str, list[Any]] = {}
-    for drawn, opacity in ((shape, HOLLOW if cuts or shape.get("inside") else 1.0), *((cut, HOLLOW) for cut in cuts)):
+    for drawn, opacity in (
+        (shape, HOLLOW if shape.get("carve") or shape.get("inside") else 1.0),
+        *((cut, HOLLOW) for cut in cuts),
+    ):
         for kind, primitives in _DRAWN[drawn["shape"]](drawn, reach, opacity).items():
             parts.setdefault(kind, []).extend(primitives)
     return entity(name, at_ns, parts)
