@@ -7,11 +7,12 @@ BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 LEROBOT := $(VENV)/lerobot
+FOXGLOVE := $(VENV)/foxglove
 
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lerobot lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot foxglove lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -45,6 +46,9 @@ hunt: $(DEV)  ## every property at ten times the examples, other ones each time;
 
 lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, beside live sessions; installs torch: 7 GB
 	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial
+
+foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against the live view of running sessions; needs node and npm
+	$(BIN)/python -m tests.foxglove.trial
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -120,4 +124,10 @@ $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
 	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" -e ".[mujoco]" \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
+	touch $@
+
+$(FOXGLOVE)/.made: tests/foxglove/package.json
+	mkdir -p $(FOXGLOVE)
+	cp $< $(FOXGLOVE)
+	npm install --prefix $(FOXGLOVE) --no-audit --no-fund --ignore-scripts --silent
 	touch $@

@@ -1,7 +1,7 @@
 // A client of the Foxglove WebSocket protocol out of packages by Foxglove: it reads every topic, checks each message
 // against Foxglove's published schemas, and sets parameters. Run by trial.py; see package.json for the packages.
 //
-// Usage: node judge.cjs URL. Each line of standard input is a command: {"set": {NAME: VALUE}}, {"get": []},
+// Usage: node judge.cjs URL [parameters]; the second reads no topics. Each line of standard input is a command: {"set": {NAME: VALUE}}, {"get": []},
 // {"watch": [NAME]}, {"settle": true} or {"report": true}. Each line of standard output is an event.
 
 const { parse: parseRos } = require("@foxglove/rosmsg");
@@ -60,18 +60,20 @@ const READERS = { protobuf: protobufReader, json: jsonReader, cdr: rosReader };
 class Topic {
   constructor(channel) {
     this.read = READERS[channel.encoding](channel);
-    Object.assign(this, { count: 0, wrong: 0, why: null, late: [], skipped: 0, bytes: 0 });
+    Object.assign(this, { checked: 0, wrong: 0, why: null });
+    this.settle();
   }
 
-  // Forgets how late messages were: those of the beginning waited for the schemas to be compiled.
+  // Counts from now on: what came in the beginning waited until the schemas were compiled.
   settle() {
-    this.late = [];
+    Object.assign(this, { count: 0, late: [], skipped: 0, bytes: 0, first: this.last });
   }
 
   take({ data, timestamp }) {
     const bytes = new Uint8Array(data.buffer, data.byteOffset, data.byteLength);
     const [message, why] = this.read(bytes);
     this.late.push(now() - Number(timestamp) / 1e6);
+    this.checked += 1;
     this.count += 1;
     this.bytes += bytes.length;
     if (why) [this.wrong, this.why] = [this.wrong + 1, why];
@@ -81,10 +83,10 @@ class Topic {
   }
 
   get report() {
-    const { count, wrong, why, skipped, bytes, first, last } = this;
+    const { count, checked, wrong, why, skipped, bytes, first, last } = this;
     const late = [...this.late].sort((a, b) => a - b);
     const share = (p) => late[Math.min(late.length - 1, Math.floor(p * late.length))];
-    return { count, wrong, why, skipped, bytes, first, last, late_ms: { p50: share(0.5), p99: share(0.99) } };
+    return { count, checked, wrong, why, skipped, bytes, first, last, late_ms: { p50: share(0.5), p99: share(0.99) } };
   }
 }
 
@@ -103,6 +105,7 @@ client.on("parameterValues", ({ parameters, id }) =>
   say("parameters", { id, values: Object.fromEntries(parameters.map(({ name, value }) => [name, value])) }),
 );
 client.on("advertise", (channels) => {
+  if (process.argv[3] === "parameters") return;
   for (const channel of channels) {
     topics.set(channel.topic, new Topic(channel));
     subscribed.set(client.subscribe(channel.id), topics.get(channel.topic));
