@@ -18,6 +18,8 @@ from weberlink.system.scoring.session import Records
 NAME = "WeberLink"
 FIGURES_S = 1.0
 """Period of the diagnostics."""
+ALONE_S = 0.25
+"""Period of counting records while no client reads."""
 BACKLOG = 4096
 """Messages that wait for a slow client, of which the oldest are dropped: two seconds of ticks of both sides."""
 REFUSED = "weberlink-refused"
@@ -43,7 +45,7 @@ class FoxgloveBridge(ServerListener):
         self._parameters = LiveParameters(allow=allow_changes, tell=tell)
         self._shown: ShownSession | None = None
         self._newcomers: deque[tuple[int, str]] = deque()
-        self._figures_at = 0.0
+        self._show_at = self._figures_at = 0.0
         self._tell = tell
         self._server = foxglove.start_server(
             name=NAME,
@@ -81,7 +83,8 @@ class FoxgloveBridge(ServerListener):
         if shown is not None:
             while self._newcomers:  # first, so that they are told no event twice
                 self._greet(shown, *self._newcomers.popleft(), at_ns)
-            if not shown.watched.ended:
+            if not shown.watched.ended and (now >= self._show_at or self._channels.have_readers):
+                self._show_at = now + ALONE_S
                 shown.show()
             if now >= self._figures_at:
                 self._figures_at = now + FIGURES_S

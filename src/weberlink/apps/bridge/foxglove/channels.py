@@ -56,6 +56,19 @@ class Channels:
         self.log = LogChannel(LOG, context=context)
         self.diagnostics = Channel("/diagnostics", schema=diagnostics.SCHEMA, context=context)
 
+    @property
+    def have_readers(self) -> bool:
+        """Whether a client reads one of them."""
+        moving = (self.frames, self.bodies, self.packets, self.felt, self.log, self.diagnostics)
+        every: tuple[Any, ...] = (
+            *self.ticks.values(),
+            *self.poses.values(),
+            *self.joints.values(),
+            self.scene,
+            *moving,
+        )
+        return any(channel.has_sinks() for channel in every)
+
     def put_ticks(self, side: str, records: Records, times_ns: list[int]) -> None:
         """Every record as it is: a packed one is the body of its message, see `weberlink.telemetry.recording`."""
         channel, body, size = self.ticks[side], records.tobytes(), records.itemsize
