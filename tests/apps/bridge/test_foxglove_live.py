@@ -12,6 +12,8 @@ from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import PATIENT, Program, document, faults_of, until
 from weberlink.cli import app
+from weberlink.system.control_socket import ask
+from weberlink.telemetry.ring import default_path
 
 
 def complaint(*arguments: object) -> tuple[int, str]:
@@ -34,7 +36,7 @@ def test_a_port_in_use_is_one_line() -> None:
 @pytest.mark.realtime
 def test_parameters_are_changed_live_and_a_killed_bridge_is_not_noticed(tmp_path: Path) -> None:
     out = tmp_path / "report.json"
-    length = ("--duration", 6, "--json", out, "--set", "link.emulate={}", *PATIENT)
+    length = ("--json", out, "--set", "link.emulate={}", *PATIENT)
     with Program("loopback", *length) as program:
         slave = program.engaged("slave")
         mine = ("--session", program.pid, "--allow-changes")
@@ -50,6 +52,7 @@ def test_parameters_are_changed_live_and_a_killed_bridge_is_not_noticed(tmp_path
                 until(lambda: client.messages["/weberlink/bodies"], "the 3-D view")
             os.kill(bridge.pid, signal.SIGKILL)
         until(lambda: slave.last["weber"] == pytest.approx(0.2), "the change in the records")
+        assert ask(default_path(f"{program.pid}-slave"), {"stop": "seen"})["accepted"]
         status, _, errors = program.finish()
     assert status == 0, errors
     assert not any(faults_of(document(out.read_text())).values())
