@@ -211,6 +211,18 @@ def test_a_refused_parameter_says_why(tmp_path: Path, allow: bool, why: str) -> 
         assert none["parameters"] == []
 
 
+def test_a_session_without_a_description_is_shown(tmp_path: Path) -> None:
+    path = tmp_path / "weberlink-7-slave.ring"
+    with view(tmp_path) as seen, RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=4096) as slave:
+        seen.look()
+        with FoxgloveClient(seen.bridge.port) as client:
+            seen.until(client, "/weberlink/scene")
+            write(slave, records(20))
+            for topic in ("/weberlink/slave", "/weberlink/bodies", "/weberlink/log", "/diagnostics"):
+                seen.until(client, topic)
+            assert not parsed(client, "/weberlink/scene")[-1].entities
+
+
 def test_layout_names_topics_that_are_there(tmp_path: Path) -> None:
     layout = json.loads((CONFIGS / "foxglove-live-layout.json").read_text(encoding="utf-8"))
     panels = layout["configById"]

@@ -16,8 +16,6 @@ from weberlink.apps.monitor.events import SessionEvent
 from weberlink.apps.monitor.rings import RingFeed, joined
 from weberlink.apps.monitor.rows import FeltErrorPairs, Thinning, felt_errors
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.codec.deadband.contract import Measures
-from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.wording import ALARM, INFO, WARN
@@ -45,7 +43,6 @@ class ShownSession:
         self._new: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         self._newest: dict[str, tuple[Any, int]] = {}
         self._felt, self._thinning = FeltErrorPairs(feed.rate_hz), Thinning(feed.rate_hz)
-        self._measures: Measures | None = measures_in(self.watched.description.get("system", {}))
         self._reach = reach_of(self.watched.hello()["scene"])
         self._told = 0
 
@@ -127,7 +124,7 @@ class ShownSession:
         pairs = self._felt.add(master, self._thinning.choose(slave))
         if not (channel.has_sinks() and len(pairs[0])):
             return
-        felt = felt_errors(*pairs, self._measures, self.watched.arm)
+        felt = felt_errors(*pairs, self.watched.measures, self.watched.arm)
         for *values, at in zip(*felt, self._origins[SLAVE].log_times_ns(pairs[1]["at"]).tolist(), strict=True):
             shown = dict(zip(("error", "bound", "deadbands"), values, strict=True))
             channel.log({name: float(value) for name, value in shown.items() if isfinite(value)}, log_time=at)
