@@ -8,11 +8,12 @@ RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
+FOXGLOVE := $(VENV)/foxglove
 
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -49,6 +50,8 @@ lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, b
 
 isaaclab: $(ISAACLAB)/.made  ## Isaac Lab's client of the Haply Inverse Service at the emulated one; installs torch
 	$(ISAACLAB)/bin/python -m tests.master.devices.inverse3.isaaclab_trial
+foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against the live view of running sessions; needs node and npm
+	$(BIN)/python -m tests.foxglove.trial
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -130,4 +133,10 @@ $(ISAACLAB)/.made: $(RUN)  # without what isaaclab depends on: only its client i
 	$(PYTHON) -m venv $(ISAACLAB)
 	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch -e ".[inverse3]"
 	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps "isaaclab==2.3.2.post1"
+	touch $@
+
+$(FOXGLOVE)/.made: tests/foxglove/package.json
+	mkdir -p $(FOXGLOVE)
+	cp $< $(FOXGLOVE)
+	npm install --prefix $(FOXGLOVE) --no-audit --no-fund --ignore-scripts --silent
 	touch $@

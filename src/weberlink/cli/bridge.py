@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 from weberlink.cli.arguments import CommandGroup
-from weberlink.cli.output import errors
+from weberlink.cli.output import errors, fail
+from weberlink.system.order import FAILED, MISCONFIGURED
 
 Session = Annotated[
     str | None,
@@ -31,12 +32,35 @@ def ros2(session: Session = None) -> None:
 
 
 @bridge.command()
-def foxglove(session: Session = None) -> None:
+def foxglove(
+    session: Session = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 for any free port.")] = 8765,
+    listen: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to serve; one that other hosts can reach needs --public.")
+    ] = "127.0.0.1",
+    public: Annotated[
+        bool, typer.Option("--public", help="Allow other hosts, without encryption or authentication.")
+    ] = False,
+    allow_changes: Annotated[
+        bool, typer.Option("--allow-changes", help="Let every client set parameters: deadband, predictor, link.")
+    ] = False,
+) -> None:
     """Show a running session in Foxglove, until Ctrl-C."""
     from weberlink.system.configuration.extras import need  # noqa: PLC0415
 
     with errors():
         need("foxglove", "foxglove", "weberlink bridge foxglove")
-        from weberlink.apps.bridge.foxglove import run  # noqa: PLC0415
+    from weberlink.apps.bridge.foxglove import run  # noqa: PLC0415
+    from weberlink.apps.monitor.access import is_loopback  # noqa: PLC0415
+    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
 
-        run(session)
+    if not is_loopback(listen) and not public:
+        fail(
+            f"--listen {listen}: the server is neither encrypted nor authenticated; "
+            "add --public to serve it to other hosts all the same",
+            MISCONFIGURED,
+        )
+    try:
+        run(session, listen, port, allow_changes=allow_changes)
+    except MonitorError as error:
+        fail(str(error), FAILED)

@@ -18,7 +18,7 @@ class Monitor:
     Args:
         folder: for what it says.
         arguments: of the command line; the port is any that is free if none is given.
-        command: `monitor`, or `try`, which also runs a session.
+        command: `monitor`, `try`, which also runs a session, or another server with a port.
     """
 
     _count = 0
@@ -29,7 +29,7 @@ class Monitor:
         port = () if "--port" in arguments else ("--port", "0")
         with self._said.open("w") as out:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "weberlink", command, *port, *map(str, arguments)],
+                [sys.executable, "-m", "weberlink", *command.split(), *port, *map(str, arguments)],
                 cwd=ROOT,
                 stdin=subprocess.DEVNULL,
                 stdout=out,

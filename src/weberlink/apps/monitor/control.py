@@ -54,9 +54,13 @@ class SessionControl:
 
     async def change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
         """Change settings of both sides, or of the emulated link in both directions."""
+        return await self.change_named(viewer.watching, request)
+
+    async def change_named(self, name: str | None, request: dict[str, Any]) -> Answer:
+        """The same for a session by its name; refused if it does not run on this host."""
         if not request:
             return refusal("nothing to change; name weber, predictor, scheme, delay_ms, jitter_ms or loss")
-        session = self._running(viewer.watching)
+        session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to change")
         return await self.apply(session, request)

@@ -99,11 +99,12 @@ class WatchedSession:
         torque = description.get("torque_bank")
         self._rotates = torque is not None
         bank = tuple(description.get("bank", ())) or UNNAMED
-        self._measures = _measures(description)
+        self.measures = _measures(description)
+        """How its deadband measures; None for the distance."""
         torque_bank = None if torque is None else tuple(torque)
         self.arm = _arm(description)
         """The axes of a session in joint space; None for one in Cartesian space."""
-        self._score = SessionScore(first.rate_hz, bank, torque_bank, self._measures, self.arm)
+        self._score = SessionScore(first.rate_hz, bank, torque_bank, self.measures, self.arm)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
@@ -147,7 +148,7 @@ class WatchedSession:
         self._history.add(MASTER, master)
         self._history.add(SLAVE, slave)
         felt, measured = self._all_felt.add(master, slave)
-        self._history.add_felt(measured["at"], felt_errors(felt, measured, self._measures, self.arm).deadbands)
+        self._history.add_felt(measured["at"], felt_errors(felt, measured, self.measures, self.arm).deadbands)
 
     @property
     def feeds(self) -> dict[str, Feed]:
@@ -304,7 +305,7 @@ class WatchedSession:
 
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
-            return felt_message(first, second, self.origin, self._measures, self.arm)
+            return felt_message(first, second, self.origin, self.measures, self.arm)
         return samples_message(kind, first, self.origin, rotation=self._rotates, arm=self.arm)
 
     def _remember(self, shown: list[_Shown]) -> None:

@@ -1,5 +1,0 @@
-"""Placeholder."""
-
-
-def run(session: str | None) -> None:
-    raise NotImplementedError

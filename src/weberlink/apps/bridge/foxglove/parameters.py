@@ -1,0 +1,93 @@
+"""The live settings of the session as parameters: read by every client, changed by the requests of the live page."""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from foxglove import Parameter
+
+from weberlink.apps.monitor.control import SessionControl
+from weberlink.apps.monitor.requests import Answer, refusal
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.system.control_socket import LiveChangeError, ask
+
+NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
+"""Parameters that are numbers; a client may send them as integers."""
+LOOK_S = 1.0
+"""Period of asking what is in force, while a client wants to be told of changes."""
+CLOSED = "parameters are read-only; start the bridge with --allow-changes, and every client of its port may change them"
+
+Values = dict[str, Any]
+
+
+class LiveParameters:
+    """What is in force in the followed session, and requests to change it.
+
+    Clients call from threads of the server.
+
+    Args:
+        allow: whether clients may change something.
+        tell: called with lines for the user.
+    """
+
+    def __init__(self, *, allow: bool, tell: Callable[[str], None]) -> None:
+        self._allow = allow
+        self._sessions: dict[str, WatchedSession] = {}
+        self._control = SessionControl(self._sessions, lambda _: None, tell)
+        self._asker = ThreadPoolExecutor(1, "settings")
+        self._asked: Future[Values] | None = None
+        self._ask_at = 0.0
+        self._told: Values = {}
+        self.wanted: set[str] = set()
+        """Names of those of whose changes a client wants to be told."""
+
+    def follow(self, session: WatchedSession) -> None:
+        """From now on, parameters are those of this session."""
+        self._sessions.clear()
+        self._sessions[session.name] = session
+
+    def close(self) -> None:
+        self._control.close()
+        self._asker.shutdown(wait=False, cancel_futures=True)
+
+    def in_force(self) -> Values:
+        """Settings and emulated link in force, or agreed; empty without a session. Blocks until a daemon answers."""
+        session = next(iter(self._sessions.values()), None)
+        if session is None or session.ended or session.ring is None:
+            return {}
+        return _asked_of(session.ring)
+
+    def change(self, values: Mapping[str, Any]) -> Answer:
+        """Ask the daemons to make a change, as the live page does; blocks until they answer."""
+        if not self._allow:
+            return refusal(CLOSED)
+        request = {name: float(v) if name in NUMBERS and type(v) is int else v for name, v in values.items()}
+        return asyncio.run(self._control.change_named(next(iter(self._sessions), None), request))
+
+    def changed(self, now: float) -> Values:
+        """What has changed since the last call; never blocks."""
+        if self._asked is not None and self._asked.done():
+            values, self._asked = self._asked.result(), None
+            changed = {name: value for name, value in values.items() if self._told.get(name) != value}
+            self._told = values
+            return changed
+        if self.wanted and self._asked is None and now >= self._ask_at:
+            self._ask_at = now + LOOK_S
+            self._asked = self._asker.submit(self.in_force)
+        return {}
+
+
+def _asked_of(ring: Path) -> Values:
+    """What a daemon says is in force; empty if it does not answer."""
+    try:
+        answer = ask(ring, {})
+    except LiveChangeError:
+        return {}
+    return {**(answer.get("settings") or {}), **(answer.get("pending") or {}), **(answer.get("link") or {})}
+
+
+def as_parameters(values: Mapping[str, Any], names: Sequence[str] = ()) -> list[Parameter]:
+    """Values as parameters: the named ones, or all; one that is not there has no value."""
+    return [Parameter(name, value=values.get(name)) for name in (names or sorted(values))]

@@ -1,0 +1,140 @@
+"""One session as it is shown: what its records become on the topics."""
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from foxglove.messages import Log, LogLevel, SceneUpdate
+
+from weberlink.apps.bridge.foxglove import motion
+from weberlink.apps.bridge.foxglove.channels import Channels
+from weberlink.apps.bridge.foxglove.diagnostics import diagnostics
+from weberlink.apps.bridge.foxglove.feed import FollowedFeed
+from weberlink.apps.bridge.foxglove.primitives import moment
+from weberlink.apps.bridge.foxglove.solids import reach_of, scene_update
+from weberlink.apps.monitor.events import SessionEvent
+from weberlink.apps.monitor.rings import RingFeed, joined
+from weberlink.apps.monitor.rows import FeltErrorPairs, Thinning, felt_errors
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.session import Records
+from weberlink.system.wording import ALARM, INFO, WARN
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.message import Origin
+
+LEVELS = {INFO: LogLevel.Info, WARN: LogLevel.Warning, ALARM: LogLevel.Error}
+
+
+class ShownSession:
+    """A followed session, and what of it is still to be shown.
+
+    Args:
+        name: of the session.
+        feed: of its first side.
+        channels: where it is shown.
+    """
+
+    def __init__(self, name: str, feed: RingFeed, channels: Channels) -> None:
+        self._channels = channels
+        self._feeds = {feed.side: FollowedFeed(feed)}
+        self.watched = WatchedSession(name, self._feeds[feed.side])
+        self._origins: dict[str, Origin] = {}
+        self._note_origin(feed)
+        self._new: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
+        self._newest: dict[str, tuple[Any, int]] = {}
+        self._felt, self._thinning = FeltErrorPairs(feed.rate_hz), Thinning(feed.rate_hz)
+        self._reach = reach_of(self.watched.hello()["scene"])
+        self._told = 0
+
+    def admit(self, feed: RingFeed) -> None:
+        """Add the other side."""
+        self._feeds[feed.side] = FollowedFeed(feed)
+        self.watched.admit(self._feeds[feed.side])
+        self._note_origin(feed)
+
+    def put(self, side: str, records: Records) -> None:
+        """New records of a side, at least one: its ticks are shown at once, the rest in the next `show`."""
+        self._feeds[side].put(records)
+        self._new[side].append(records)
+        times = self._origins[side].log_times_ns(records["at"])
+        self._newest[side] = records[-1], int(times[-1])
+        self._channels.put_ticks(side, records, times.tolist())
+        if side == SLAVE and self.watched.arm is None and self._channels.packets.has_sinks():
+            update = motion.packets(records, times, self._reach)
+            if update is not None:
+                self._channels.packets.log(update, log_time=int(times[-1]))
+
+    def end(self, side: str) -> None:
+        """All records of a side were put."""
+        self._feeds[side].end()
+
+    def show(self) -> None:
+        """Show what has come since the last call; events in any case."""
+        self.watched.look(show=False)
+        events = self.watched.log.since(self._told)
+        self._told = self.watched.log.count
+        for event in events:
+            self._log(event)
+        new = {side: joined(pieces) if pieces else np.empty(0, DTYPE) for side, pieces in self._new.items()}
+        self._new = {MASTER: [], SLAVE: []}
+        if any(map(len, new.values())):
+            self._show_felt(new[MASTER], new[SLAVE])
+            if self.watched.arm is None:
+                self._show_bodies()
+            else:
+                self._show_arms()
+
+    def scene(self, at_ns: int) -> SceneUpdate:
+        """All that does not move."""
+        robot = self.watched.description.get("system", {}).get("slave", {}).get("robot", {})
+        return scene_update(self.watched.hello()["scene"], (robot.get("tool") or {}).get("points_m") or (), at_ns)
+
+    def show_diagnostics(self, at_ns: int) -> None:
+        if self._channels.diagnostics.has_sinks():
+            self._channels.diagnostics.log(diagnostics(self.watched, at_ns), log_time=at_ns)
+
+    def repeat_log(self, client: int) -> None:
+        """Tell one client all events that were before."""
+        for event in self.watched.log.events:
+            self._log(event, client)
+
+    def _note_origin(self, feed: RingFeed) -> None:
+        wall_s = feed.began + (feed.wall_offset_s or 0.0)
+        self._origins[feed.side] = Origin(feed.side, feed.rate_hz, wall_s, feed.began)
+
+    def _show_bodies(self) -> None:
+        channels, newest = self._channels, self._newest
+        at_ns = max(at for _, at in newest.values())
+        for side, (record, at) in newest.items():
+            if channels.poses[side].has_sinks():
+                channels.poses[side].log(motion.pose_of(side, record, at), log_time=at)
+        if channels.frames.has_sinks():
+            channels.frames.log(motion.frames(newest), log_time=at_ns)
+        if channels.bodies.has_sinks():
+            channels.bodies.log(motion.bodies(newest, self._reach), log_time=at_ns)
+
+    def _show_arms(self) -> None:
+        assert self.watched.arm is not None
+        for side, (record, at) in self._newest.items():
+            if self._channels.joints[side].has_sinks():
+                self._channels.joints[side].log(motion.joints_of(side, record, self.watched.arm, at), log_time=at)
+
+    def _show_felt(self, master: Records, slave: Records) -> None:
+        channel = self._channels.felt
+        pairs = self._felt.add(master, self._thinning.choose(slave))
+        if not (channel.has_sinks() and len(pairs[0])):
+            return
+        felt = felt_errors(*pairs, self.watched.measures, self.watched.arm)
+        for *values, at in zip(*felt, self._origins[SLAVE].log_times_ns(pairs[1]["at"]).tolist(), strict=True):
+            shown = dict(zip(("error", "bound", "deadbands"), values, strict=True))
+            channel.log({name: float(value) for name, value in shown.items() if isfinite(value)}, log_time=at)
+
+    def _log(self, event: SessionEvent, client: int | None = None) -> None:
+        at_ns = round(event.wall * 1e9)
+        line = Log(
+            timestamp=moment(at_ns),
+            level=LEVELS[event.level],
+            message=event.text,
+            name=event.side or "session",
+        )
+        self._channels.log.log(line, log_time=at_ns, sink_id=client)
