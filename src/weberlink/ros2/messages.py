@@ -1,17 +1,15 @@
 """Types of ROS 2 messages: their hash, and their bytes (plain CDR)."""
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 
 @cache
-def types() -> "Typestore":
+def types() -> Typestore:
     """The message types of ROS 2 Jazzy; those that are used here are the same in Humble, Kilted and Rolling."""
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - an extra
-
     return get_typestore(Stores.ROS2_JAZZY)
 
 
