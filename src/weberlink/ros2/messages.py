@@ -6,6 +6,8 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from weberlink.telemetry.recording.message import ENCAPSULATION
+
 
 @cache
 def types() -> Typestore:
@@ -23,6 +25,11 @@ def type_hash(type_name: str) -> str:
         return str(types().hash_rihs01(type_name))
     except KeyError as error:
         raise ValueError(f"ROS 2 has no message type {type_name}") from error
+
+
+def encode_body(message: Any, type_name: str) -> bytes:
+    """The body of a message of `types`, little endian, without the encapsulation header."""
+    return bytes(types().serialize_cdr(message, type_name))[len(ENCAPSULATION) :]
 
 
 def decode(cdr: bytes, type_name: str) -> Any:
