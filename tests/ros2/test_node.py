@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from tests.ros2.ports import endpoint
 from weberlink.ros2.messages import encode_body, types
@@ -77,6 +78,20 @@ def test_nodes_talk_on_without_the_first() -> None:
         first.close()
         heard.clear()
         wait(lambda: publisher.put_body(BODY, 0) or heard)
+
+
+@pytest.mark.realtime
+def test_a_router_elsewhere_forwards_messages() -> None:
+    where = endpoint().replace("127.0.0.1", "127.0.0.2")
+    with pytest.raises(NodeError, match="Unable to connect"):
+        Node("first", connect=where)
+    config = zenoh.Config.from_json5(json.dumps({"mode": "router", "listen": {"endpoints": [where]}}))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config), Node("first", connect=where) as first, Node("second", connect=where) as second:
+        heard = hear(second)
+        publisher = first.publisher("/chatter", STRING)
+        wait(lambda: publisher.put_body(BODY, 0) or heard)
+        assert not first.is_router and first.connections == second.connections == 1
 
 
 @pytest.mark.realtime
