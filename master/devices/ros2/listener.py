@@ -18,7 +18,7 @@ from weberlink.master.devices.pointer_link import pack
 from weberlink.master.devices.ros2.admission import SECOND_NS, Admission, Pose, Subscription
 from weberlink.master.devices.ros2.process import END_S, FAILED, LONGEST_TEXT, READY, TROUBLE
 from weberlink.ros2 import Node, NodeError
-from weberlink.ros2.messages import decode
+from weberlink.ros2.messages import decode, type_hash
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"
@@ -84,6 +84,9 @@ class Listener:
         kinds = sorted({topic.type_name for topic in others})
         if kinds and TYPE not in kinds:
             return f"it is published as {', '.join(kinds)}, not as {TYPE}"
+        hashes = {topic.type_hash for topic in others if topic.type_name == TYPE}
+        if hashes and type_hash(TYPE) not in hashes:
+            return f"its publisher has another definition of {TYPE}: {', '.join(sorted(hashes))}"
         return "no pose comes" if others else "nobody publishes it"
 
     def _send(self, data: bytes) -> bool:

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.pointer import PointerOptions
 from weberlink.master.devices.ros2.admission import Subscription
-from weberlink.ros2.names import LARGEST_DOMAIN, check_topic
+from weberlink.ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
 
 
 class Ros2Options(PointerOptions):
@@ -17,7 +17,7 @@ class Ros2Options(PointerOptions):
         default="/weberlink/target", description="of geometry_msgs/msg/PoseStamped, with its namespace"
     )
     domain: int = Field(default=0, ge=0, le=LARGEST_DOMAIN, description="as ROS_DOMAIN_ID of the publisher")
-    connect: Annotated[str, Field(pattern=r"^[a-z0-9]+/\S+$")] | None = Field(
+    connect: Annotated[str, AfterValidator(check_endpoint)] | None = Field(
         default=None,
         description="endpoint of the Zenoh router, such as tcp/192.168.1.5:7447; that of this host if not given",
     )
