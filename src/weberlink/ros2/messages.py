@@ -1,17 +1,17 @@
 """Types of ROS 2 messages: their hash, and their bytes (plain CDR)."""
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from weberlink.telemetry.recording.message import ENCAPSULATION
 
 
 @cache
-def types() -> "Typestore":
+def types() -> Typestore:
     """The message types of ROS 2 Jazzy; those that are used here are the same in Humble, Kilted and Rolling."""
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - an extra
-
     return get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -25,6 +25,11 @@ def type_hash(type_name: str) -> str:
         return str(types().hash_rihs01(type_name))
     except KeyError as error:
         raise ValueError(f"ROS 2 has no message type {type_name}") from error
+
+
+def encode_body(message: Any, type_name: str) -> bytes:
+    """The body of a message of `types`, little endian, without the encapsulation header."""
+    return bytes(types().serialize_cdr(message, type_name))[len(ENCAPSULATION) :]
 
 
 def decode(cdr: bytes, type_name: str) -> Any:

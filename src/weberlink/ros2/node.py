@@ -9,7 +9,9 @@ import os
 from collections.abc import Callable
 from hashlib import blake2b
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+import zenoh
 
 from weberlink.ros2.messages import type_hash
 from weberlink.ros2.names import (
@@ -26,9 +28,6 @@ from weberlink.ros2.names import (
     publishers_of,
 )
 from weberlink.telemetry.recording.message import ENCAPSULATION
-
-if TYPE_CHECKING:
-    import zenoh
 
 ROUTER: Final = "tcp/localhost:7447"
 """Where nodes look for the router of their host."""
@@ -80,8 +79,6 @@ class Node:
         Raises:
             ValueError: a name that ROS does not allow, or a type that it does not have.
         """
-        import zenoh  # noqa: PLC0415 - an extra
-
         quality = qos or Qos()
         key, token = self._announce(PUBLISHER, topic, type_name, quality)
         reliability = zenoh.Reliability.RELIABLE if quality.reliable else zenoh.Reliability.BEST_EFFORT
@@ -98,7 +95,7 @@ class Node:
             ValueError: a name that ROS does not allow, or a type that it does not have.
         """
 
-        def receive(sample: "zenoh.Sample") -> None:
+        def receive(sample: zenoh.Sample) -> None:
             attached = sample.attachment
             try:
                 attachment = Attachment.from_bytes(bytes(attached) if attached is not None else b"")
@@ -154,7 +151,7 @@ class Publisher:
         source: its identity, 16 bytes.
     """
 
-    def __init__(self, raw: "zenoh.Publisher", source: bytes) -> None:
+    def __init__(self, raw: zenoh.Publisher, source: bytes) -> None:
         self._raw, self._source = raw, source
         self.sequence = 0
         """Number of messages published."""
@@ -169,8 +166,6 @@ class Publisher:
         Raises:
             NodeError: the node was closed.
         """
-        import zenoh  # noqa: PLC0415 - an extra
-
         self.sequence += 1
         attachment = Attachment(self.sequence, stamp_ns, self._source)
         try:
@@ -179,10 +174,8 @@ class Publisher:
             raise NodeError(f"cannot publish: {error}") from error
 
 
-def _open(connect: str | None) -> "tuple[zenoh.Session, bool]":
+def _open(connect: str | None) -> tuple[zenoh.Session, bool]:
     """A session, and whether it is the router of this host."""
-    import zenoh  # noqa: PLC0415 - an extra
-
     file = os.environ.get(CONFIG_VARIABLE)
     router = ROUTER if connect is None else check_endpoint(connect)
     try:
@@ -201,10 +194,8 @@ def _open(connect: str | None) -> "tuple[zenoh.Session, bool]":
         raise NodeError(f"cannot open a Zenoh session with {file or router}: {_first_line(error)}") from error
 
 
-def _config(mode: str, listen: list[str], connect: list[str]) -> "zenoh.Config":
+def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
     """As DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5 and DEFAULT_RMW_ZENOH_ROUTER_CONFIG.json5, on loopback."""
-    import zenoh  # noqa: PLC0415 - an extra
-
     config = zenoh.Config()
     _insert(
         config,
@@ -219,7 +210,7 @@ def _config(mode: str, listen: list[str], connect: list[str]) -> "zenoh.Config":
     return config
 
 
-def _insert(config: "zenoh.Config", values: dict[str, Any]) -> None:
+def _insert(config: zenoh.Config, values: dict[str, Any]) -> None:
     for path, value in values.items():
         config.insert_json5(path, json.dumps(value))
 

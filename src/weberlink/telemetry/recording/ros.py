@@ -5,6 +5,7 @@ on multiples of their size, a string as its length with the final zero, and its 
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -98,38 +99,33 @@ class _Layout:
         self.add(f"{name}nanosec", "<u4")
         self.add_text(f"{name}frame", frame)
 
-    def rows(self, count: int) -> Rows:
+    def rows_type(self) -> np.dtype[np.void]:
         layout = {"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": self.end}
         kind: np.dtype[np.void] = np.dtype(layout)  # type: ignore[call-overload]
-        return np.zeros(count, kind)
+        return kind
 
 
-def pose_stamped(motion: Motion) -> Rows:
-    """Bodies of geometry_msgs/PoseStamped in the fixed frame."""
+# Cached, since live messages are made some hundred times a second, a few at a time.
+@cache
+def _pose_type() -> np.dtype[np.void]:
     layout = _Layout()
     layout.add_header("", FIXED_FRAME)
     layout.add("position", "<f8", 3)
     layout.add("orientation", "<f8", 4)
-    rows = layout.rows(len(motion.times_ns))
-    _stamp(rows, "", FIXED_FRAME, motion.times_ns)
-    rows["position"], rows["orientation"] = motion.position_m, quaternions(motion.rotation_rad)
-    return rows
+    return layout.rows_type()
 
 
-def wrench_stamped(times_ns: NDArray[np.uint64], frame: str, force_n: Array, torque_nm: Array) -> Rows:
-    """Bodies of geometry_msgs/WrenchStamped that act at the origin of a frame, along its axes."""
+@cache
+def _wrench_type(frame: str) -> np.dtype[np.void]:
     layout = _Layout()
     layout.add_header("", frame)
     layout.add("force", "<f8", 3)
     layout.add("torque", "<f8", 3)
-    rows = layout.rows(len(times_ns))
-    _stamp(rows, "", frame, times_ns)
-    rows["force"], rows["torque"] = force_n, torque_nm
-    return rows
+    return layout.rows_type()
 
 
-def joint_state(times_ns: NDArray[np.uint64], names: tuple[str, ...], angles_rad: Array, torques_nm: Array) -> Rows:
-    """Bodies of sensor_msgs/JointState without velocities; angles and torques have shape (n, number of names)."""
+@cache
+def _joint_type(names: tuple[str, ...]) -> np.dtype[np.void]:
     layout = _Layout()
     layout.add_header("", FIXED_FRAME)
     layout.add("names", "<u4")
@@ -140,7 +136,40 @@ def joint_state(times_ns: NDArray[np.uint64], names: tuple[str, ...], angles_rad
     layout.add("velocities", "<u4")
     layout.add("torques", "<u4")
     layout.add("torque", "<f8", len(names))
-    rows = layout.rows(len(times_ns))
+    return layout.rows_type()
+
+
+@cache
+def _frames_type(children: tuple[str, ...]) -> np.dtype[np.void]:
+    layout = _Layout()
+    layout.add("count", "<u4")
+    for child in children:
+        layout.add_header(f"{child} ", FIXED_FRAME)
+        layout.add_text(f"{child} child", child)
+        layout.add(f"{child} translation", "<f8", 3)
+        layout.add(f"{child} rotation", "<f8", 4)
+    return layout.rows_type()
+
+
+def pose_stamped(motion: Motion) -> Rows:
+    """Bodies of geometry_msgs/PoseStamped in the fixed frame."""
+    rows = np.zeros(len(motion.times_ns), _pose_type())
+    _stamp(rows, "", FIXED_FRAME, motion.times_ns)
+    rows["position"], rows["orientation"] = motion.position_m, quaternions(motion.rotation_rad)
+    return rows
+
+
+def wrench_stamped(times_ns: NDArray[np.uint64], frame: str, force_n: Array, torque_nm: Array) -> Rows:
+    """Bodies of geometry_msgs/WrenchStamped that act at the origin of a frame, along its axes."""
+    rows = np.zeros(len(times_ns), _wrench_type(frame))
+    _stamp(rows, "", frame, times_ns)
+    rows["force"], rows["torque"] = force_n, torque_nm
+    return rows
+
+
+def joint_state(times_ns: NDArray[np.uint64], names: tuple[str, ...], angles_rad: Array, torques_nm: Array) -> Rows:
+    """Bodies of sensor_msgs/JointState without velocities; angles and torques have shape (n, number of names)."""
+    rows = np.zeros(len(times_ns), _joint_type(names))
     _stamp(rows, "", FIXED_FRAME, times_ns)
     for place, name in enumerate(names):
         _say(rows, f"name {place}", name)
@@ -151,14 +180,7 @@ def joint_state(times_ns: NDArray[np.uint64], names: tuple[str, ...], angles_rad
 
 def transforms(frames: dict[str, Motion]) -> Rows:
     """Bodies of tf2_msgs/TFMessage: each frame in the fixed one; all motions have the same times."""
-    layout = _Layout()
-    layout.add("count", "<u4")
-    for child in frames:
-        layout.add_header(f"{child} ", FIXED_FRAME)
-        layout.add_text(f"{child} child", child)
-        layout.add(f"{child} translation", "<f8", 3)
-        layout.add(f"{child} rotation", "<f8", 4)
-    rows = layout.rows(len(next(iter(frames.values())).times_ns))
+    rows = np.zeros(len(next(iter(frames.values())).times_ns), _frames_type(tuple(frames)))
     rows["count"] = len(frames)
     for child, motion in frames.items():
         _stamp(rows, f"{child} ", FIXED_FRAME, motion.times_ns)

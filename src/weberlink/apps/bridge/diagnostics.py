@@ -1,0 +1,142 @@
+"""The condition of each side of a session, once a second, in the words of the log file."""
+
+from collections.abc import Mapping
+from enum import Enum, IntEnum
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from weberlink.apps.monitor.rings import RingFeed
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import Records
+from weberlink.system.wording import ALARM, INFO, WARN, Words, fault_words, words
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import RELEASED
+
+STALE_S = 1.0
+"""A side that has written no record for this long stands still [s]."""
+
+
+class Level(IntEnum):
+    """As the levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+_LEVELS = {INFO: Level.OK, WARN: Level.WARN, ALARM: Level.ERROR}
+
+
+class Status(NamedTuple):
+    """The condition of one part.
+
+    Args:
+        level: how good it is.
+        name: of the part.
+        message: the condition in words.
+        hardware: name of the host or user that runs the part.
+        values: figures by name, as text.
+    """
+
+    level: Level
+    name: str
+    message: str
+    hardware: str
+    values: dict[str, str]
+
+
+class SideCondition:
+    """What is known of one side since it was last asked.
+
+    Args:
+        feed: of the side.
+        now: time [s], monotonic clock.
+    """
+
+    def __init__(self, feed: RingFeed, now: float) -> None:
+        self._feed = feed
+        self._asked_at = self._heard_at = now
+        self._last: Any = None
+        self._before: Any = None
+        """The newest record when it was last asked."""
+        self._latest_us = self._longest_us = 0.0
+
+    def take(self, records: Records, now: float) -> None:
+        """New records, at least one."""
+        self._heard_at, self._last = now, records[-1]
+        self._latest_us = max(self._latest_us, float(np.max(records["lateness_us"])))
+        self._longest_us = max(self._longest_us, float(np.max(records["work_us"])))
+
+    def status(self, now: float) -> Status:
+        """Its condition; figures per second are those since the last call."""
+        described = self._feed.description or {}
+        silence_s = now - self._heard_at
+        told = Words(INFO, "has written no record yet") if self._last is None else _condition(self._feed, self._last)
+        level = _LEVELS[told.level]
+        if silence_s > STALE_S:
+            level, told = Level.STALE, Words(ALARM, f"stands still: no record for {silence_s:.1f} s")
+        values = {} if self._last is None else self._values(described, max(now - self._asked_at, 1e-3))
+        self._asked_at, self._before = now, self._last
+        self._latest_us = self._longest_us = 0.0
+        return Status(level, f"weberlink: {self._feed.side}", told.text, str(described.get("name", "")), values)
+
+    def ended(self) -> Status:
+        """Its condition at the end."""
+        name = str((self._feed.description or {}).get("name", ""))
+        text = "ended" if self._feed.in_order else "ended without closing its telemetry: it was killed or has crashed"
+        level = Level.STALE if self._feed.in_order else Level.ERROR
+        return Status(level, f"weberlink: {self._feed.side}", text, name, {})
+
+    def _values(self, described: Mapping[str, Any], interval_s: float) -> dict[str, str]:
+        last = self._last
+
+        def per_second(counter: str) -> float:
+            before = 0 if self._before is None else int(self._before[counter])
+            return max(0, int(last[counter]) - before) / interval_s
+
+        bank = list(described.get("bank", ()))
+        schemes = list(described.get("schemes", ()))
+        figures = {
+            "tick lateness, largest [us]": self._latest_us,
+            "tick work, largest [us]": self._longest_us,
+            "ticks missed": int(last["ticks_missed"]),
+            "updates sent [1/s]": per_second("updates_sent"),
+            "updates received [1/s]": per_second("updates_received"),
+            "datagrams lost": int(last["datagrams_lost"]),
+            "datagrams dropped": int(last["datagrams_dropped"]),
+            "round trip [ms]": 1e-3 * float(last["rtt_us"]),
+            "one way [ms]": 1e-3 * float(last["one_way_us"]),
+            "Weber factor": float(last["weber"]),
+        }
+        if self._before is not None:
+            figures = {"ticks [1/s]": per_second("tick")} | figures
+        names = {
+            "state": _name(State, int(last["state"])),
+            "predictor": _place(bank, int(last["selected"])),
+            "control scheme": _place(schemes, int(last["control"])),
+        }
+        return names | {name: f"{value:.6g}" if isfinite(value) else "unknown" for name, value in figures.items()}
+
+
+def _condition(feed: RingFeed, last: Any) -> Words:
+    """The fault if there is one, else the state, or that the button is not held."""
+    if last["fault"]:
+        return fault_words(feed.side, _name(Fault, int(last["fault"])))
+    if last["ramping"] == RELEASED:
+        return words(feed.side, "released", {})
+    return words(feed.side, _name(State, int(last["state"])), {})
+
+
+def _name(kind: type[Enum], number: int) -> str:
+    """The name of a state or fault, or the number of one that another release knows."""
+    try:
+        return kind(number).name.lower()
+    except ValueError:
+        return str(number)
+
+
+def _place(names: list[str], place: int) -> str:
+    return names[place] if place < len(names) else str(place)
