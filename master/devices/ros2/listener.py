@@ -17,8 +17,8 @@ from time import monotonic
 from weberlink.master.devices.pointer_link import pack
 from weberlink.master.devices.ros2.admission import SECOND_NS, Admission, Pose, Subscription
 from weberlink.master.devices.ros2.process import END_S, FAILED, LONGEST_TEXT, READY, TROUBLE
-from weberlink.ros2 import Node, NodeError
 from weberlink.ros2.messages import decode, type_hash
+from weberlink.ros2.node import Node, NodeError
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"

@@ -13,15 +13,17 @@ from signal import Signals
 from time import monotonic
 
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.pointer_link import MARK, MOST_A_TICK, PointerTarget, unpack
+from weberlink.master.devices.pointer_link import MARK, PointerTarget, unpack
 from weberlink.master.devices.ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
 """What a datagram other than a target begins with; a text follows, which is empty for no trouble."""
 LONGEST_TEXT = 400
 """Bytes of a text."""
-SEND_BUFFER = 1
-"""Of the listener [bytes]; the kernel takes its least, which holds a few targets: newer ones are not queued behind."""
+SEND_BUFFER = 16_384
+"""Of the listener [bytes]; the kernel counts about 750 for a target."""
+MOST_A_TICK = 64
+"""Datagrams that one call of `newest` reads: more than that buffer holds, so nothing old is left after a stall."""
 START_S = 20.0
 """Longest time for the listener to start [s]; Python and Zenoh take less than one on an idle machine."""
 END_S = 3.0
@@ -74,9 +76,10 @@ class ListenerProcess:
             self.close()
             raise
 
-    def newest(self) -> PointerTarget | None:
+    def newest(self, most: int = MOST_A_TICK) -> PointerTarget | None:
+        """As of `TargetSource`, of at most so many datagrams."""
         newest = None
-        for _ in range(MOST_A_TICK):
+        for _ in range(most):
             if self._socket is None or self.failure is not None or not self._waiting(0):
                 break
             data = self._receive(self._socket)

@@ -12,8 +12,8 @@ import pytest
 from weberlink.master.devices.pointer_link import PointerTarget
 from weberlink.master.devices.ros2.admission import Subscription
 from weberlink.master.devices.ros2.process import ListenerProcess
-from weberlink.ros2 import Node, Publisher
 from weberlink.ros2.messages import types
+from weberlink.ros2.node import Node, Publisher
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 HEADER_BYTES = 4

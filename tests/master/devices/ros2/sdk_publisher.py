@@ -2,8 +2,9 @@
 
     python -m tests.master.devices.ros2.sdk_publisher FOLDER PORT RATE_HZ
 
-It reads lines "x y z" [m] on standard input and publishes the newest at a rate; an empty line pauses it. It ends with
-its input. Its first line of output is the key under which it publishes, with the hash that it computes itself.
+It reads lines "x y z" [m] on standard input and publishes the newest at a rate; an empty line pauses it, and with
+"clock" x is the number of the pose and y the time of `monotonic` [s]. It ends with its input. Its first line of output
+is the key under which it publishes, with the hash that it computes itself.
 """
 
 import sys
@@ -39,13 +40,21 @@ class Lines:
     """The newest line of standard input."""
 
     def __init__(self) -> None:
-        self.target: tuple[float, ...] = ()
+        self.newest = ""
+        self.number = 0
         self.ended = False
 
     def read(self) -> None:
         for line in sys.stdin:
-            self.target = tuple(map(float, line.split()))
+            self.newest = line.strip()
         self.ended = True
+
+    @property
+    def target(self) -> tuple[float, ...]:
+        if self.newest != "clock":
+            return tuple(map(float, self.newest.split()))
+        self.number += 1
+        return float(self.number), monotonic(), 0.0
 
 
 def main(folder: Path, port: int, rate_hz: float) -> None:
@@ -60,10 +69,10 @@ def main(folder: Path, port: int, rate_hz: float) -> None:
     Thread(target=lines.read, daemon=True).start()
     due = monotonic()
     while not lines.ended:
-        if lines.target:
+        if target := lines.target:
             now = time_ns()
             stamp = types["builtin_interfaces/msg/Time"](now // 10**9, now % 10**9)
-            point = types["geometry_msgs/msg/Point"](*lines.target)
+            point = types["geometry_msgs/msg/Point"](*target)
             level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
             publisher.publish(
                 header=types["std_msgs/msg/Header"](stamp, "weberlink"),

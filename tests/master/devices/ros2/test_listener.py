@@ -26,8 +26,7 @@ from tests.pace import TICK
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
-from weberlink.ros2 import Node
-from weberlink.ros2.node import CONFIG_VARIABLE
+from weberlink.ros2.node import CONFIG_VARIABLE, Node
 
 pytestmark = pytest.mark.realtime
 
