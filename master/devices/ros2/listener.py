@@ -24,6 +24,8 @@ TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"
 LOOK_MS = 200
 """Period of looking for what is wrong."""
+QUIET_S = 1.0
+"""Least time between two lines [s]."""
 
 
 class Listener:
@@ -40,6 +42,8 @@ class Listener:
         self._lock = Lock()
         self._bad = ""
         self._told: str | None = None
+        self._written: str | None = None
+        self._write_at = 0.0
 
     def received(self, cdr: bytes, sent_ns: int, source: bytes) -> None:
         """Take a message; called by threads of Zenoh."""
@@ -73,6 +77,8 @@ class Listener:
         text = f"{self._wanted.topic}: {trouble}" if trouble else ""
         if text != self._told and self._send(TROUBLE + text.encode()[:LONGEST_TEXT]):
             self._told = text
+        if text != self._written and now >= self._write_at:
+            self._written, self._write_at = text, now + QUIET_S
             sys.stderr.write(f"weberlink ros2: {text or f'{self._wanted.topic}: poses lead the hand'}\n")
             sys.stderr.flush()
 
@@ -106,7 +112,8 @@ def run(wire: socket.socket, subscription: Subscription) -> int:
         return _fail(wire, f'it needs {error.name}; install it with: pip install "weberlink[ros2]"')
     except (NodeError, ValueError) as error:
         return _fail(wire, str(error))
-    wire.send(READY)
+    with suppress(OSError):  # the daemon may have ended meanwhile
+        wire.send(READY)
     waiting = poll()
     waiting.register(wire.fileno(), POLLRDHUP)
     while not waiting.poll(LOOK_MS):

@@ -24,7 +24,7 @@ SEND_BUFFER = 16_384
 """Of the listener [bytes]; the kernel counts about 750 for a target."""
 MOST_A_TICK = 64
 """Datagrams that one call of `newest` reads: more than that buffer holds, so nothing old is left after a stall."""
-START_S = 20.0
+START_S = 30.0
 """Longest time for the listener to start [s]; Python and Zenoh take less than one on an idle machine."""
 END_S = 3.0
 """Longest time for the listener to end [s]."""

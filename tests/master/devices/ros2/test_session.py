@@ -26,6 +26,8 @@ HOME: Vector = (0.0, 0.0, 0.03)
 FREE: Vector = (0.03, 0.02, 0.03)
 PRESSED: Vector = (0.03, 0.02, -0.02)
 """Below the wall at z = 0 [m]."""
+SILENCE_S = 0.5
+"""Longer than by default: a busy machine makes a pose late by 100 ms."""
 HAND_N_M, WALL_N_M = 150.0, 1500.0
 DEPTH = 0.02 * HAND_N_M / (HAND_N_M + WALL_N_M)
 """Of the handle in the wall: two springs in series [m]."""
@@ -57,10 +59,11 @@ class SdkPublisher:
 
 
 @contextmanager
-def led(folder: Path, *overrides: str) -> Iterator[tuple[Program, Telemetry, Telemetry, SdkPublisher]]:
+def led(folder: Path) -> Iterator[tuple[Program, Telemetry, Telemetry, SdkPublisher]]:
     """A session of configs/ros2.yaml, its telemetry, and the publisher, which publishes nothing yet."""
     router = free_router()
-    settings = [each for text in (f"master.device.connect={router}", *overrides) for each in ("--set", text)]
+    device = (f"master.device.connect={router}", f"master.device.silence_ms={SILENCE_S * 1e3}")
+    settings = [each for text in device for each in ("--set", text)]
     with Program("loopback", "configs/ros2.yaml", "--duration", "60", *PATIENT, *settings) as program:
         master = program.engaged("master")
         sdk = SdkPublisher(folder, router)
@@ -110,7 +113,7 @@ def test_robot_follows_a_node_of_another_make(tmp_path: Path) -> None:
         program.send(signal.SIGINT)
         status, report, errors = program.finish()
     assert status == 0, report
-    assert "poses lead the hand" in errors
+    assert "weberlink ros2: /weberlink/target: nobody publishes it\n" in errors
     until(lambda: not Path(f"/proc/{listener}").exists(), "the listener to end")
 
 
@@ -142,6 +145,6 @@ def test_stopped_listener_is_the_hand_letting_go(tmp_path: Path) -> None:
         sdk.lead(HOME)
         until(lambda: master.last["buttons"] == 0, "the hand to let go")
         records = master.records
-        assert records["at"][records["buttons"] == 1][-1] - stopped < 0.1 + 0.05
+        assert records["at"][records["buttons"] == 1][-1] - stopped < SILENCE_S + 0.05
         os.kill(listener, signal.SIGCONT)
         until(lambda: is_at(slave, HOME), "the robot to be led again")
