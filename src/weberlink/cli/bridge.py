@@ -29,7 +29,10 @@ def ros2(
         typer.Option(metavar="ENDPOINT", help="Zenoh router; default: tcp/localhost:7447, or none on this host."),
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(metavar="HZ", min=0.1, help="Messages per second and topic; default: every tick.")
+        float | None,
+        typer.Option(
+            metavar="HZ", min=0.1, callback=finite, help="Messages per second and topic; default: every tick."
+        ),
     ] = None,
     depth: Annotated[int, typer.Option(metavar="N", min=1, help="Depth of the queues, as announced.")] = 10,
     best_effort: Annotated[
@@ -47,7 +50,7 @@ def ros2(
         from weberlink.ros2.node import NodeError  # noqa: PLC0415
 
         try:
-            run(session, domain, connect, Qos(not best_effort, depth), finite(rate))
+            run(session, domain, connect, Qos(not best_effort, depth), rate)
         except NodeError as error:
             fail(f"bridge ros2: {error}", FAILED)
 

@@ -2,6 +2,7 @@
 
 As rmw_zenoh does, a node connects to the Zenoh router of this host, finds other nodes through it, and then talks to
 them directly. Where there is no router on this host the first node takes its place, on the loopback interface only.
+With a router elsewhere the node is a client, since nodes there cannot reach its loopback interface.
 """
 
 import json
@@ -189,7 +190,8 @@ def _open(connect: str | None) -> tuple[zenoh.Session, bool]:
                 return zenoh.open(_config("router", [router.replace("localhost", "127.0.0.1")], [])), True
             except zenoh.ZError:
                 pass  # the address is in use: there is a router, or a node in its place
-        return zenoh.open(_config("peer", ["tcp/127.0.0.1:0"], [router])), False
+            return zenoh.open(_config("peer", ["tcp/127.0.0.1:0"], [router])), False
+        return zenoh.open(_config("client", [], [router])), False
     except zenoh.ZError as error:
         raise NodeError(f"cannot open a Zenoh session with {file or router}: {_first_line(error)}") from error
 

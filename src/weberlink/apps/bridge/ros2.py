@@ -1,5 +1,6 @@
 """`bridge ros2`: publishes a running session as ROS 2 topics over Zenoh, for nodes with rmw_zenoh."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic, time, time_ns
 from typing import Any
@@ -62,6 +63,11 @@ class _Side:
         return Origin(self.feed.side, self.feed.rate_hz, self.wall_offset_s, 0.0).log_times_ns(at)
 
 
+def wall_offset_s() -> float:
+    """From the monotonic clock to the wall clock [s]."""
+    return time() - monotonic()
+
+
 class Ros2Bridge:
     """Publishes the records of a session.
 
@@ -70,10 +76,18 @@ class Ros2Bridge:
         qos: of the topics of a session.
         rate_hz: of the messages of each topic; None for every tick.
         tell: called with lines for the user.
+        offset_s: from the monotonic clock to the wall clock [s].
     """
 
-    def __init__(self, node: Node, qos: Qos, rate_hz: float | None = None, tell: follow.Tell = lambda _: None) -> None:
-        self._node, self._qos, self._rate_hz, self._tell = node, qos, rate_hz, tell
+    def __init__(
+        self,
+        node: Node,
+        qos: Qos,
+        rate_hz: float | None,
+        tell: follow.Tell,
+        offset_s: Callable[[], float] = wall_offset_s,
+    ) -> None:
+        self._node, self._qos, self._rate_hz, self._tell, self._offset_s = node, qos, rate_hz, tell, offset_s
         self._sides: dict[str, _Side] = {}
         self._publishers: dict[str, Publisher] = {}
         self._diagnostics = node.publisher(DIAGNOSTICS, ARRAY)
@@ -93,7 +107,7 @@ class Ros2Bridge:
         stride = 1 if self._rate_hz is None else max(1, round(feed.rate_hz / self._rate_hz))
         now = monotonic()
         condition = SideCondition(feed, now)
-        self._sides[feed.side] = _Side(feed, condition, stride, arm, _wall_offset_s(), now - FRESH_S)
+        self._sides[feed.side] = _Side(feed, condition, stride, arm, self._offset_s(), now - FRESH_S)
         for topic, type_name in topics(feed.side, arm).items():
             if topic not in self._publishers:
                 self._publishers[topic] = self._node.publisher(topic, type_name, self._qos)
@@ -123,7 +137,7 @@ class Ros2Bridge:
     def look(self, now: float) -> None:
         if now >= self._diagnose_at:
             self._diagnose_at = now + DIAGNOSTICS_S
-            offset_s = _wall_offset_s()
+            offset_s = self._offset_s()
             for side in self._sides.values():
                 if abs(offset_s - side.wall_offset_s) > LARGEST_STEP_S:
                     side.wall_offset_s = offset_s
@@ -168,11 +182,6 @@ def _array(statuses: list[Status], now_ns: int) -> Any:
         for status in statuses
     ]
     return made[ARRAY](header, told)
-
-
-def _wall_offset_s() -> float:
-    """From the monotonic clock to the wall clock [s]."""
-    return time() - monotonic()
 
 
 def run(session: str | None, domain: int, connect: str | None, qos: Qos, rate_hz: float | None) -> None:

@@ -1,0 +1,281 @@
+"""`bridge ros2`: what is published of the ticks of a session, and what the diagnostics tell."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic, time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.apps.arm_rings import RANGES, arm_rings
+from tests.apps.arm_sessions import NAMES, SYSTEM
+from tests.apps.monitor.feeds import description, records, write
+from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
+from weberlink.apps.bridge.follow import SessionFollower
+from weberlink.apps.bridge.ros2 import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, Ros2Bridge, wall_offset_s
+from weberlink.apps.monitor.rings import RingFeed
+from weberlink.apps.ros_topics import shown
+from weberlink.ros2.messages import decode
+from weberlink.ros2.names import Qos
+from weberlink.system.description import Description
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.recording.message import ENCAPSULATION
+from weberlink.telemetry.ring import RingWriter
+
+SESSION = "7"
+
+
+class Publisher:
+    def __init__(self, type_name: str) -> None:
+        self.type_name, self.sequence = type_name, 0
+        self.bodies: list[bytes] = []
+
+    def put_body(self, cdr: bytes, stamp_ns: int) -> None:
+        assert abs(stamp_ns - time() * 1e9) < 60e9
+        self.sequence += 1
+        self.bodies.append(cdr)
+
+    @property
+    def messages(self) -> list[Any]:
+        return [decode(ENCAPSULATION + body, self.type_name) for body in self.bodies]
+
+
+class Node:
+    """Keeps what is published."""
+
+    connections, is_router = 1, False
+
+    def __init__(self) -> None:
+        self.topics: dict[str, Publisher] = {}
+        self.closed = False
+
+    def publisher(self, topic: str, type_name: str, qos: Qos | None = None) -> Publisher:
+        del qos
+        assert topic not in self.topics
+        self.topics[topic] = Publisher(type_name)
+        return self.topics[topic]
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Live:
+    """A bridge that follows rings in a folder; `side` writes the ring of one side."""
+
+    def __init__(self, folder: Path, rate_hz: float | None = None) -> None:
+        self.folder, self.node, self.said = folder, Node(), list[str]()
+        self.offset_s = wall_offset_s()
+        self.bridge = Ros2Bridge(self.node, Qos(), rate_hz, self.said.append, lambda: self.offset_s)  # type: ignore[arg-type]
+        self.follower = SessionFollower(self.bridge, None, self.said.append, folder)
+        self.now = 0.0
+
+    def ring(self, side: str, described: dict[str, Any] | None = None) -> RingWriter:
+        path = self.folder / f"weberlink-{SESSION}-{side}.ring"
+        Description(path, description(side) if described is None else described).publish()
+        return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)
+
+    def look(self) -> None:
+        self.now += DIAGNOSTICS_S
+        self.follower.look(self.now)
+
+    def statuses(self) -> dict[str, Any]:
+        """The newest diagnostics by name."""
+        return {status.name: status for status in self.node.topics[DIAGNOSTICS].messages[-1].status}
+
+
+@pytest.fixture
+def live(tmp_path: Path) -> Iterator[Live]:
+    made = Live(tmp_path)
+    yield made
+    made.follower.close()
+
+
+def ticks(count: int, *, first: int = 0) -> Records:
+    """Ticks of now, whose values are noise."""
+    made = records(count, first=first, seed=first + 1)
+    made["at"] = monotonic() + 1e-3 * np.arange(count)
+    return made
+
+
+def vector(message: Any) -> list[float]:
+    return [message.x, message.y, message.z]
+
+
+def test_every_tick_is_published_once(live: Live) -> None:
+    with live.ring("master") as ring:
+        live.look()
+        made = [ticks(3), ticks(5, first=3)]
+        for piece in made:
+            write(ring, piece)
+            live.look()
+        poses, wrenches, frames = (live.node.topics[f"/{name}"] for name in ("weberlink/hand", "weberlink/felt", "tf"))
+        place = np.concatenate([piece["position"] for piece in made])
+        force = np.concatenate([piece["output"] for piece in made])
+        np.testing.assert_array_equal([vector(each.pose.position) for each in poses.messages], place)
+        np.testing.assert_array_equal([vector(each.wrench.force) for each in wrenches.messages], force)
+        told = [[each.child_frame_id for each in message.transforms] for message in frames.messages]
+        assert told == [["hand", "felt"]] * 8
+
+
+def test_stamps_are_the_wall_clock_of_the_ticks(live: Live) -> None:
+    with live.ring("slave") as ring:
+        live.look()
+        made = ticks(4)
+        write(ring, made)
+        live.look()
+    stamps = [each.header.stamp for each in live.node.topics["/weberlink/robot"].messages]
+    at = np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps])
+    np.testing.assert_allclose(at, made["at"] + time() - monotonic(), atol=0.05)
+    np.testing.assert_allclose(np.diff(at), 1e-3, atol=1e-6)
+
+
+def test_live_messages_are_those_of_the_export(live: Live) -> None:
+    with live.ring("slave") as ring:
+        live.look()
+        made = ticks(4)
+        write(ring, made)
+        live.look()
+    exported = shown("slave", made, np.zeros(4, np.uint64), None)
+    for topic, type_name, bodies in exported:
+        publisher = live.node.topics[topic]
+        assert publisher.type_name == type_name
+        assert [len(body) for body in publisher.bodies] == [bodies.dtype.itemsize] * 4
+
+
+def test_a_lower_rate_leaves_ticks_out(tmp_path: Path) -> None:
+    live = Live(tmp_path, 250.0)
+    with live.ring("master") as ring:
+        live.look()
+        for first in range(0, 40, 5):
+            write(ring, ticks(5, first=first))
+            live.look()
+    assert live.node.topics["/weberlink/hand"].sequence == 10
+    live.follower.close()
+
+
+def test_what_was_before_is_left_out(live: Live) -> None:
+    with live.ring("master") as ring:
+        old, new = ticks(5), ticks(5, first=5)
+        old["at"] -= 2 * FRESH_S
+        write(ring, old)
+        write(ring, new)
+        live.look()
+    assert live.node.topics["/weberlink/hand"].sequence == 5
+
+
+def test_arms_are_joint_states_with_their_names(tmp_path: Path) -> None:
+    live = Live(tmp_path)
+    with arm_rings(tmp_path, SESSION, SYSTEM, RANGES) as rings:
+        live.look()
+        for tick in range(3):
+            rings.write(tick)
+        live.look()
+        states = {name: live.node.topics[f"/weberlink/{name}"].messages for name in ("leader", "follower")}
+        for state in states["leader"]:
+            assert tuple(state.name) == (*NAMES, "gripper")
+        assert [state.position[0] for state in states["leader"]] == pytest.approx(
+            [1 / 128 + tick / 1024 for tick in range(3)]
+        )
+        assert states["leader"][0].effort[0] == pytest.approx(0.375 + 1 / 128)
+        assert states["follower"][0].effort[0] == pytest.approx(0.125 + 1 / 128)
+        assert "/weberlink/hand" not in live.node.topics
+    live.follower.close()
+
+
+def test_a_side_that_is_not_described_is_left_out_and_named(live: Live) -> None:
+    with live.ring("master", {"side": "master"}) as ring:
+        write(ring, ticks(3))
+        live.look()
+        live.look()
+    live.look()
+    assert set(live.node.topics) == {DIAGNOSTICS}
+    assert any("master is left out" in line for line in live.said)
+
+
+def test_diagnostics_tell_state_and_fault(live: Live) -> None:
+    live.look()
+    assert live.statuses()["weberlink: bridge"].message == "waits for a session"
+    with live.ring("master") as master, live.ring("slave") as slave:
+        made = ticks(5)
+        made["updates_sent"] = np.arange(5)
+        write(master, made)
+        write(slave, ticks(5))
+        live.look()
+        statuses = live.statuses()
+        assert statuses["weberlink: bridge"].message == f"publishes session {SESSION}"
+        values = {pair.key: pair.value for pair in statuses["weberlink: master"].values}
+        assert statuses["weberlink: master"].level == Level.OK
+        assert "engaged" in statuses["weberlink: master"].message
+        assert (values["state"], values["predictor"], values["round trip [ms]"]) == ("engaged", "zoh", "unknown")
+        broken, held = ticks(1, first=5), ticks(1, first=5)
+        broken["fault"], held["ramping"] = Fault.DEVICE.value, RELEASED
+        write(slave, broken)
+        write(master, held)
+        live.look()
+        statuses = live.statuses()
+        assert statuses["weberlink: slave"].level == Level.ERROR and "robot" in statuses["weberlink: slave"].message
+        assert statuses["weberlink: master"].level == Level.WARN
+    live.look()
+    live.look()
+    assert [status.level for status in live.statuses().values()] == [Level.OK]
+
+
+def test_the_end_of_a_side_is_told_once(live: Live) -> None:
+    with live.ring("master") as ring:
+        write(ring, ticks(3))
+        live.look()
+    live.look()
+    live.look()
+    told = [
+        status.message
+        for message in live.node.topics[DIAGNOSTICS].messages
+        for status in message.status
+        if status.level == Level.STALE
+    ]
+    assert told == ["ended"]
+
+
+def test_a_side_that_stands_still_is_stale(tmp_path: Path) -> None:
+    live = Live(tmp_path)
+    with live.ring("master") as ring:
+        feed = RingFeed(ring.path)
+        condition = SideCondition(feed, 100.0)
+        assert condition.status(100.1).level == Level.OK
+        condition.take(ticks(3), 100.2)
+        assert condition.status(100.3).level == Level.OK
+        stale = condition.status(100.3 + STALE_S)
+        assert stale.level == Level.STALE and "1.1 s" in stale.message
+        assert condition.ended().level == Level.ERROR  # without the mark of its end
+        feed.close()
+    live.follower.close()
+
+
+def test_lost_ticks_are_a_warning(live: Live) -> None:
+    with live.ring("master") as ring:
+        write(ring, ticks(3))
+        live.look()
+        for first in range(0, 6000, 1000):
+            write(ring, ticks(1000, first=first))
+        live.look()
+        status = live.statuses()["weberlink: bridge"]
+    assert status.level == Level.WARN and "overwritten" in status.message
+
+
+def test_a_clock_that_is_set_moves_the_stamps(live: Live) -> None:
+    with live.ring("master") as ring:
+        live.look()
+        live.offset_s = 5e8
+        live.look()
+        made = ticks(1)
+        write(ring, made)
+        live.look()
+    (message,) = live.node.topics["/weberlink/hand"].messages
+    assert message.header.stamp.sec == int(5e8 + made["at"][0])
+
+
+def test_the_node_is_closed_with_the_bridge(live: Live) -> None:
+    live.bridge.close()
+    assert live.node.closed

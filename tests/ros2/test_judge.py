@@ -1,0 +1,92 @@
+"""A session on the topics of `bridge ros2`, listed and received by zenoh-ros2-sdk, which others wrote; and its pose."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.apps.monitor.feeds import description, write
+from tests.apps.monitor.feeds import records as engaged
+from tests.ros2.ports import endpoint
+from weberlink.apps.bridge.follow import SessionFollower
+from weberlink.apps.bridge.ros2 import Ros2Bridge
+from weberlink.ros2.messages import decode
+from weberlink.ros2.names import Qos
+from weberlink.ros2.node import Node
+from weberlink.system.description import Description
+from weberlink.telemetry.ring import RingWriter
+
+POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+LISTED = {
+    "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
+    "/tf": ["tf2_msgs/msg/TFMessage"],
+    "/weberlink/felt": [WRENCH],
+    "/weberlink/hand": [POSE],
+    "/weberlink/measured": [WRENCH],
+    "/weberlink/robot": [POSE],
+    "/weberlink/target": [POSE],
+}
+DOMAIN = 5
+TICKS = 200
+
+
+@pytest.mark.realtime
+def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None:
+    pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
+    where, targets = endpoint(), list[Any]()
+    node = Node("weberlink", DOMAIN, where)
+    node.subscribe("/weberlink/target", POSE, lambda cdr, *_: targets.append(decode(cdr, POSE)))
+    bridge = Ros2Bridge(node, Qos(), None, print)
+    follower = SessionFollower(bridge, None, print, tmp_path)
+    command = [
+        sys.executable,
+        "-m",
+        "tests.ros2.sdk",
+        where.rpartition(":")[2],
+        str(DOMAIN),
+        str(len(LISTED)),
+        "--pose",
+    ]
+    rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
+    follower.look(0.0)
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
+        assert sdk.stdout is not None
+        assert json.loads(sdk.stdout.readline()) == LISTED
+        made = engaged(TICKS, seed=1)
+        made["at"] = time.monotonic() + 1e-3 * np.arange(TICKS)
+        for first in range(0, TICKS, 4):
+            for writer in rings.values():
+                write(writer, made[first : first + 4])
+            follower.look(1.0 + first)
+            time.sleep(0.002)
+        time.sleep(0.5)
+        output, _ = sdk.communicate(timeout=30)
+    follower.close()
+    bridge.close()
+    for writer in rings.values():
+        writer.close()
+    received = json.loads(output)
+    for name in ("/weberlink/hand", "/weberlink/felt", "/weberlink/robot", "/weberlink/measured", "/tf hand"):
+        np.testing.assert_allclose(np.diff(received[name]["stamps_ns"]), 1e6, atol=1000)
+        assert len(received[name]["stamps_ns"]) == TICKS
+    last, newest = made[-1], {name: stream["newest"] for name, stream in received.items()}
+    assert list(newest["/weberlink/hand"]["pose"]["position"].values()) == last["position"].tolist()
+    assert list(newest["/weberlink/felt"]["wrench"]["force"].values()) == last["output"].tolist()
+    assert list(newest["/weberlink/robot"]["pose"]["position"].values()) == last["output"].tolist()
+    assert list(newest["/weberlink/measured"]["wrench"]["force"].values()) == last["raw"].tolist()
+    assert [each["child_frame_id"] for each in newest["/tf robot"]["transforms"]] == ["robot", "measured"]
+    assert {status["name"] for status in newest["/diagnostics"]["status"]} == {
+        f"weberlink: {part}" for part in ("bridge", "master", "slave")
+    }
+    assert targets[-1].pose.position.x > targets[0].pose.position.x > 0.0
+
+
+def ring(folder: Path, side: str) -> RingWriter:
+    path = folder / f"weberlink-7-{side}.ring"
+    Description(path, description(side)).publish()
+    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)

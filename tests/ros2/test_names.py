@@ -1,0 +1,129 @@
+"""Keys, tokens, hashes and attachments: as rmw_zenoh documents them, and as zenoh-ros2-sdk builds and reads them."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weberlink.ros2.messages import decode, encode_body, type_hash, types
+from weberlink.ros2.names import (
+    PUBLISHER,
+    SUBSCRIPTION,
+    Attachment,
+    NodeName,
+    Qos,
+    Topic,
+    check_domain,
+    check_endpoint,
+    check_node_name,
+    check_topic,
+)
+from weberlink.telemetry.recording.message import ENCAPSULATION
+from weberlink.telemetry.recording.ros import SCHEMAS
+
+STRING = "std_msgs/msg/String"
+STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+CHATTER = Topic("/chatter", STRING, STRING_HASH)
+TYPES = (*SCHEMAS, "diagnostic_msgs/msg/DiagnosticArray")
+
+
+def test_names_are_those_of_the_design_document() -> None:
+    """Examples of docs/design.md of ros2/rmw_zenoh."""
+    assert CHATTER.key(0) == f"0/chatter/std_msgs::msg::dds_::String_/{STRING_HASH}"
+    in_namespace = CHATTER._replace(name="/robot1/chatter")
+    assert in_namespace.key(0) == f"0/robot1/chatter/std_msgs::msg::dds_::String_/{STRING_HASH}"
+    listener = NodeName(2, "aac3178e146ba6f1fc6e6a4085e77f21", "listener")
+    assert listener.token() == "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener"
+    chatter = f"%chatter/std_msgs::msg::dds_::String_/{STRING_HASH}"
+    assert listener.endpoint_token(10, SUBSCRIPTION, CHATTER, Qos()) == (
+        f"@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/10/MS/%/%/listener/{chatter}/::,10:,:,:,,"
+    )
+    talker = NodeName(2, "8b20917502ee955ac4476e0266340d5c", "talker")
+    assert talker.endpoint_token(10, PUBLISHER, CHATTER, Qos(depth=7)) == (
+        f"@ros2_lv/2/8b20917502ee955ac4476e0266340d5c/0/10/MP/%/%/talker/{chatter}/::,7:,:,:,,"
+    )
+
+
+def test_hashes_are_those_that_ros_prints() -> None:
+    """std_msgs/String in docs/design.md of ros2/rmw_zenoh; TFMessage as `ros2 topic info -v /tf` of Jazzy prints it."""
+    assert type_hash(STRING) == STRING_HASH
+    assert type_hash("tf2_msgs/msg/TFMessage") == (
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    )
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_sdk_computes_the_same_hash(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
+    from zenoh_ros2_sdk.utils import get_type_hash  # noqa: PLC0415 - may be missing
+
+    own, *others = types().generate_msgdef(name, ros_version=2)[0].split("=" * 80 + "\n")
+    dependencies = {}
+    for other in others:
+        first, _, text = other.partition("\n")
+        package, _, message = first.removeprefix("MSG: ").partition("/")
+        dependencies[f"{package}/msg/{message}"] = text
+    assert get_type_hash(name, msg_definition=own, dependencies=dependencies) == type_hash(name)
+
+
+@pytest.mark.parametrize("qos", [Qos(), Qos(depth=42), Qos(reliable=False, depth=1)])
+def test_sdk_reads_the_quality_of_service(qos: Qos) -> None:
+    pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
+    from zenoh_ros2_sdk.qos import QosProfile, QosReliability  # noqa: PLC0415 - may be missing
+
+    read = QosProfile.decode(qos.text())
+    assert (read.reliability is QosReliability.RELIABLE) == qos.reliable
+    assert read.history_depth == (10 if qos.depth == 42 else qos.depth)  # the SDK takes 10 for rmw_zenoh's default
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1), st.binary(min_size=16, max_size=16))
+def test_attachment_survives_its_bytes(sequence: int, stamp_ns: int, source: bytes) -> None:
+    attachment = Attachment(sequence, stamp_ns, source)
+    assert Attachment.from_bytes(attachment.to_bytes()) == attachment
+
+
+def test_sdk_reads_our_attachment_and_we_its() -> None:
+    pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
+    from zenoh_ros2_sdk import attachment as sdk  # noqa: PLC0415 - may be missing
+
+    theirs = sdk.Attachment(7, 123_456_789, bytes(range(16)))
+    ours = Attachment(7, 123_456_789, bytes(range(16)))
+    assert theirs.to_bytes() == ours.to_bytes()
+    assert sdk.Attachment.from_bytes(ours.to_bytes()) == theirs
+    assert Attachment.from_bytes(theirs.to_bytes()) == ours
+
+
+@given(st.binary(max_size=40))
+def test_no_other_bytes_are_an_attachment(data: bytes) -> None:
+    if len(data) == 33 and data[16] == 16:
+        return
+    with pytest.raises(ValueError, match=r"bytes"):
+        Attachment.from_bytes(data)
+
+
+def test_names_that_ros_refuses_are_refused() -> None:
+    for topic in ("chatter", "/", "/x/", "//x", "/1x", "/a b", "/a*", "/a/**"):
+        with pytest.raises(ValueError, match="topic"):
+            check_topic(topic)
+    for node in ("", "a/b", "1a", "a-b", "a*"):
+        with pytest.raises(ValueError, match="node"):
+            check_node_name(node)
+    for domain in (-1, 233):
+        with pytest.raises(ValueError, match="domain"):
+            check_domain(domain)
+    for endpoint in ("localhost", "tcp/localhost", "tcp/:7447", "http/localhost:1", "tcp/a b:1"):
+        with pytest.raises(ValueError, match="endpoint"):
+            check_endpoint(endpoint)
+    for name in ("PoseStamped", "geometry_msgs/PoseStamped", "geometry_msgs/msg/Nothing"):
+        with pytest.raises(ValueError, match="type"):
+            Topic("/x", name, type_hash(name)).key(0)
+
+
+def test_other_bytes_are_no_message() -> None:
+    message = types().types[STRING]("a")
+    body = encode_body(message, STRING)
+    assert decode(ENCAPSULATION + body, STRING) == message
+    for wrong in (b"", ENCAPSULATION, ENCAPSULATION + body[:-1], b"\xff" * 64):
+        with pytest.raises(ValueError, match="are no std_msgs"):
+            decode(wrong, STRING)
