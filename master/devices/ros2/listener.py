@@ -108,10 +108,10 @@ def run(wire: socket.socket, subscription: Subscription) -> int:
     try:
         node = Node(NODE, subscription.domain, subscription.connect)
         node.subscribe(subscription.topic, TYPE, listener.received)
-    except ImportError as error:
-        return _fail(wire, f'it needs {error.name}; install it with: pip install "weberlink[ros2]"')
     except (NodeError, ValueError) as error:
-        return _fail(wire, str(error))
+        with suppress(OSError):
+            wire.send(FAILED + str(error).encode()[:LONGEST_TEXT])
+        return 1
     with suppress(OSError):  # the daemon may have ended meanwhile
         wire.send(READY)
     waiting = poll()
@@ -121,12 +121,6 @@ def run(wire: socket.socket, subscription: Subscription) -> int:
     signal.alarm(int(END_S) - 1)  # ends this process if Zenoh does not close
     node.close()
     return 0
-
-
-def _fail(wire: socket.socket, why: str) -> int:
-    with suppress(OSError):
-        wire.send(FAILED + why.encode()[:LONGEST_TEXT])
-    return 1
 
 
 def main(arguments: list[str]) -> int:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from socket import SOCK_STREAM, socket
 from threading import Event, Thread
 from time import monotonic, sleep, time_ns
 from typing import Any
@@ -21,13 +20,6 @@ HEADER_BYTES = 4
 TOPIC = "/weberlink/target"
 PATIENCE = 30.0
 """Until a test gives up [s]; says nothing about how fast anything has to be."""
-
-
-def free_router() -> str:
-    """The endpoint of a router on a TCP port of the loopback interface that is free now."""
-    with socket(type=SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYPE) -> bytes:

@@ -13,27 +13,11 @@ from threading import Thread
 from time import monotonic, sleep, time_ns
 from typing import Any
 
-from rosbags.typesys import Stores, get_typestore
 from zenoh_ros2_sdk import ROS2Publisher, ZenohSession, get_registry
 
+from tests.ros2.sdk import write_definitions
+
 TYPE = "geometry_msgs/msg/PoseStamped"
-PARTS = (
-    "geometry_msgs/msg/Pose",
-    "geometry_msgs/msg/Point",
-    "geometry_msgs/msg/Quaternion",
-    "std_msgs/msg/Header",
-    "builtin_interfaces/msg/Time",
-)
-RULE = "=" * 80
-
-
-def write_definitions(folder: Path) -> None:
-    """The .msg files that the SDK would download."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    for name in (TYPE, *PARTS):
-        path = folder / f"{name}.msg"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(store.generate_msgdef(name, ros_version=2)[0].partition(RULE)[0])
 
 
 class Lines:

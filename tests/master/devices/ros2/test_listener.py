@@ -15,7 +15,6 @@ pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
 from tests.master.devices.ros2.publishing import (
     PATIENCE,
     await_trouble,
-    free_router,
     listening,
     next_target,
     publishing,
@@ -23,6 +22,7 @@ from tests.master.devices.ros2.publishing import (
     targets_for,
 )
 from tests.pace import TICK
+from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.fixture
 def router() -> str:
-    return free_router()
+    return endpoint()
 
 
 def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
@@ -135,11 +135,24 @@ def test_listener_that_cannot_start_says_why(router: str, tmp_path: Path, monkey
 
 
 @pytest.mark.hunt
-def test_missing_router_is_told_and_waited_for(router: str) -> None:
-    """A router of another host: the listener takes no place of its own for it."""
+def test_missing_router_of_another_host_is_named(router: str) -> None:
     elsewhere = router.replace("127.0.0.1", "127.0.0.2")
-    with listening(elsewhere) as process:
-        await_trouble(process, f"not connected to a Zenoh router at {elsewhere}")
+    with pytest.raises(DeviceFault, match=f"^ros2: cannot open a Zenoh session with {elsewhere}"), listening(elsewhere):
+        pass
+
+
+@pytest.mark.hunt
+def test_router_that_dies_is_the_hand_letting_go(router: str) -> None:
+    """Another node has its place, and the listener goes on with the next one."""
+    with Node("before", 0, router) as first, listening(router) as process:
+        assert first.is_router
+        with publishing(router) as publisher, steadily(publisher, 0.01):
+            next_target(process)
+        first.close()
+        await_trouble(process, "not connected to a Zenoh router at this host")
+        with Node("after", 0, router) as second, publishing(router) as publisher, steadily(publisher, 0.02):
+            assert second.is_router
+            assert next_target(process).target[0] == 0.02
 
 
 DAEMON = """

@@ -13,7 +13,7 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from tests.master.devices.ros2.publishing import free_router
+from tests.ros2.ports import endpoint
 from tests.system.processes import ENGAGED, PATIENT, ROOT, Program, Telemetry, until
 from weberlink.geometry.vector import Vector, distance
 
@@ -61,7 +61,7 @@ class SdkPublisher:
 @contextmanager
 def led(folder: Path) -> Iterator[tuple[Program, Telemetry, Telemetry, SdkPublisher]]:
     """A session of configs/ros2.yaml, its telemetry, and the publisher, which publishes nothing yet."""
-    router = free_router()
+    router = endpoint()
     device = (f"master.device.connect={router}", f"master.device.silence_ms={SILENCE_S * 1e3}")
     settings = [each for text in device for each in ("--set", text)]
     with Program("loopback", "configs/ros2.yaml", "--duration", "60", *PATIENT, *settings) as program:

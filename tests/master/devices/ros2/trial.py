@@ -13,8 +13,9 @@ from time import monotonic, sleep
 
 import numpy as np
 
-from tests.master.devices.ros2.publishing import free_router, listening, next_target
+from tests.master.devices.ros2.publishing import listening, next_target
 from tests.pace import TICK
+from tests.ros2.ports import endpoint
 from tests.system.processes import ROOT
 from weberlink.master.devices.ros2.process import ListenerProcess
 from weberlink.realtime.process import prepare
@@ -23,7 +24,7 @@ SDK = "tests.master.devices.ros2.sdk_publisher"
 
 
 def main(seconds: float = 60.0, rate_hz: float = 1000.0) -> None:
-    router = free_router()
+    router = endpoint()
     with TemporaryDirectory() as folder, listening(router, frame_id=None) as process:
         command = [sys.executable, "-m", SDK, folder, router.rpartition(":")[2], str(rate_hz)]
         sdk = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
