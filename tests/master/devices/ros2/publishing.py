@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import cos, sin
 from threading import Event, Thread
 from time import monotonic, sleep, time_ns
 from typing import Any
@@ -22,8 +23,8 @@ PATIENCE = 30.0
 """Until a test gives up [s]; says nothing about how fast anything has to be."""
 
 
-def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYPE) -> bytes:
-    """A message without its encapsulation header, at (x, 0, 0.03) and level."""
+def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYPE, turned_rad: float = 0.0) -> bytes:
+    """A message without its encapsulation header, at (x, 0, 0.03) and turned about z."""
     store = types()
 
     def make(name: str, *values: Any) -> Any:
@@ -32,7 +33,7 @@ def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYP
     pose = make(
         "geometry_msgs/msg/Pose",
         make("geometry_msgs/msg/Point", x, 0.0, 0.03),
-        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, sin(0.5 * turned_rad), cos(0.5 * turned_rad)),
     )
     if type_name != TYPE:
         return bytes(store.serialize_cdr(pose, type_name))[HEADER_BYTES:]

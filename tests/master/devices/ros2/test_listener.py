@@ -37,12 +37,14 @@ def router() -> str:
 
 
 def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
-    with listening(router) as process:
+    with listening(router, turns=True) as process:
         await_trouble(process, "/weberlink/target: nobody publishes it")
         with publishing(router) as publisher:
             await_trouble(process, "no pose comes")
-            with steadily(publisher, 0.01):
-                assert next_target(process).target == (0.01, 0.0, 0.03)
+            with steadily(publisher, 0.01, turned_rad=0.5):
+                target = next_target(process)
+                assert (target.target, target.held) == ((0.01, 0.0, 0.03), True)
+                assert target.rotation == pytest.approx((0.0, 0.0, 0.5))
                 await_trouble(process, None)
             with steadily(publisher, 0.02, frame="map"):
                 await_trouble(process, "its frame_id is 'map', not 'weberlink'")
