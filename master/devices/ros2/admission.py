@@ -125,7 +125,7 @@ class Admission:
         late = self._lateness(pose, now)
         if wanted.frame_id is not None and pose.frame_id != wanted.frame_id:
             return f"its frame_id is {pose.frame_id[:60]!r}, not {wanted.frame_id!r}"
-        if not is_finite(pose.position):
+        if not is_finite(subtract(pose.position, wanted.origin)):
             return f"its position is not finite: {_shown(pose.position)}"
         if 0 < pose.stamp_ns <= self._stamp_ns:
             back = (self._stamp_ns - pose.stamp_ns) / SECOND_NS

@@ -86,7 +86,10 @@ class Listener:
         """Why no poses come."""
         if not node.is_router and not node.connections:
             return f"not connected to a Zenoh router at {self._wanted.connect or 'this host'}"
-        others = node.published(self._wanted.topic)
+        try:
+            others = node.published(self._wanted.topic)
+        except NodeError as error:
+            return str(error)
         kinds = sorted({topic.type_name for topic in others})
         if kinds and TYPE not in kinds:
             return f"it is published as {', '.join(kinds)}, not as {TYPE}"

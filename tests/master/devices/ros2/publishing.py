@@ -12,12 +12,10 @@ import pytest
 from weberlink.master.devices.pointer_link import PointerTarget
 from weberlink.master.devices.ros2.admission import Subscription
 from weberlink.master.devices.ros2.process import ListenerProcess
-from weberlink.ros2.messages import types
+from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.node import Node, Publisher
 
 TYPE = "geometry_msgs/msg/PoseStamped"
-HEADER_BYTES = 4
-"""Of the encapsulation, which a publisher writes itself."""
 TOPIC = "/weberlink/target"
 PATIENCE = 30.0
 """Until a test gives up [s]; says nothing about how fast anything has to be."""
@@ -36,10 +34,10 @@ def body(x: float, stamp_ns: int, frame: str = "weberlink", type_name: str = TYP
         make("geometry_msgs/msg/Quaternion", 0.0, 0.0, sin(0.5 * turned_rad), cos(0.5 * turned_rad)),
     )
     if type_name != TYPE:
-        return bytes(store.serialize_cdr(pose, type_name))[HEADER_BYTES:]
+        return encode_body(pose, type_name)
     time = make("builtin_interfaces/msg/Time", stamp_ns // 10**9, stamp_ns % 10**9)
     stamped = make(TYPE, make("std_msgs/msg/Header", time, frame), pose)
-    return bytes(store.serialize_cdr(stamped, TYPE))[HEADER_BYTES:]
+    return encode_body(stamped, TYPE)
 
 
 @contextmanager
