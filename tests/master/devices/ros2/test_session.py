@@ -62,8 +62,8 @@ class SdkPublisher:
 def led(folder: Path) -> Iterator[tuple[Program, Telemetry, Telemetry, SdkPublisher]]:
     """A session of configs/ros2.yaml, its telemetry, and the publisher, which publishes nothing yet."""
     router = endpoint()
-    device = (f"master.device.connect={router}", f"master.device.silence_ms={SILENCE_S * 1e3}")
-    settings = [each for text in device for each in ("--set", text)]
+    given = ("control.scheme=none", f"master.device.connect={router}", f"master.device.silence_ms={SILENCE_S * 1e3}")
+    settings = [each for text in given for each in ("--set", text)]
     with Program("loopback", "configs/ros2.yaml", "--duration", "60", *PATIENT, *settings) as program:
         master = program.engaged("master")
         sdk = SdkPublisher(folder, router)
