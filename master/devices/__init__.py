@@ -19,7 +19,7 @@ BUILT_IN = {
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 
-COMPUTED = frozenset({"operator", "pointer", "replay"})
+COMPUTED = frozenset({"operator", "pointer", "replay", "ros2"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
 SCRIPTED = frozenset({"operator", "replay"})

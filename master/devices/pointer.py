@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from math import hypot, inf
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
@@ -13,8 +13,9 @@ from weberlink.master.devices.hand_options import HandOptions
 from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink.master.devices.pointer_link import TargetSocket, TargetSource
 
-SILENCE_S = 0.1
-"""A pointer that has sent nothing for longer has let go [s]."""
+if TYPE_CHECKING:
+    from weberlink.master.devices.turning import TurnIntention
+
 HELD = 1
 """Bit of the button in a reading."""
 
@@ -37,6 +38,12 @@ class PointerOptions(OperatorOptions):
     speed_m_s: float = Field(default=0.5, ge=1e-3, le=10.0, description="largest speed of the intended position")
     reach_m: float = Field(
         default=0.04, ge=1e-4, le=1.0, description="farthest that the intended position is from the handle"
+    )
+    turn_rad_s: float = Field(
+        default=3.0, ge=1e-2, le=100.0, description="largest angular speed of the intended orientation, with a wrist"
+    )
+    silence_ms: float = Field(
+        default=100.0, ge=10.0, le=5000.0, description="a pointer that has sent nothing for longer has let go"
     )
     scripted: bool = Field(
         default=False, description="follow the script, as if held, until the pointer first holds the handle"
@@ -83,8 +90,9 @@ class PointerIntention:
 class PointerDevice(HandDevice):
     """A hand that follows the targets of a source while they are held, and is still while they are not.
 
-    Button 0 is pressed while the newest target is held and not older than `SILENCE_S`. On release the hand lets go of
-    where it meant to be: it stays where the handle is. With `scripted`, a script moves it until it is first held.
+    Button 0 is pressed while the newest target is held and not older than `silence_ms`. On release the hand lets go of
+    where it meant to be: it stays where the handle is, turned as it is. With `scripted`, a script moves it until it is
+    first held. Only targets turn a wrist.
 
     Args:
         options: of the driver.
@@ -93,21 +101,23 @@ class PointerDevice(HandDevice):
     """
 
     Options: ClassVar[type[PointerOptions]] = PointerOptions
+    NAME: ClassVar[str] = "pointer"
 
     def __init__(self, options: PointerOptions, tick_period: float, source: TargetSource | None = None) -> None:
-        super().__init__("pointer", options, self._intended, tick_period)
+        super().__init__(self.NAME, options, self._intended, tick_period, self._turned)
         self.spec = replace(self.spec, buttons=1)
-        self._pointer = options
+        self._pointer, self._silence = options, options.silence_ms * 1e-3
         self._source = TargetSocket() if source is None else source
         self._script = motion_of(options.script, options.home_m, options.repeat)
         self._begin()
 
     def _begin(self) -> None:
         self._lead = PointerIntention(self._pointer)
-        self._target = self._pointer.home_m
+        self._turn_lead = None if self._pointer.wrist is None else _turn_lead(self._pointer)
+        self._target, self._rotation = self._pointer.home_m, ZERO
         self._is_scripted, self._is_held = self._pointer.scripted, False
         self._held_until = self._looked_at = -inf
-        self._time = 0.0
+        self._time = self._turned_at = 0.0
 
     def open(self, now: float) -> None:
         try:
@@ -132,13 +142,15 @@ class PointerDevice(HandDevice):
     def _look(self, now: float) -> None:
         arrived = self._source.newest()
         if arrived is not None:
-            self._target = arrived.target
-            self._held_until = now + SILENCE_S if arrived.held else -inf
+            self._target, self._rotation = arrived.target, arrived.rotation
+            self._held_until = now + self._silence if arrived.held else -inf
         was_held, self._is_held = self._is_held, now <= self._held_until
         if self._is_held:
             self._is_scripted = False
         elif was_held:
             self._lead.place(self._hand.position)
+            if self._turn_lead is not None and self._turning is not None:
+                self._turn_lead.orientation = self._turning.orientation
 
     def _intended(self, time: float) -> tuple[Vector, bool]:
         step, self._time = time - self._time, time
@@ -148,3 +160,18 @@ class PointerDevice(HandDevice):
         elif self._is_scripted:
             lead.place(self._script.at(time)[0])
         return lead.position, False
+
+    def _turned(self, time: float) -> Vector:
+        """The intended rotation vector [rad]; only with a wrist."""
+        step, self._turned_at = time - self._turned_at, time
+        lead = self._turn_lead
+        assert lead is not None
+        if self._is_held:
+            lead.follow(self._rotation, step)
+        return lead.rotation
+
+
+def _turn_lead(options: PointerOptions) -> "TurnIntention":
+    from weberlink.master.devices.turning import TurnIntention  # noqa: PLC0415 - with a wrist only
+
+    return TurnIntention(options.smooth_ms * 1e-3, options.turn_rad_s)

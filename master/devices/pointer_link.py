@@ -9,41 +9,47 @@ import select
 import socket
 import stat
 from contextlib import suppress
-from math import isfinite
+from math import isfinite, tau
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812 - as of an exception
 from time import monotonic_ns
 from typing import NamedTuple, Protocol
 
-from weberlink.geometry.vector import Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
 from weberlink.telemetry.runtime_directory import check, directories, directory, listening_socket
 
-LAYOUT = Struct("<4sQ?3d")
-"""Mark, number, held, x, y, z [m]."""
-MARK = b"WLP1"
+LAYOUT = Struct("<4sQ?6d")
+"""Mark, number, held, x, y, z [m], rotation vector [rad]."""
+MARK = b"WLP2"
 MOST_A_TICK = 16
 """Datagrams that one call of `TargetSocket.newest` reads; the kernel's queue holds 10 by default."""
 
 
 class PointerTarget(NamedTuple):
-    """Where the operator means the handle to be [m], and whether they hold it; the highest number is the newest."""
+    """Where the operator means the handle to be [m], and whether they hold it; the highest number is the newest.
+
+    `rotation` is the rotation vector of how they mean to turn it [rad], at most one turn; a hand with a wrist follows.
+    """
 
     target: Vector
     held: bool
     number: int
+    rotation: Vector = ZERO
 
 
-def pack(target: Vector, held: bool, number: int) -> bytes:
+def pack(target: Vector, held: bool, number: int, rotation: Vector = ZERO) -> bytes:
     """The datagram of a target.
 
     Raises:
-        ValueError: the target is not finite, or the number is not one of 64 bits.
+        ValueError: the target is not finite, its rotation is more than a turn, or the number is not one of 64 bits.
     """
     if not is_finite(target):
         raise ValueError(f"a target must be finite, not {target}")
+    if not norm(rotation) <= tau:
+        raise ValueError(f"a target must be turned by at most {tau} rad, not {rotation}")
     try:
-        return LAYOUT.pack(MARK, number, held, *target)
+        return LAYOUT.pack(MARK, number, held, *target, *rotation)
     except StructError as error:
         raise ValueError(f"not a target: {error}") from None
 
@@ -56,10 +62,11 @@ def unpack(data: bytes) -> PointerTarget:
     """
     if len(data) != LAYOUT.size:
         raise ValueError(f"a target has {LAYOUT.size} bytes, not {len(data)}")
-    mark, number, held, x, y, z = LAYOUT.unpack(data)
-    if mark != MARK or not (isfinite(x) and isfinite(y) and isfinite(z)):
+    mark, number, held, x, y, z, *turn = LAYOUT.unpack(data)
+    rotation = (turn[0], turn[1], turn[2])
+    if mark != MARK or not (isfinite(x) and isfinite(y) and isfinite(z) and norm(rotation) <= tau):
         raise ValueError("not a target")
-    return PointerTarget((x, y, z), held, number)
+    return PointerTarget((x, y, z), held, number, rotation)
 
 
 def socket_path(pid: int) -> Path:
@@ -141,17 +148,17 @@ class PointerSender:
         self._socket: socket.socket | None = None
         self._number = 0
 
-    def send(self, target: Vector, held: bool) -> bool:
-        """Send a target [m] to the device; repeat it at least every 33 ms while it is held.
+    def send(self, target: Vector, held: bool, rotation: Vector = ZERO) -> bool:
+        """Send a target [m], turned by a rotation vector [rad]; repeat it at least every 33 ms while it is held.
 
         Returns:
             Whether the daemon has it to read; False if it is not there, or has not read those before.
 
         Raises:
-            ValueError: the target is not finite.
+            ValueError: the target is not finite, or is turned by more than a turn.
         """
         self._number = max(self._number + 1, monotonic_ns())
-        data = pack(target, held, self._number)
+        data = pack(target, held, self._number, rotation)
         try:
             if self._socket is None:
                 self._socket = self._connected()

@@ -19,6 +19,8 @@ from weberlink.cli import app
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
 HARDWARE = ("koch-so101.yaml", "phantom-arm.yaml")
 """Those whose drivers need hardware or its emulator."""
+LED = ("ros2.yaml",)
+"""Those that another program leads."""
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 HEADER = "t,px,py,pz,fx,fy,fz"
 COMMANDS = sorted(get_command(app).commands)  # type: ignore[attr-defined]
@@ -174,7 +176,11 @@ def test_simulate_refuses_hardware_drivers() -> None:
     assert line.endswith("run it live"), "nothing emulates a library"
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name not in HARDWARE])
+def test_simulate_refuses_drivers_led_by_programs() -> None:
+    assert "ros2 is led by another program" in complaint(run("simulate", CONFIGS / "ros2.yaml"))
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name not in HARDWARE + LED])
 def test_simulate_completes_every_shipped_file(name: str, key: Path) -> None:
     result = run("simulate", CONFIGS / name, "--duration", 2, "--json", "-", *with_key(key))
     assert (result.exit_code, result.stderr) == (0, "")

@@ -102,6 +102,18 @@ def test_no_other_bytes_are_an_attachment(data: bytes) -> None:
         Attachment.from_bytes(data)
 
 
+@pytest.mark.parametrize("kind", [PUBLISHER, SUBSCRIPTION])
+@pytest.mark.parametrize(
+    "topic", [CHATTER, Topic("/arm/left/pose", "geometry_msgs/msg/PoseStamped", "RIHS01_0")], ids=str
+)
+def test_token_tells_its_topic(topic: Topic, kind: str) -> None:
+    node = NodeName(2, "8b20917502ee955ac4476e0266340d5c", "talker")
+    assert Topic.of_token(node.endpoint_token(10, kind, topic, Qos())) == topic
+    for other in (node.token(), topic.key(2), "", node.endpoint_token(10, kind, topic, Qos()) + "/more"):
+        with pytest.raises(ValueError, match="not the token"):
+            Topic.of_token(other)
+
+
 def test_names_that_ros_refuses_are_refused() -> None:
     for topic in ("chatter", "/", "/x/", "//x", "/1x", "/a b", "/a*", "/a/**"):
         with pytest.raises(ValueError, match="topic"):

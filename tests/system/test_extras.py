@@ -39,7 +39,7 @@ PLACES = {
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
-    "ros2": ("ros2", "apps.bridge.ros2"),
+    "ros2": ("ros2", "apps.bridge.ros2", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove",),
     "franka": ("slave.robots.franka.controller",),
     "plots": ("studies",),

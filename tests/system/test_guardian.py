@@ -80,7 +80,7 @@ def test_one_that_ends_its_force_or_is_accepted_is_built(file: Path, override: s
     assert build_device(load(file, (override,), sides=[MASTER])).spec.name == "pusher"
 
 
-WITHOUT_MOTORS = SCRIPTED | {"pointer", "gamepad", "spacemouse"}
+WITHOUT_MOTORS = SCRIPTED | {"pointer", "ros2", "gamepad", "spacemouse"}
 
 
 @pytest.mark.parametrize("name", sorted(set(BUILT_IN) - WITHOUT_MOTORS))

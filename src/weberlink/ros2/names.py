@@ -17,6 +17,9 @@ _TOKENS: Final = "@ros2_lv"
 _NO_NAME: Final = "%"
 """An empty enclave or namespace."""
 
+_TOKEN_PARTS: Final = 13
+"""Of the token of an endpoint."""
+
 _ATTACHMENT: Final = Struct("<qqB16s")
 """Sequence number, time of the source [ns], length of the identity, identity."""
 _IDENTITY_BYTES: Final = 16
@@ -63,6 +66,15 @@ class Topic(NamedTuple):
     def key(self, domain: int) -> str:
         """Under which its messages are put."""
         return f"{domain}{self.name}/{_dds(self.type_name)}/{self.type_hash}"
+
+    @classmethod
+    def of_token(cls, token: str) -> "Topic":
+        """The topic of the token of a publisher or subscription; raises ValueError if it is none."""
+        parts = token.split("/")
+        if parts[0] != _TOKENS or len(parts) != _TOKEN_PARTS or parts[5] not in (PUBLISHER, SUBSCRIPTION):
+            raise ValueError(f"not the token of a publisher or subscription: {token!r}")
+        package, _, name = parts[10].removesuffix("_").partition("::msg::dds_::")
+        return cls(parts[9].replace("%", "/"), f"{package}/msg/{name}", parts[11])
 
 
 class NodeName(NamedTuple):
@@ -143,6 +155,11 @@ def check_topic(name: str) -> str:
     if not _TOPIC.fullmatch(name):
         raise ValueError(f"the name of a ROS topic is like /weberlink/target, got {name!r}")
     return name
+
+
+def publishers_of(domain: int, name: str) -> str:
+    """The key expression of the tokens of all publishers of a topic, whatever their type."""
+    return f"{_TOKENS}/{domain}/*/*/*/{PUBLISHER}/*/*/*/{name.replace('/', '%')}/*/*/*"
 
 
 def _dds(type_name: str) -> str:

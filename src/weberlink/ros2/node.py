@@ -26,6 +26,7 @@ from weberlink.ros2.names import (
     check_endpoint,
     check_node_name,
     check_topic,
+    publishers_of,
 )
 from weberlink.telemetry.recording.message import ENCAPSULATION
 
@@ -33,6 +34,7 @@ ROUTER: Final = "tcp/localhost:7447"
 """Where nodes look for the router of their host."""
 CONFIG_VARIABLE: Final = "ZENOH_SESSION_CONFIG_URI"
 """Environment variable of rmw_zenoh: path of a file that configures the session."""
+ANSWER_S: Final = 1.0
 _LOOPBACK: Final = ("tcp/localhost:", "tcp/127.0.0.1:")
 
 Received = Callable[[bytes, int, bytes], None]
@@ -104,6 +106,16 @@ class Node:
 
         key, _ = self._announce(SUBSCRIPTION, topic, type_name, qos or Qos())
         self._session.declare_subscriber(key, receive)
+
+    def published(self, topic: str) -> set[Topic]:
+        """The types that a topic is published as, by any node; waits for the answers, at most `ANSWER_S`."""
+        import zenoh  # noqa: PLC0415 - an extra
+
+        try:
+            replies = self._session.liveliness().get(publishers_of(self._domain, topic), timeout=ANSWER_S)
+            return {Topic.of_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+        except zenoh.ZError as error:
+            raise NodeError(f"cannot ask for the publishers of {topic}: {error}") from error
 
     @property
     def connections(self) -> int:

@@ -30,7 +30,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
-    _refuse_hardware(configuration)
+    _refuse_live(configuration)
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
@@ -47,8 +47,8 @@ def build_simulation(configuration: Configuration) -> Simulation:
     )
 
 
-def _refuse_hardware(configuration: Configuration) -> None:
-    """Hardware drivers cannot run in virtual time."""
+def _refuse_live(configuration: Configuration) -> None:
+    """Neither hardware nor what another program leads can run in virtual time."""
     system = configuration.system
     for where, part, name in (
         ("master.device", configuration.device, system.master.device.driver),
@@ -63,6 +63,11 @@ def _refuse_hardware(configuration: Configuration) -> None:
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "
                 f"virtual time; run it live{emulated}"
+            )
+        if part is not None and getattr(part.driver, "LIVE", False):
+            raise ConfigurationError(
+                f"{configuration.path}: {where}.driver: {name} is led by another program and cannot run in virtual "
+                "time; run it live"
             )
 
 

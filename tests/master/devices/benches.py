@@ -29,6 +29,8 @@ from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
+from weberlink.master.devices.ros2.device import Ros2Device
+from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.master.emulators import load as load_emulator
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
@@ -68,6 +70,19 @@ def operator(folder: Path) -> Iterator[Bench]:
 def pointer(folder: Path) -> Iterator[Bench]:
     swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
     yield Bench(PointerDevice(PointerOptions(), TICK, swing), virtual_time())
+
+
+class Poses(Targets):
+    """Poses of a topic as its listener hands them on."""
+
+    trouble: str | None = None
+    failure: str | None = None
+
+
+@contextmanager
+def ros2(folder: Path) -> Iterator[Bench]:
+    swing = Poses(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
+    yield Bench(Ros2Device(Ros2Options(), TICK, swing), virtual_time())
 
 
 @contextmanager
@@ -208,6 +223,7 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "polhem_hid": polhem_hid,
     "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
     "replay": replay,
+    "ros2": ros2,
     "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
     "touch": touch,
 }

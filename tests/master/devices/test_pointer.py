@@ -6,10 +6,12 @@ import pytest
 
 from tests.master.devices.targets import Path, Targets
 from tests.pace import TICK
+from weberlink.geometry.rotation import vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
-from weberlink.master.devices.pointer import SILENCE_S, PointerDevice, PointerIntention, PointerOptions
+from weberlink.master.devices.pointer import PointerDevice, PointerIntention, PointerOptions
+from weberlink.master.devices.pointer_link import PointerTarget
 
 HOME: Vector = (0.0, 0.0, 0.03)
 LEFT, RIGHT = (-0.05, 0.0, 0.03), (0.05, 0.0, 0.03)
@@ -81,7 +83,46 @@ def test_hand_lets_go_of_its_pull_on_release() -> None:
 def test_silent_pointer_has_let_go_after_100_ms() -> None:
     seen = readings(lambda time: (LEFT, True) if time < 0.5 else None, 1.0)
     silent = next(i for i, reading in enumerate(seen) if i > 50 and not reading.buttons)
-    assert SILENCE_S + 0.5 - 1 / 60 <= silent * TICK <= SILENCE_S + 0.5 + TICK
+    assert 0.1 + 0.5 - 1 / 60 <= silent * TICK <= 0.1 + 0.5 + TICK
+
+
+@pytest.mark.parametrize(("silence_ms", "held"), [(100.0, {0, 1}), (300.0, {1})])
+def test_slow_targets_hold_with_a_longer_silence(silence_ms: float, held: set[int]) -> None:
+    seen = readings(lambda time: (LEFT, True), 2.0, rate_hz=8.0, silence_ms=silence_ms)
+    assert {reading.buttons for reading in seen[200:]} == held
+
+
+def turned(*turns: tuple[float, Vector], silent_from: float = 9.0, torque: Vector = ZERO) -> list[Vector]:
+    """Rotation vectors of a hand with a calm wrist, whose target is turned from given times on."""
+    targets = Targets(lambda time: (HOME, True) if time < silent_from else None)
+    newest = targets.newest
+
+    def with_rotation() -> PointerTarget | None:
+        arrived, since = newest(), [rotation for begins, rotation in turns if begins <= targets.time]
+        return None if arrived is None else arrived._replace(rotation=since[-1])
+
+    targets.newest = with_rotation  # type: ignore[method-assign]
+    device = PointerDevice(PointerOptions.model_validate({"wrist": {"tremor_rad": 0.0}}), TICK, targets)
+    device.open(10.0)
+    device.turn(torque, 10.0)
+    found = [device.latest(10.0 + (tick + 1) * TICK).orientation for tick in range(3000)]
+    return [vector(orientation) for orientation in found if orientation is not None]
+
+
+def test_wrist_follows_turned_targets_at_bounded_speed() -> None:
+    seen = turned((0.0, ZERO), (0.5, (0.0, 0.0, 2.0)), (1.5, (1.0, 0.0, 0.0)))
+    assert seen[400] == ZERO
+    assert seen[1499] == pytest.approx((0.0, 0.0, 2.0), abs=1e-3)
+    assert seen[-1] == pytest.approx((1.0, 0.0, 0.0), abs=1e-3)
+    half = next(tick for tick, rotation in enumerate(seen) if rotation[2] > 1.0)
+    assert 0.5 + 1.0 / 3.0 <= half * TICK < 0.5 + 1.0 / 3.0 + 0.1, "3 rad/s, and the lag of filter and wrist"
+
+
+def test_silent_pointer_lets_go_of_the_turn_too() -> None:
+    """A torque that held the wrist away from its target turns it no more than as much again."""
+    seen = turned((0.0, (0.0, 0.0, 1.0)), silent_from=2.0, torque=(0.0, 0.0, -0.4))
+    assert seen[1900][2] == pytest.approx(0.8, abs=1e-3)
+    assert seen[-1][2] == pytest.approx(0.6, abs=1e-3)
 
 
 def test_nothing_moves_before_the_first_target() -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.strangers import as_stranger, ask_socket, needs_root
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.pointer_link import (
     LAYOUT,
     MARK,
@@ -23,13 +24,14 @@ from weberlink.master.devices.pointer_link import (
 )
 
 COORDINATE = st.floats(allow_nan=False, allow_infinity=False)
+TURN = st.floats(-3.6, 3.6)
 HERE = (0.01, -0.02, 0.03)
 
 
 @examples(100)
-@given(st.tuples(COORDINATE, COORDINATE, COORDINATE), st.booleans(), st.integers(0, 2**64 - 1))
-def test_packed_target_is_unpacked(target: tuple[float, float, float], held: bool, number: int) -> None:
-    assert unpack(pack(target, held, number)) == (target, held, number)
+@given(st.tuples(COORDINATE, COORDINATE, COORDINATE), st.booleans(), st.integers(0, 2**64 - 1), st.tuples(*[TURN] * 3))
+def test_packed_target_is_unpacked(target: Vector, held: bool, number: int, rotation: Vector) -> None:
+    assert unpack(pack(target, held, number, rotation)) == (target, held, number, rotation)
 
 
 @examples(100)
@@ -42,10 +44,19 @@ def test_any_bytes_are_a_finite_target_or_refused(data: bytes) -> None:
     assert unpack(pack(*found)) == found
 
 
-@pytest.mark.parametrize(("target", "number"), [((nan, 0.0, 0.0), 1), (HERE, -1), (HERE, 2**64)])
-def test_target_that_cannot_be_said_is_refused(target: tuple[float, float, float], number: int) -> None:
+@pytest.mark.parametrize(
+    ("target", "number", "rotation"),
+    [
+        ((nan, 0.0, 0.0), 1, ZERO),
+        (HERE, -1, ZERO),
+        (HERE, 2**64, ZERO),
+        (HERE, 1, (nan, 0.0, 0.0)),
+        (HERE, 1, (0.0, 6.3, 0.0)),
+    ],
+)
+def test_target_that_cannot_be_said_is_refused(target: Vector, number: int, rotation: Vector) -> None:
     with pytest.raises(ValueError, match="target"):
-        pack(target, True, number)
+        pack(target, True, number, rotation)
 
 
 @pytest.fixture
@@ -107,12 +118,14 @@ def test_highest_number_wins(listening: TargetSocket, wire: socket.socket) -> No
         b"x",
         pack(HERE, True, 3) + b"x",
         pack(HERE, True, 3)[:-1],
-        b"WLP2" + pack(HERE, True, 3)[4:],
-        LAYOUT.pack(MARK, 3, True, nan, 0.0, 0.0),
-        LAYOUT.pack(MARK, 3, True, 0.0, 0.0, float("inf")),
+        b"WLP1" + pack(HERE, True, 3)[4:],
+        LAYOUT.pack(MARK, 3, True, nan, 0.0, 0.0, *ZERO),
+        LAYOUT.pack(MARK, 3, True, 0.0, 0.0, float("inf"), *ZERO),
+        LAYOUT.pack(MARK, 3, True, *HERE, 0.0, nan, 0.0),
+        LAYOUT.pack(MARK, 3, True, *HERE, 1e300, 0.0, 0.0),
         b"\xff" * 5000,
     ],
-    ids=["empty", "short", "long", "cut", "foreign", "nan", "infinite", "huge"],
+    ids=["empty", "short", "long", "cut", "foreign", "nan", "infinite", "turned by nan", "turned too far", "huge"],
 )
 def test_foreign_datagram_is_ignored(listening: TargetSocket, wire: socket.socket, data: bytes) -> None:
     wire.send(pack(HERE, True, 1))

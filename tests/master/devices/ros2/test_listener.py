@@ -1,0 +1,189 @@
+"""The listener process against nodes of Zenoh: what leads, what is told, and how either end ends."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
+pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
+
+from tests.master.devices.ros2.publishing import (
+    PATIENCE,
+    await_trouble,
+    listening,
+    next_target,
+    publishing,
+    steadily,
+    targets_for,
+)
+from tests.pace import TICK
+from tests.ros2.ports import endpoint
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.ros2.device import Ros2Device
+from weberlink.master.devices.ros2.options import Ros2Options
+from weberlink.ros2.node import CONFIG_VARIABLE, Node
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def router() -> str:
+    return endpoint()
+
+
+def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
+    with listening(router, turns=True) as process:
+        await_trouble(process, "/weberlink/target: nobody publishes it")
+        with publishing(router) as publisher:
+            await_trouble(process, "no pose comes")
+            with steadily(publisher, 0.01, turned_rad=0.5):
+                target = next_target(process)
+                assert (target.target, target.held) == ((0.01, 0.0, 0.03), True)
+                assert target.rotation == pytest.approx((0.0, 0.0, 0.5))
+                await_trouble(process, None)
+            with steadily(publisher, 0.02, frame="map"):
+                await_trouble(process, "its frame_id is 'map', not 'weberlink'")
+                assert not targets_for(process, 0.1)
+            with steadily(publisher, float("nan")):
+                await_trouble(process, "its position is not finite: nan, 0, 0.03")
+            with steadily(publisher, 0.03):
+                assert next_target(process).target == (0.03, 0.0, 0.03)
+        with publishing(router, type_name="geometry_msgs/msg/Pose") as wrong:
+            with steadily(wrong, 0.04, type_name="geometry_msgs/msg/Pose"):
+                await_trouble(process, "published as geometry_msgs/msg/Pose, not as geometry_msgs/msg/PoseStamped")
+            assert process.failure is None
+
+
+@pytest.mark.hunt
+def test_second_publisher_leads_once_the_first_is_silent(router: str) -> None:
+    with listening(router) as process, publishing(router) as first, publishing(router, "other") as second:
+        with steadily(first, 0.01):
+            next_target(process)
+            with steadily(second, 0.02):
+                await_trouble(process, "another node publishes it too; the one that came first leads")
+                led = {target.target[0] for target in targets_for(process, 0.3)}
+                assert led == {0.01}
+        with steadily(second, 0.02):
+            while next_target(process).target[0] != 0.02:
+                pass
+
+
+@pytest.mark.hunt
+@pytest.mark.parametrize("rate_hz", [10.0, 1000.0])
+def test_slow_and_fast_publishers_lead(router: str, rate_hz: float) -> None:
+    with listening(router, silence=0.3) as process, publishing(router) as publisher, steadily(publisher, 0.01, rate_hz):
+        next_target(process)
+        await_trouble(process, None)
+        found = targets_for(process, 1.0)
+    assert min(rate_hz, 100.0) * 0.5 < len(found) <= 1010
+    numbers = [target.number for target in found]
+    assert numbers == sorted(set(numbers))
+
+
+@pytest.mark.hunt
+def test_poses_of_a_stopped_daemon_are_not_played_later(router: str) -> None:
+    """One that reads nothing for a second then finds at most a few old targets, in one tick."""
+    with listening(router) as process, publishing(router) as publisher, steadily(publisher, 0.01, 500.0):
+        next_target(process)
+        sleep(1.0)
+        resumed = monotonic()
+        process.newest()
+        sleep(0.02)
+        for target in targets_for(process, 0.3):
+            assert target.number * 1e-9 > resumed - 0.01
+
+
+@pytest.mark.hunt
+def test_poses_of_a_stopped_listener_are_late(router: str) -> None:
+    with listening(router) as process, publishing(router) as publisher, steadily(publisher, 0.01, 200.0):
+        next_target(process)
+        assert process.pid is not None
+        os.kill(process.pid, signal.SIGSTOP)
+        targets_for(process, 0.05)
+        assert not targets_for(process, 1.0), "silence is letting go"
+        os.kill(process.pid, signal.SIGCONT)
+        next_target(process)
+        await_trouble(process, "s late")
+        await_trouble(process, None)
+
+
+def test_killed_listener_is_a_fault_at_once(router: str) -> None:
+    device = Ros2Device(Ros2Options(connect=router), TICK)
+    device.open(monotonic())
+    try:
+        child = device._poses.pid  # type: ignore[attr-defined]
+        device.latest(monotonic())
+        os.kill(child, signal.SIGKILL)
+        killed = monotonic()
+        with pytest.raises(DeviceFault, match="ros2: its listener was ended by SIGKILL; start the session again"):
+            while monotonic() < killed + PATIENCE:
+                device.latest(monotonic())
+                sleep(TICK)
+        assert monotonic() - killed < 1.0
+    finally:
+        device.close()
+
+
+@pytest.mark.hunt
+def test_listener_that_cannot_start_says_why(router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CONFIG_VARIABLE, str(tmp_path / "none.json5"))
+    with pytest.raises(DeviceFault, match=r"^ros2: cannot open a Zenoh session with .*none.json5"), listening(router):
+        pass
+
+
+@pytest.mark.hunt
+def test_missing_router_of_another_host_is_named(router: str) -> None:
+    elsewhere = router.replace("127.0.0.1", "127.0.0.2")
+    with pytest.raises(DeviceFault, match=f"^ros2: cannot open a Zenoh session with {elsewhere}"), listening(elsewhere):
+        pass
+
+
+@pytest.mark.hunt
+def test_router_that_dies_is_the_hand_letting_go(router: str) -> None:
+    """Another node has its place, and the listener goes on with the next one."""
+    with Node("before", 0, router) as first, listening(router) as process:
+        assert first.is_router
+        with publishing(router) as publisher, steadily(publisher, 0.01):
+            next_target(process)
+        first.close()
+        await_trouble(process, f"not connected to a Zenoh router at {router}")
+        with Node("after", 0, router) as second, publishing(router) as publisher, steadily(publisher, 0.02):
+            assert second.is_router
+            assert next_target(process).target[0] == 0.02
+
+
+DAEMON = """
+import sys, time
+from weberlink.master.devices.ros2.device import Ros2Device
+from weberlink.master.devices.ros2.options import Ros2Options
+device = Ros2Device(Ros2Options(connect=sys.argv[1]), 1e-3)
+device.open(time.monotonic())
+print(device._poses.pid, "zenoh" in sys.modules, "rosbags" in sys.modules, flush=True)
+time.sleep(60)
+"""
+
+
+def test_listener_ends_with_a_killed_daemon_that_imports_no_zenoh(router: str) -> None:
+    with subprocess.Popen([sys.executable, "-c", DAEMON, router], stdout=subprocess.PIPE, text=True) as daemon:
+        assert daemon.stdout is not None
+        pid, *imported = daemon.stdout.readline().split()
+        assert imported == ["False", "False"]
+        daemon.kill()
+        killed = monotonic()
+        while _runs(pid):
+            assert monotonic() < killed + PATIENCE
+            sleep(0.01)
+    with Node("next", 0, router) as node:
+        assert node.is_router, "its place is free"
+
+
+def _runs(pid: str) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
