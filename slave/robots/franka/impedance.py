@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, vector
-from weberlink.geometry.vector import Vector, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.slave.robots.franka.options import FrankaOptions
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ WALL_N_M_S: Final = np.array([10.0] * 4 + [2.0] * 3)
 TORQUE_STEP_N_M: Final = 0.999
 """Largest change of a torque in a cycle of 1 ms: the robot allows 1000 N m/s (libfranka, rate_limiting.h)."""
 ROTOR_KG_M2: Final = np.array([0.195] * 4 + [0.074] * 3)
-"""Inertia of the rotors at their joints, which the model of libfranka leaves out; that of the MuJoCo Menagerie's FR3."""
+"""Inertia of the rotors at their joints, which the model of libfranka leaves out; as the MuJoCo Menagerie has it."""
 SINGULAR: Final = 1e-3
 """Share of the largest mobility that is added to all, so that no direction counts as infinitely heavy."""
 
@@ -53,6 +53,9 @@ class Impedance:
     Args:
         options: with the gains and the bounds.
         q: position of the joints to return to [rad].
+
+    Attributes:
+        spring: force of the spring at the last `torques` [N].
     """
 
     def __init__(self, options: FrankaOptions, q: Array) -> None:
@@ -63,10 +66,11 @@ class Impedance:
         self._omega = 2.0 * np.pi * options.posture_hz
         self._home = q
         self._low, self._high = LOWEST + MARGIN_RAD, HIGHEST - MARGIN_RAD
-        self._mass = np.eye(JOINTS)
-        self._inverse = np.eye(JOINTS)
-        self._damping = np.zeros((6, 6))
+        self._mass: Array = np.eye(JOINTS)
+        self._inverse: Array = np.eye(JOINTS)
+        self._damping: Array = np.zeros((6, 6))
         self._wrench = np.zeros(6)
+        self.spring: Vector = ZERO
 
     def refresh(self, mass: Array, jacobian: Array) -> None:
         """Take the inertia of this posture.
@@ -76,7 +80,7 @@ class Impedance:
             jacobian: of the tip, shape (6, 7).
         """
         self._mass = mass + np.diag(ROTOR_KG_M2)
-        self._inverse = np.linalg.inv(self._mass)
+        self._inverse[:] = np.linalg.inv(self._mass)
         roots = self._roots
         squares, modes = np.linalg.eigh(roots[:, None] * (jacobian @ self._inverse @ jacobian.T) * roots)
         frequencies = np.sqrt(np.maximum(squares, SINGULAR * squares[-1]))
@@ -93,7 +97,8 @@ class Impedance:
         """
         along, about = self._stiffness
         wrench, jacobian = self._wrench, joints.jacobian
-        wrench[:3] = bounded(scale(offset, along), self._force)
+        self.spring = bounded(scale(offset, along), self._force)
+        wrench[:3] = self.spring
         wrench[3:] = bounded(scale(vector(turn), about), self._torque)
         wrench -= self._damping.dot(jacobian.dot(joints.dq))
         torques: Array = wrench.dot(jacobian)
