@@ -147,6 +147,11 @@ class ControlLoop:
             text=self._notice,
         ).put(self._states)
 
+    def pace(self) -> str:
+        """How well the loop has kept the robot's time, for a message."""
+        missing = f"; {self._notice}" if self._notice else ""
+        return f"{self._lost} of {self._cycles} cycles lost, longest pause {1e3 * self._longest:.1f} ms{missing}"
+
     def _hear(self, now: float) -> None:
         """Take the daemon's newest command; end if it says so, or is gone."""
         command = ArmCommand.newest(self._commands)

@@ -36,7 +36,7 @@ class RefusedError(RuntimeError):
     """The robot does not take commands, or has stopped; one line that says why."""
 
 
-def control(library: Any, options: FrankaOptions, memory: mmap, parent: int, notice: str) -> None:
+def control(library: Any, options: FrankaOptions, memory: mmap, parent: int) -> None:
     """Connect, control until the daemon ends it or is gone, and leave the arm at rest.
 
     Args:
@@ -44,7 +44,6 @@ def control(library: Any, options: FrankaOptions, memory: mmap, parent: int, not
         options: of the driver.
         memory: shared with the daemon.
         parent: process id of the daemon.
-        notice: text of the states.
 
     Raises:
         RefusedError: the robot does not take commands, or has stopped by itself.
@@ -55,13 +54,14 @@ def control(library: Any, options: FrankaOptions, memory: mmap, parent: int, not
     torques = [options.reflex_n_m] * 4 + [options.reflex_n_m * WRIST_SHARE] * 3
     wrench = [options.reflex_n] * 3 + [options.reflex_n_m] * 3
     robot.set_collision_behavior(torques, torques, wrench, wrench)
-    slots = command_slot(memory), state_slot(memory)
-    loop = ControlLoop(options, robot.load_model(), *slots, lambda: os.getppid() != parent, notice)
+    slots, model = (command_slot(memory), state_slot(memory)), robot.load_model()
+    notice = real_time(options)  # not before: what is done until here takes long, and would keep the daemons waiting
+    loop = ControlLoop(options, model, *slots, lambda: os.getppid() != parent, notice)
     signal(SIGTERM, SIG_IGN)  # from here on the end of the daemon is seen in the loop, which brings the arm to rest
     try:
         run(library, robot, loop)
     except library.ControlException as error:
-        raise RefusedError(stop_of(robot, error)) from None
+        raise RefusedError(f"{stop_of(robot, error)}; {loop.pace()}") from None
 
 
 def run(library: Any, robot: Any, loop: ControlLoop) -> None:
@@ -150,7 +150,7 @@ def main(arguments: list[str]) -> int:
     forbid_core_dumps()
     memory = mmap(descriptor, MEMORY_SIZE)
     try:
-        control(import_module(LIBRARY), options, memory, parent, real_time(options))
+        control(import_module(LIBRARY), options, memory, parent)
     except ModuleNotFoundError as error:
         reason = f'needs {error.name}; install it with: pip install "weberlink[franka]"'
     except Exception as error:  # whatever the library raises: the daemon names it

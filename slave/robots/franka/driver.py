@@ -29,6 +29,8 @@ PROGRAM: Final = (sys.executable, "-P", "-m", "weberlink.slave.robots.franka.con
 RATE_HZ: Final = 1000.0
 START_S: Final = 15.0
 """Longest time from the start of the controller to the end of its tare [s]."""
+LATE_S: Final = 0.03
+"""Time without a state after which it is checked that the controller lives [s]."""
 LOST_S: Final = 0.15
 """Time without a state after which the robot counts as lost [s]; it has stopped by itself after 20 ms."""
 END_S: Final = 2.0
@@ -159,8 +161,9 @@ class FrankaRobot:
             raise RobotFault(f"{NAME}: {state.text}")
         if state.phase is Phase.ENDED:
             raise RobotFault(f"{NAME}: its controller process has ended")
-        if now - state.at > LOST_S:
+        if now - state.at > LATE_S:
             self._check_alive()
+        if now - state.at > LOST_S:
             raise RobotFault(f"{NAME}: no state of the robot for {1e3 * (now - state.at):.0f} ms")
 
     def _check_alive(self) -> None:

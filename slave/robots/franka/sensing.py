@@ -87,6 +87,6 @@ class ExternalForce:
         self._contradicted = self._contradicted + 1 if contradicts and joint_speed < STILL_RAD_S else 0
         if self.ready and self._contradicted >= CONTRADICTED_CYCLES:
             raise SensingError(
-                f"the arm presses with {pressed:.1f} N and measures {felt:.1f} N the same way: the sign of its estimate "
-                "is wrong, or the mass of its end effector in Desk"
+                f"the arm presses with {pressed:.1f} N and measures {felt:.1f} N the same way: the sign of its "
+                "estimate is wrong, or the mass of its end effector in Desk"
             )
