@@ -23,7 +23,7 @@ from weberlink.slave.robots.franka.options import FrankaOptions
 from weberlink.slave.robots.franka.sensing import ExternalForce
 
 CYCLE_S: Final = 0.001
-REFRESH_CYCLES: Final = 50
+REFRESH_CYCLES: Final = 20
 """Inertia and damping are computed anew so often."""
 STALL_S: Final = 0.02
 """After so long between two cycles the arm stops where it is; the robot itself gives up after 20 ms."""

@@ -59,16 +59,17 @@ def control(library: Any, options: FrankaOptions, memory: mmap, parent: int) -> 
     loop = ControlLoop(options, model, *slots, lambda: os.getppid() != parent, notice)
     signal(SIGTERM, SIG_IGN)  # from here on the end of the daemon is seen in the loop, which brings the arm to rest
     try:
-        run(library, robot, loop)
+        run(library, robot, loop, options.priority)
     except library.ControlException as error:
         raise RefusedError(f"{stop_of(robot, error)}; {loop.pace()}") from None
 
 
-def run(library: Any, robot: Any, loop: ControlLoop) -> None:
+def run(library: Any, robot: Any, loop: ControlLoop, priority: int) -> None:
     """The loop, from the first torque to the last."""
     loop.begin(robot.read_once())
     freeze_garbage()
     motion = robot.start_torque_control()
+    schedule(priority)
     while not loop.finished:
         state, period = motion.readOnce()
         now = monotonic()
@@ -76,6 +77,13 @@ def run(library: Any, robot: Any, loop: ControlLoop) -> None:
         torques.motion_finished = loop.finished
         motion.writeOnce(torques)
         loop.report(state, now, period.to_sec())
+
+
+def schedule(priority: int) -> None:
+    """Return to the option's priority: libfranka takes the highest of all, 99, when it starts to control."""
+    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def check_mode(library: Any, robot: Any, options: FrankaOptions) -> None:

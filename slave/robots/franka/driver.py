@@ -96,6 +96,7 @@ class FrankaRobot:
             self._child = subprocess.Popen(  # noqa: S603 - our own
                 [*self._program, str(memory), str(os.getpid()), self._options.model_dump_json()],
                 stdin=subprocess.DEVNULL,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # its threads would only take processors away
                 pass_fds=(memory,),
                 start_new_session=True,  # Ctrl-C does not reach it: it ends with this process, not before
             )

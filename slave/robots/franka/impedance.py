@@ -47,8 +47,9 @@ class Impedance:
     e is the offset of the goal from the tip and the rotation vector to the goal. The force and the torque of the spring
     are bounded. D gives every mode of the tip the same damping ratio r: with W the modes of K^(1/2) (J M^-1 J^T)
     K^(1/2) and w their frequencies, D = K^(1/2) W (2 r / w) W^T K^(1/2). The posture draws the joints to where they
-    were at opening, in the dynamically consistent null space (Khatib 1987), so it does no work on the tip. M is that of
-    the model with the inertia of the rotors; M and D change slowly, and `refresh` computes them anew.
+    were at opening, in the dynamically consistent null space (Khatib 1987), so it does not move the tip: with n the
+    motion of the joints that J does not see, an acceleration a of the joints becomes M n (n^T M a) / (n^T M n). M is
+    that of the model with the inertia of the rotors; M, D and n change slowly, and `refresh` computes them anew.
 
     Args:
         options: with the gains and the bounds.
@@ -66,9 +67,9 @@ class Impedance:
         self._omega = 2.0 * np.pi * options.posture_hz
         self._home = q
         self._low, self._high = LOWEST + MARGIN_RAD, HIGHEST - MARGIN_RAD
-        self._mass: Array = np.eye(JOINTS)
-        self._inverse: Array = np.eye(JOINTS)
         self._damping: Array = np.zeros((6, 6))
+        self._share: Array = np.zeros(JOINTS)
+        self._torque_of_share: Array = np.zeros(JOINTS)
         self._wrench = np.zeros(6)
         self.spring: Vector = ZERO
 
@@ -79,13 +80,16 @@ class Impedance:
             mass: of the model, shape (7, 7) [kg m^2].
             jacobian: of the tip, shape (6, 7).
         """
-        self._mass = mass + np.diag(ROTOR_KG_M2)
-        self._inverse[:] = np.linalg.inv(self._mass)
+        inertia = mass + np.diag(ROTOR_KG_M2)
         roots = self._roots
-        squares, modes = np.linalg.eigh(roots[:, None] * (jacobian @ self._inverse @ jacobian.T) * roots)
+        mobility = jacobian @ np.linalg.inv(inertia) @ jacobian.T
+        squares, modes = np.linalg.eigh(roots[:, None] * mobility * roots)
         frequencies = np.sqrt(np.maximum(squares, SINGULAR * squares[-1]))
         shapes = roots[:, None] * modes
         self._damping = (shapes * (2.0 * self._ratio / frequencies)) @ shapes.T
+        free: Array = np.linalg.svd(jacobian)[2][-1]
+        self._share = inertia @ free
+        self._torque_of_share = self._share / (free @ self._share)
 
     def torques(self, joints: Joints, offset: Vector, turn: Quaternion) -> Array:
         """Of the joints, without gravity and not yet bounded [N m].
@@ -108,12 +112,8 @@ class Impedance:
         return torques
 
     def _posture(self, joints: Joints) -> Array:
-        omega, jacobian = self._omega, joints.jacobian
-        wanted = (self._home - joints.q) * (omega * omega) - joints.dq * (2.0 * omega)
-        mobility = jacobian.dot(self._inverse).dot(jacobian.T)
-        mobility.flat[::7] += 1e-6 * mobility.trace()
-        torque: Array = self._mass.dot(wanted)
-        torque -= np.linalg.solve(mobility, jacobian.dot(wanted)).dot(jacobian)
+        wanted = (self._home - joints.q) * (self._omega * self._omega) - joints.dq * (2.0 * self._omega)
+        torque: Array = self._torque_of_share * self._share.dot(wanted)
         return torque
 
     def _walls(self, joints: Joints) -> Array:
@@ -131,8 +131,9 @@ def bounded(wrench: Vector, most: float) -> Vector:
 
 def permitted(torques: Array, last: Array) -> Array:
     """The torques nearest to these that the robot takes after the last ones [N m]."""
-    allowed: Array = np.clip(torques, -STRONGEST, STRONGEST)
-    return np.clip(allowed, last - TORQUE_STEP_N_M, last + TORQUE_STEP_N_M)
+    allowed = np.minimum(np.maximum(torques, -STRONGEST), STRONGEST)
+    steps: Array = np.minimum(np.maximum(allowed, last - TORQUE_STEP_N_M), last + TORQUE_STEP_N_M)
+    return steps
 
 
 def turn_between(start: Quaternion, goal: Quaternion) -> Quaternion:
