@@ -10,6 +10,7 @@ from typing import ClassVar, Final
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.slot import Slot
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
@@ -50,6 +51,11 @@ class FrankaRobot:
     Options = FrankaOptions
     NEEDS: ClassVar[tuple[str, str]] = ("pylibfranka", "franka")
     """The package that the controller needs, and the extra of this project that brings it."""
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        """None: a robot in a network is named by the option `host`."""
+        return []
 
     def __init__(
         self,
