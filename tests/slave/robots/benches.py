@@ -125,7 +125,8 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
 @contextmanager
 def franka(folder: Path) -> Iterator[Bench]:
     floor = 0.40
-    options = FrankaOptions(host=f"arm,ground={floor}", approach_m_s=0.5, priority=0)
+    # Patient with a machine that stalls.
+    options = FrankaOptions(host=f"arm,ground={floor}", approach_m_s=0.5, priority=0, lost_ms=2000.0, stale_ms=500.0)
     robot = FrankaRobot(options, None, TICK, PROGRAM)
 
     def to_controller(number: signal.Signals) -> None:

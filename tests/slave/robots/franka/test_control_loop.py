@@ -141,6 +141,13 @@ def test_reversed_sign_of_the_force_is_noticed() -> None:
         bench.lead(BELOW, 3.0)
 
 
+def test_estimate_that_fails_near_a_singularity_is_named() -> None:
+    bench = LoopBench("arm,offset=2")
+    bench.arm.offset = 0.0
+    with pytest.raises(SensingError, match="singularity"):
+        bench.lead(START, 0.2)
+
+
 def test_wrong_numbers_of_the_robot_are_refused() -> None:
     bench = LoopBench()
     bench.arm.offset = inf

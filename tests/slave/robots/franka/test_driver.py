@@ -23,7 +23,7 @@ ASIDE: Vector = (0.5, 0.25, 0.45)
 
 
 def robot_at(host: str = "arm", **options: object) -> FrankaRobot:
-    wanted = FrankaOptions.model_validate({"host": host, "priority": 0, **options})
+    wanted = FrankaOptions.model_validate({"host": host, "priority": 0, "lost_ms": 1000.0, **options})
     return FrankaRobot(wanted, None, TICK, PROGRAM)
 
 
@@ -69,7 +69,7 @@ def test_refusal_ends_the_opening_with_its_reason() -> None:
 def test_close_waits_for_rest_and_the_end() -> None:
     robot = robot_at(approach_m_s=0.4)
     robot.open(monotonic())
-    lead(robot, ASIDE, 0.3)
+    lead(robot, ASIDE, 0.5)
     child = robot.controller_pid
     assert robot.state.joint_speed > 0.05
     began = monotonic()
