@@ -29,6 +29,7 @@ from weberlink.realtime.process import die_with_parent
 CARTESIAN_REFLEX = 7
 """Place in libfranka's list of errors."""
 REFLEX_MODE = 4
+LATCHED = ("robot_mode", "errors", "reflex_reason")
 
 
 class TableArm(MujocoFrankaSim):
@@ -95,7 +96,10 @@ class Controller(FrankaSimServer):
         arm.server = self
 
     def reset_state(self) -> None:
+        before = self.robot_state.state if hasattr(self, "robot_state") else {}
         super().reset_state()
+        if before.get("robot_mode") == REFLEX_MODE:  # a robot keeps its error until it is cleared, whoever connects
+            self.robot_state.state.update({name: before[name] for name in LATCHED})
         tracker: CommConstraintTracker = self.comm
         received = tracker.command_received
 
