@@ -236,7 +236,7 @@ class CommandGuard(TripGuard[Vector]):
             retract: how far to back off a contact when it is released [m]; 0 to hold.
             trip_retract: how far to back off a contact that trips it [m], > 0.
         """
-        super().__init__(ZERO, _toward, self._inside, _is_beyond, speed=speed, approach_speed=approach_speed, ramp=ramp)
+        super().__init__(ZERO, toward, self._inside, _is_beyond, speed=speed, approach_speed=approach_speed, ramp=ramp)
         self._workspace = workspace
         self._retract = retract
         self._trip_retract = trip_retract
@@ -277,7 +277,7 @@ def _is_beyond(goal: Vector, place: Vector, outward: Vector) -> bool:
     return dot(subtract(goal, place), outward) >= 0.0
 
 
-def _toward(start: Vector, goal: Vector, way: float) -> Vector:
+def toward(start: Vector, goal: Vector, way: float) -> Vector:
     """The goal, or the point on the way to it that is `way` from the start."""
     if distance(start, goal) <= way:
         return goal

@@ -1,0 +1,205 @@
+"""The robot `franka`: the daemon's end, which only writes and reads slots in shared memory."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from mmap import mmap
+from pathlib import Path
+from time import monotonic, sleep
+from typing import ClassVar, Final
+
+from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
+from weberlink.geometry.vector import Vector, is_finite
+from weberlink.hardware.slot import Slot
+from weberlink.slave.robots.computed import saturated
+from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from weberlink.slave.robots.franka.messages import (
+    MEMORY_SIZE,
+    ArmCommand,
+    ArmState,
+    Phase,
+    command_slot,
+    state_slot,
+)
+from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink.slave.scenes.scene import Scene
+
+NAME: Final = "franka"
+PROGRAM: Final = (sys.executable, "-m", "weberlink.slave.robots.franka.controller")
+RATE_HZ: Final = 1000.0
+START_S: Final = 15.0
+"""Longest time from the start of the controller to the end of its tare [s]."""
+LOST_S: Final = 0.15
+"""Time without a state after which the robot counts as lost [s]; it has stopped by itself after 20 ms."""
+END_S: Final = 2.0
+"""Longest time for the controller to bring the arm to rest and end [s]."""
+POLL_S: Final = 0.005
+POOR: Final = 0.95
+"""Share of the robot's cycles; with fewer answered in time it is worth a word."""
+
+
+class FrankaRobot:
+    """An FR3 under Cartesian impedance; its controller process owns the connection.
+
+    Raises:
+        ValueError: a scene was given.
+    """
+
+    Options = FrankaOptions
+    NEEDS: ClassVar[tuple[str, str]] = ("pylibfranka", "franka")
+    """The package that the controller needs, and the extra of this project that brings it."""
+
+    def __init__(
+        self,
+        options: FrankaOptions,
+        scene: Scene | None,
+        tick_period: float,  # noqa: ARG002
+        program: Sequence[str] = PROGRAM,
+    ) -> None:
+        if scene is not None:
+            raise ValueError(f"scene: {NAME} is a real robot and touches what is in front of it; leave the scene out")
+        self._options, self._program = options, program
+        self.spec = _spec(options)
+        self._child: subprocess.Popen[bytes] | None = None
+        self._commands: Slot | None = None
+        self._states: Slot | None = None
+        self._state = ArmState(Phase.STARTING, 0.0)
+        self._reading: tuple[float, RobotReading] | None = None
+        self._goal: tuple[Vector | None, Quaternion] = (None, IDENTITY)
+
+    @property
+    def state(self) -> ArmState:
+        """The newest state that `latest` or `open` has seen."""
+        return self._state
+
+    @property
+    def controller_pid(self) -> int | None:
+        """Process id of the controller; None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    @property
+    def trouble(self) -> str | None:
+        state = self._state
+        if state.phase is not Phase.FOLLOWING or state.success >= POOR or state.cycles < RATE_HZ:
+            return None
+        words = f"the controller answers {state.success:.0%} of the robot's cycles in time"
+        return f"{words} ({state.text})" if state.text else words
+
+    def open(self, now: float) -> None:  # noqa: ARG002
+        self.close()
+        memory = os.memfd_create("weberlink-franka")
+        try:
+            os.ftruncate(memory, MEMORY_SIZE)
+            shared = mmap(memory, MEMORY_SIZE)
+            self._child = subprocess.Popen(  # noqa: S603 - our own
+                [*self._program, str(memory), str(os.getpid()), self._options.model_dump_json()],
+                stdin=subprocess.DEVNULL,
+                pass_fds=(memory,),
+                start_new_session=True,  # Ctrl-C does not reach it: it ends with this process, not before
+                cwd=Path("/"),
+            )
+        except OSError as error:
+            raise RobotFault(f"{NAME}: its controller process cannot be started: {error.strerror}") from None
+        finally:
+            os.close(memory)
+        self._commands, self._states = command_slot(shared), state_slot(shared)
+        self._goal = (None, IDENTITY)
+        try:
+            self._wait_for_start(monotonic() + START_S)
+        except BaseException:
+            self.close()
+            raise
+
+    def _wait_for_start(self, until: float) -> None:
+        assert self._states is not None
+        while self._state.phase is not Phase.FOLLOWING:
+            self._state = ArmState.newest(self._states) or self._state
+            if self._state.phase is Phase.FAILED or monotonic() > until:
+                break
+            self._check_alive()
+            sleep(POLL_S)
+        if self._state.phase is Phase.FAILED:
+            raise RobotFault(f"{NAME}: {self._state.text}")
+        if self._state.phase is not Phase.FOLLOWING:
+            raise RobotFault(f"{NAME}: no answer from {self._options.host} within {START_S:g} s")
+
+    def command(self, position: Vector, now: float) -> None:
+        if not is_finite(position):
+            raise ValueError(f"{NAME}: commanded a position that is not finite: {position}")
+        if self._commands is not None:
+            self._goal = (position, self._goal[1])
+            ArmCommand(now, *self._goal).put(self._commands)  # type: ignore[arg-type]
+
+    def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
+        """Turn with the next command; no effect without the option `torque_n_m`."""
+        held = unit_quaternion(orientation)
+        if held is None:
+            raise ValueError(f"{NAME}: commanded an orientation that is none: {orientation}")
+        if self._options.torque_n_m > 0.0:
+            self._goal = (self._goal[0], held)
+
+    def latest(self, now: float) -> RobotReading:
+        if self._states is None:
+            raise RobotFault(f"{NAME}: not open")
+        state = ArmState.newest(self._states)
+        if state is not None:
+            self._state = state
+        if self._reading is not None and now <= self._reading[0]:
+            return self._reading[1]
+        self._check(now)
+        state, options = self._state, self._options
+        force, torque = saturated(state.force, options.force_n), saturated(state.torque, options.torque_n_m)
+        at = min(state.at, now)
+        reading = RobotReading(at, state.position, force, torque, sampled_at=at)
+        self._reading = (now, reading)
+        return reading
+
+    def _check(self, now: float) -> None:
+        """Raises RobotFault if the controller cannot go on."""
+        state = self._state
+        if state.phase is Phase.FAILED:
+            raise RobotFault(f"{NAME}: {state.text}")
+        if state.phase is Phase.ENDED:
+            raise RobotFault(f"{NAME}: its controller process has ended")
+        if now - state.at > LOST_S:
+            self._check_alive()
+            raise RobotFault(f"{NAME}: no state of the robot for {1e3 * (now - state.at):.0f} ms")
+
+    def _check_alive(self) -> None:
+        assert self._child is not None
+        status = self._child.poll()
+        if status is not None and self._state.phase in (Phase.STARTING, Phase.FOLLOWING):
+            how = f"by signal {-status}" if status < 0 else f"with status {status}"
+            raise RobotFault(f"{NAME}: its controller process ended {how}; the robot stops by itself")
+
+    def close(self) -> None:
+        """Have the controller bring the arm to rest and end; at most 2 s, then it is killed and the robot stops."""
+        child, self._child = self._child, None
+        commands, self._commands, self._states = self._commands, None, None
+        self._state, self._reading = ArmState(Phase.STARTING, 0.0), None
+        if child is None:
+            return
+        if commands is not None:
+            ArmCommand(monotonic(), ends=True).put(commands)
+        try:
+            child.wait(END_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+
+
+def _spec(options: FrankaOptions) -> RobotSpec:
+    return RobotSpec(
+        name=NAME,
+        axes="xyz",
+        force_n=options.force_n,
+        stiffness_n_m=options.stiffness_n_m,
+        workspace_m=options.workspace_m,
+        rate_hz=RATE_HZ,
+        force_sensing=True,
+        lag_s=1.0 / RATE_HZ,
+        torque_n_m=options.torque_n_m,
+        watchdog_s=options.stale_s,
+        note="the force is the robot's estimate (O_F_ext_hat_K), without its offset at opening",
+    )
