@@ -30,15 +30,25 @@ class SimulatedRobot:
     Args:
         folder: for its log and the record of the truth.
         host: where it listens.
+        lenient: whether lost cycles and broken limits do not stop the arm.
     """
 
-    def __init__(self, folder: Path, host: str) -> None:
+    def __init__(self, folder: Path, host: str, lenient: bool = False) -> None:
         self.host = host
         self.truth = Truth(folder / f"truth-{os.getpid()}.rows")
         self.log = folder / "simulator.log"
         with self.log.open("wb") as log:
             self._process = subprocess.Popen(
-                [*PROGRAM, "--host", host, "--truth", str(self.truth.path), "--parent", str(os.getpid())],
+                [
+                    *PROGRAM,
+                    "--host",
+                    host,
+                    "--truth",
+                    str(self.truth.path),
+                    "--parent",
+                    str(os.getpid()),
+                    *["--lenient"] * lenient,
+                ],
                 stdout=log,
                 stderr=log,
                 stdin=subprocess.DEVNULL,
@@ -88,9 +98,9 @@ class SimulatedRobot:
 
 
 @contextmanager
-def simulated_robot(folder: Path, host: str) -> Iterator[SimulatedRobot]:
+def simulated_robot(folder: Path, host: str, lenient: bool = False) -> Iterator[SimulatedRobot]:
     """A robot that answers; nothing of it is left at the end."""
-    robot = SimulatedRobot(folder, host)
+    robot = SimulatedRobot(folder, host, lenient)
     try:
         robot.wait_until_ready()
         yield robot

@@ -24,11 +24,11 @@ from franka_sim.mujoco_franka_sim import MujocoFrankaSim
 
 from tests.franka.scene import TABLE, TIP, written
 from tests.franka.truth import TruthWriter
-from weberlink.realtime.process import die_with_parent
+from weberlink.realtime.process import die_with_parent, prepare
 
 CARTESIAN_REFLEX = 7
 """Place in libfranka's list of errors."""
-REFLEX_MODE = 4
+MOVE_MODE, REFLEX_MODE = 2, 4
 LATCHED = ("robot_mode", "errors", "reflex_reason")
 
 
@@ -81,7 +81,7 @@ class TableArm(MujocoFrankaSim):
         row["q"], row["dq"] = self._state_snapshot["q"], self._state_snapshot["dq"]
         row["torque"] = self.data.qfrc_applied[self.arm_dofs_idx]
         row["tip"], row["force"] = self.data.xpos[self.ee_body_id], force
-        row["moving"], row["reflex"] = not self.server._idle_hold, state["robot_mode"] == REFLEX_MODE
+        row["moving"], row["reflex"] = (state["robot_mode"] == mode for mode in (MOVE_MODE, REFLEX_MODE))
         row["success"] = state["control_command_success_rate"]
         row["lost"] = self.server.comm._consecutive_lost
         self.truth.close_row(row)
@@ -123,10 +123,14 @@ def main() -> None:
     )
     parser.add_argument("--truth", type=Path, help="file for the record of every step")
     parser.add_argument("--lenient", action="store_true", help="lost cycles and broken limits do not stop the arm")
+    parser.add_argument(
+        "--priority", type=int, default=70, help="in SCHED_FIFO if permitted; a robot keeps its own time"
+    )
     parser.add_argument("--parent", type=int, help="process that this one ends with")
     arguments = parser.parse_args()
     if arguments.parent is not None:
         die_with_parent(signal.SIGKILL, arguments.parent)
+    prepare(arguments.priority, lock_memory=False, cpu=None)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(levelname)s %(message)s")
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "fr3-table.xml"
