@@ -5,7 +5,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from mmap import mmap
-from pathlib import Path
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
@@ -26,10 +25,12 @@ from weberlink.slave.robots.franka.options import FrankaOptions
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "franka"
-PROGRAM: Final = (sys.executable, "-m", "weberlink.slave.robots.franka.controller")
+PROGRAM: Final = (sys.executable, "-P", "-m", "weberlink.slave.robots.franka.controller")
 RATE_HZ: Final = 1000.0
 START_S: Final = 15.0
 """Longest time from the start of the controller to the end of its tare [s]."""
+LATE_S: Final = 0.03
+"""Time without a state after which it is checked that the controller lives [s]."""
 LOST_S: Final = 0.15
 """Time without a state after which the robot counts as lost [s]; it has stopped by itself after 20 ms."""
 END_S: Final = 2.0
@@ -66,7 +67,7 @@ class FrankaRobot:
         self._states: Slot | None = None
         self._state = ArmState(Phase.STARTING, 0.0)
         self._reading: tuple[float, RobotReading] | None = None
-        self._goal: tuple[Vector | None, Quaternion] = (None, IDENTITY)
+        self._orientation = IDENTITY
 
     @property
     def state(self) -> ArmState:
@@ -95,16 +96,16 @@ class FrankaRobot:
             self._child = subprocess.Popen(  # noqa: S603 - our own
                 [*self._program, str(memory), str(os.getpid()), self._options.model_dump_json()],
                 stdin=subprocess.DEVNULL,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # its threads would only take processors away
                 pass_fds=(memory,),
                 start_new_session=True,  # Ctrl-C does not reach it: it ends with this process, not before
-                cwd=Path("/"),
             )
         except OSError as error:
             raise RobotFault(f"{NAME}: its controller process cannot be started: {error.strerror}") from None
         finally:
             os.close(memory)
         self._commands, self._states = command_slot(shared), state_slot(shared)
-        self._goal = (None, IDENTITY)
+        self._orientation = IDENTITY
         try:
             self._wait_for_start(monotonic() + START_S)
         except BaseException:
@@ -128,8 +129,7 @@ class FrankaRobot:
         if not is_finite(position):
             raise ValueError(f"{NAME}: commanded a position that is not finite: {position}")
         if self._commands is not None:
-            self._goal = (position, self._goal[1])
-            ArmCommand(now, *self._goal).put(self._commands)  # type: ignore[arg-type]
+            ArmCommand(now, position, self._orientation).put(self._commands)
 
     def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
         """Turn with the next command; no effect without the option `torque_n_m`."""
@@ -137,7 +137,7 @@ class FrankaRobot:
         if held is None:
             raise ValueError(f"{NAME}: commanded an orientation that is none: {orientation}")
         if self._options.torque_n_m > 0.0:
-            self._goal = (self._goal[0], held)
+            self._orientation = held
 
     def latest(self, now: float) -> RobotReading:
         if self._states is None:
@@ -162,8 +162,9 @@ class FrankaRobot:
             raise RobotFault(f"{NAME}: {state.text}")
         if state.phase is Phase.ENDED:
             raise RobotFault(f"{NAME}: its controller process has ended")
-        if now - state.at > LOST_S:
+        if now - state.at > LATE_S:
             self._check_alive()
+        if now - state.at > LOST_S:
             raise RobotFault(f"{NAME}: no state of the robot for {1e3 * (now - state.at):.0f} ms")
 
     def _check_alive(self) -> None:

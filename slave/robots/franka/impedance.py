@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, vector
-from weberlink.geometry.vector import Vector, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.slave.robots.franka.options import FrankaOptions
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ WALL_N_M_S: Final = np.array([10.0] * 4 + [2.0] * 3)
 TORQUE_STEP_N_M: Final = 0.999
 """Largest change of a torque in a cycle of 1 ms: the robot allows 1000 N m/s (libfranka, rate_limiting.h)."""
 ROTOR_KG_M2: Final = np.array([0.195] * 4 + [0.074] * 3)
-"""Inertia of the rotors at their joints, which the model of libfranka leaves out; that of the MuJoCo Menagerie's FR3."""
+"""Inertia of the rotors at their joints, which the model of libfranka leaves out; as the MuJoCo Menagerie has it."""
 SINGULAR: Final = 1e-3
 """Share of the largest mobility that is added to all, so that no direction counts as infinitely heavy."""
 
@@ -47,12 +47,16 @@ class Impedance:
     e is the offset of the goal from the tip and the rotation vector to the goal. The force and the torque of the spring
     are bounded. D gives every mode of the tip the same damping ratio r: with W the modes of K^(1/2) (J M^-1 J^T)
     K^(1/2) and w their frequencies, D = K^(1/2) W (2 r / w) W^T K^(1/2). The posture draws the joints to where they
-    were at opening, in the dynamically consistent null space (Khatib 1987), so it does no work on the tip. M is that of
-    the model with the inertia of the rotors; M and D change slowly, and `refresh` computes them anew.
+    were at opening, in the dynamically consistent null space (Khatib 1987), so it does not move the tip: with n the
+    motion of the joints that J does not see, an acceleration a of the joints becomes M n (n^T M a) / (n^T M n). M is
+    that of the model with the inertia of the rotors; M, D and n change slowly, and `refresh` computes them anew.
 
     Args:
         options: with the gains and the bounds.
         q: position of the joints to return to [rad].
+
+    Attributes:
+        spring: force of the spring at the last `torques` [N].
     """
 
     def __init__(self, options: FrankaOptions, q: Array) -> None:
@@ -63,10 +67,11 @@ class Impedance:
         self._omega = 2.0 * np.pi * options.posture_hz
         self._home = q
         self._low, self._high = LOWEST + MARGIN_RAD, HIGHEST - MARGIN_RAD
-        self._mass = np.eye(JOINTS)
-        self._inverse = np.eye(JOINTS)
-        self._damping = np.zeros((6, 6))
+        self._damping: Array = np.zeros((6, 6))
+        self._share: Array = np.zeros(JOINTS)
+        self._torque_of_share: Array = np.zeros(JOINTS)
         self._wrench = np.zeros(6)
+        self.spring: Vector = ZERO
 
     def refresh(self, mass: Array, jacobian: Array) -> None:
         """Take the inertia of this posture.
@@ -75,13 +80,16 @@ class Impedance:
             mass: of the model, shape (7, 7) [kg m^2].
             jacobian: of the tip, shape (6, 7).
         """
-        self._mass = mass + np.diag(ROTOR_KG_M2)
-        self._inverse = np.linalg.inv(self._mass)
+        inertia = mass + np.diag(ROTOR_KG_M2)
         roots = self._roots
-        squares, modes = np.linalg.eigh(roots[:, None] * (jacobian @ self._inverse @ jacobian.T) * roots)
+        mobility = jacobian @ np.linalg.inv(inertia) @ jacobian.T
+        squares, modes = np.linalg.eigh(roots[:, None] * mobility * roots)
         frequencies = np.sqrt(np.maximum(squares, SINGULAR * squares[-1]))
         shapes = roots[:, None] * modes
         self._damping = (shapes * (2.0 * self._ratio / frequencies)) @ shapes.T
+        free: Array = np.linalg.svd(jacobian)[2][-1]
+        self._share = inertia @ free
+        self._torque_of_share = self._share / (free @ self._share)
 
     def torques(self, joints: Joints, offset: Vector, turn: Quaternion) -> Array:
         """Of the joints, without gravity and not yet bounded [N m].
@@ -93,7 +101,8 @@ class Impedance:
         """
         along, about = self._stiffness
         wrench, jacobian = self._wrench, joints.jacobian
-        wrench[:3] = bounded(scale(offset, along), self._force)
+        self.spring = bounded(scale(offset, along), self._force)
+        wrench[:3] = self.spring
         wrench[3:] = bounded(scale(vector(turn), about), self._torque)
         wrench -= self._damping.dot(jacobian.dot(joints.dq))
         torques: Array = wrench.dot(jacobian)
@@ -103,12 +112,8 @@ class Impedance:
         return torques
 
     def _posture(self, joints: Joints) -> Array:
-        omega, jacobian = self._omega, joints.jacobian
-        wanted = (self._home - joints.q) * (omega * omega) - joints.dq * (2.0 * omega)
-        mobility = jacobian.dot(self._inverse).dot(jacobian.T)
-        mobility.flat[::7] += 1e-6 * mobility.trace()
-        torque: Array = self._mass.dot(wanted)
-        torque -= np.linalg.solve(mobility, jacobian.dot(wanted)).dot(jacobian)
+        wanted = (self._home - joints.q) * (self._omega * self._omega) - joints.dq * (2.0 * self._omega)
+        torque: Array = self._torque_of_share * self._share.dot(wanted)
         return torque
 
     def _walls(self, joints: Joints) -> Array:
@@ -126,8 +131,9 @@ def bounded(wrench: Vector, most: float) -> Vector:
 
 def permitted(torques: Array, last: Array) -> Array:
     """The torques nearest to these that the robot takes after the last ones [N m]."""
-    allowed: Array = np.clip(torques, -STRONGEST, STRONGEST)
-    return np.clip(allowed, last - TORQUE_STEP_N_M, last + TORQUE_STEP_N_M)
+    allowed = np.minimum(np.maximum(torques, -STRONGEST), STRONGEST)
+    steps: Array = np.minimum(np.maximum(allowed, last - TORQUE_STEP_N_M), last + TORQUE_STEP_N_M)
+    return steps
 
 
 def turn_between(start: Quaternion, goal: Quaternion) -> Quaternion:

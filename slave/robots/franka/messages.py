@@ -103,9 +103,10 @@ class ArmState(NamedTuple):
         values = slot.newest()
         if values is None:
             return None
-        phase, at, x, y, z, fx, fy, fz, tx, ty, tz, *figures, text = values
+        phase, at, x, y, z, fx, fy, fz, tx, ty, tz, speed, success, cycles, lost, longest, text = values
         words = text.rstrip(b"\0").decode()
-        return cls(Phase(phase), at, (x, y, z), (fx, fy, fz), (tx, ty, tz), *figures, words)
+        place, force, torque = (x, y, z), (fx, fy, fz), (tx, ty, tz)
+        return cls(Phase(phase), at, place, force, torque, speed, success, cycles, lost, longest, words)
 
 
 def command_slot(memory: mmap) -> Slot:
