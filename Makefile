@@ -7,11 +7,12 @@ BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 LEROBOT := $(VENV)/lerobot
+FRANKA := $(VENV)/franka
 
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lerobot lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot franka lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -45,6 +46,10 @@ hunt: $(DEV)  ## every property at ten times the examples, other ones each time;
 
 lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, beside live sessions; installs torch: 7 GB
 	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial
+
+franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
+	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka
+	$(FRANKA)/bin/python -m tests.franka.trial --json build/franka.json
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -114,6 +119,11 @@ $(RUN): requirements.lock pyproject.toml
 $(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
+	touch $@
+
+$(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
+	$(PYTHON) -m venv $(FRANKA)
+	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "franka-sim==1.1.7" pytest hypothesis pytest-rerunfailures -e ".[franka]"
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)

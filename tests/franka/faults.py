@@ -34,7 +34,7 @@ class Outcome:
 
     Args:
         fault: name.
-        rest_s: from the fault to joints at rest, None if they did not rest in time; NaN where no robot was left to tell.
+        rest_s: from the fault to joints at rest, None if they did not rest in time; NaN where no robot could tell.
         travel_m: largest distance of the tip from where it was, until it rested.
         speed_rad_s: largest joint speed from the fault on.
         force_n: largest force on the table from the fault on.
@@ -98,6 +98,10 @@ def _cut(at: FrankaSession) -> None:
     at.rig.wire.emulate(Emulation(loss=1.0))
 
 
+def _reflex(at: FrankaSession) -> None:
+    at.robot.provoke_reflex()
+
+
 def _mend(at: FrankaSession) -> str:
     at.rig.wire.emulate(Emulation())
     return ""
@@ -155,7 +159,7 @@ FAULTS = {
     "slave stalled": Fault(_to_slave(signal.SIGSTOP), _wake),
     "controller killed": Fault(_to_controller(signal.SIGKILL), _slave_ends, ("controller", "signal 9")),
     "controller stalled": Fault(_to_controller(signal.SIGSTOP), _controller_wakes, ("no state of the robot",)),
-    "reflex": Fault(lambda at: at.robot.provoke_reflex(), _slave_ends, ("cartesian_reflex",)),
+    "reflex": Fault(_reflex, _slave_ends, ("cartesian_reflex",)),
     "robot stalled": Fault(_to_robot(signal.SIGSTOP), _robot_wakes, ("robot",), robot=False),
     "robot killed": Fault(_to_robot(signal.SIGKILL), _another_robot, ("robot",), robot=False),
 }

@@ -19,7 +19,7 @@ STOP_S = 10.0
 
 
 def own_address() -> str:
-    """A loopback address of this process: libfranka has one port, and others may simulate a robot on this machine too."""
+    """A loopback address of this process: libfranka has one port, and others may simulate a robot here too."""
     random = Random(os.getpid())
     return f"127.{random.randrange(1, 255)}.{random.randrange(256)}.{random.randrange(1, 255)}"
 

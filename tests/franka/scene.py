@@ -1,8 +1,8 @@
 """The scene that franka-sim simulates: its own FR3, without meshes, above a table.
 
-franka-sim takes its model from MuJoCo Menagerie, which it downloads. Its wheel also holds the URDF that it serves to clients,
-with the kinematics, inertias and joint friction of franka_description. This scene is made of that URDF, so it needs no network,
-and the client's model of the arm and the simulated arm agree.
+franka-sim takes its model from MuJoCo Menagerie, which it downloads. Its wheel also holds the URDF that it serves to
+clients, with the kinematics, inertias and joint friction of franka_description. This scene is made of that URDF, so it
+needs no network, and the client's model of the arm agrees with the simulated arm but for the inertia of the drives.
 """
 
 from pathlib import Path
@@ -15,19 +15,20 @@ TIP = "tip"
 TABLE = "table"
 TIP_RADIUS_M = 0.01
 TABLE_DEPTH_M = 0.1
-STIFFNESS_S_2, DAMPING_S = 75.0, 12.0
-"""Of the table's surface, per effective mass of the arm: measured as 5 kN/m with `SHARE`."""
+STIFFNESS_S_2, DAMPING_S = 37.5, 3.0
+"""Of the table's surface, per effective mass of the arm: with `SHARE`, 5 kN/m and nearly critical damping."""
 SHARE = 0.9
 """Constraint impedance of the surface, the same at any depth, so that force grows linearly with depth."""
 ARMATURE_KG_M2 = 0.195
-"""Inertia of a drive behind its gear, of MuJoCo Menagerie's `fr3v2`, which franka-sim's servos of the idle arm rely on."""
+"""Inertia of a drive behind its gear, of MuJoCo Menagerie's `fr3v2`: franka-sim's servos of the idle arm rely on it."""
 
 
 def without_meshes(urdf: str) -> str:
     """Return the URDF without meshes, and with the flange under the name that franka-sim looks for.
 
-    On the robot O_T_EE is the flange if no end effector is set. franka-sim publishes the body `link7`, which is 107 mm behind it,
-    while the model in the client has the flange. So `link7` becomes `wrist`, and `link8`, which is the flange, `link7`.
+    On the robot O_T_EE is the flange if no end effector is set. franka-sim publishes the body `link7`, which is 107 mm
+    behind it, while the model in the client has the flange. So `link7` becomes `wrist`, and `link8`, the flange,
+    becomes `link7`.
     """
     root = ElementTree.fromstring(urdf)
     for link in root.iter("link"):

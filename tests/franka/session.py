@@ -14,10 +14,10 @@ import numpy as np
 from tests.franka.robot import SimulatedRobot
 from tests.soak.rig import Life, Rig
 from weberlink.protocol.states import State
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.telemetry.reader import DTYPE
 
-FILE = Path(__file__).with_name("trial.yaml")
+FILE = Path(__file__).parents[2] / "configs" / "franka.yaml"
 CONTROLLER = b"weberlink.slave.robots.franka.controller"
 ENGAGED = State.ENGAGED.value
 LOOK_S = 0.05
@@ -45,7 +45,7 @@ class FrankaSession:
     def __enter__(self) -> Self:
         try:
             self._start_robot()
-            self._stack.callback(lambda: self.robot.close())
+            self._stack.callback(self._close_robot)
             overrides = (f"slave.robot.host={self._host}",)
             self.rig = Rig(seed=self._seed, file=FILE, overrides=overrides)
             self._stack.enter_context(self.rig)
@@ -64,6 +64,9 @@ class FrankaSession:
         except BaseException:
             self.robot.close()
             raise
+
+    def _close_robot(self) -> None:
+        self.robot.close()
 
     def restart_robot(self) -> None:
         """Another robot in the place of this one."""

@@ -1,8 +1,9 @@
-"""`python -m tests.franka.simulator`: franka-sim with the scene of this folder, its contact force on the wire, and a record of the truth.
+"""`python -m tests.franka.simulator`: franka-sim with the scene of this folder, and a record of the truth.
 
-Runs in the environment of `make franka`. franka-sim 1.1.7 publishes zero in `O_F_ext_hat_K` and `tau_ext_hat_filtered`: nothing in
-it estimates external forces. The contact force of its own physics (MuJoCo) is put there, with the sign that libfranka documents:
-positive is what the robot exerts on its environment. It has no noise, bias or lag, unlike the estimate of a real arm.
+Runs in the environment of `make franka`. franka-sim 1.1.7 publishes zero in `O_F_ext_hat_K` and `tau_ext_hat_filtered`:
+nothing in it estimates external forces. The contact force of its own physics (MuJoCo) is put there, with the sign that
+libfranka documents: positive is what the robot exerts on its environment. It has no noise, bias or lag, unlike the
+estimate of a real arm. A latched error outlives a connection, as on a robot.
 
 SIGUSR1 makes the controller raise `cartesian_reflex`, as a robot does that hits something.
 """
@@ -118,14 +119,10 @@ class Controller(FrankaSimServer):
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; the port is libfranka's, 1337")
-    parser.add_argument(
-        "--table", type=float, default=0.565, metavar="Z", help="height of the table in the base frame [m]"
-    )
+    parser.add_argument("--table", type=float, default=0.565, metavar="Z", help="height of the table [m]")
     parser.add_argument("--truth", type=Path, help="file for the record of every step")
     parser.add_argument("--lenient", action="store_true", help="lost cycles and broken limits do not stop the arm")
-    parser.add_argument(
-        "--priority", type=int, default=70, help="in SCHED_FIFO if permitted; a robot keeps its own time"
-    )
+    parser.add_argument("--priority", type=int, default=70, help="in SCHED_FIFO, if permitted")
     parser.add_argument("--parent", type=int, help="process that this one ends with")
     arguments = parser.parse_args()
     if arguments.parent is not None:

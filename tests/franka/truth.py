@@ -37,14 +37,14 @@ Rows = NDArray[np.void]
 class TruthWriter:
     """Of the simulator: rows by its thread of physics, arrivals by its thread of the network."""
 
-    def __init__(self, path: Path) -> None:
-        self._rows = np.memmap(path, ROW, "w+", shape=(ROWS,))
-        self._arrivals = np.memmap(arrivals_beside(path), np.float64, "w+", shape=(ROWS,))
-        self._step = self._arrived = 0
+    def __init__(self, path: Path, length: int = ROWS) -> None:
+        self._rows = np.memmap(path, ROW, "w+", shape=(length,))
+        self._arrivals = np.memmap(arrivals_beside(path), np.float64, "w+", shape=(length,))
+        self._length, self._step, self._arrived = length, 0, 0
 
     def next_row(self) -> np.void:
         """The row to fill; `close_row` publishes it."""
-        return self._rows[self._step % ROWS]
+        return self._rows[self._step % self._length]
 
     def close_row(self, row: np.void) -> None:
         self._step += 1
@@ -52,7 +52,7 @@ class TruthWriter:
 
     def arrived(self, at: float) -> None:
         """A command arrived."""
-        self._arrivals[self._arrived % ROWS] = at
+        self._arrivals[self._arrived % self._length] = at
         self._arrived += 1
 
 
@@ -68,27 +68,29 @@ class Truth:
     path: Path
 
     def since(self, began: float) -> Rows:
-        """All rows from `began` (monotonic) on, in the order of time; the file holds the last `ROWS` steps."""
-        rows = np.array(np.memmap(self.path, ROW, "r", shape=(ROWS,)))
+        """All rows from `began` (monotonic) on, in the order of time; the file holds the last steps only."""
+        rows = np.array(np.memmap(self.path, ROW, "r"))
         rows = rows[(rows["step"] > 0) & (rows["at"] >= began)]
         return rows[np.argsort(rows["step"])]
 
     def arrivals(self, began: float, ended: float) -> NDArray[np.float64]:
         """When commands arrived in this span (monotonic) [s]."""
-        times = np.array(np.memmap(arrivals_beside(self.path), np.float64, "r", shape=(ROWS,)))
+        times = np.array(np.memmap(arrivals_beside(self.path), np.float64, "r"))
         return np.sort(times[(times >= began) & (times <= ended)])
 
     def latest(self) -> np.void:
-        rows = np.memmap(self.path, ROW, "r", shape=(ROWS,))
+        rows = np.memmap(self.path, ROW, "r")
         return np.array(rows[int(np.argmax(rows["step"]))])[()]
 
     def seconds_to_rest(self, since: float, within: float, hold: float = 0.2) -> float | None:
-        """Time from `since` until all joints are slower than `AT_REST` and stay so for `hold` seconds; None if not in time."""
-        while monotonic() < since + within + hold:
-            sleep(0.05)
+        """Time from `since` until no joint is faster than `AT_REST` for `hold` seconds; None if not in time."""
+        while True:
+            ended = monotonic() > since + within + hold
             rows = self.since(since)
             moving = rows["at"][np.abs(rows["dq"]).max(axis=1) > AT_REST]
             last = moving[-1] if len(moving) else since
-            if len(rows) and rows["at"][-1] - last > hold:
+            if len(rows) and last <= since + within and rows["at"][-1] - last > hold:
                 return float(last - since)
-        return None
+            if ended:
+                return None
+            sleep(0.05)
