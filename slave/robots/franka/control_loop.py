@@ -8,7 +8,7 @@ import numpy as np
 from weberlink.geometry.rotation import IDENTITY
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.slot import Slot
-from weberlink.slave.robots.franka.goal import Goal
+from weberlink.slave.robots.franka.goal import REST_RAD_S, Goal
 from weberlink.slave.robots.franka.impedance import (
     JOINTS,
     Array,
@@ -27,8 +27,6 @@ REFRESH_CYCLES: Final = 20
 """Inertia and damping are computed anew so often."""
 STALL_S: Final = 0.02
 """After so long between two cycles the arm stops where it is; the robot itself gives up after 20 ms."""
-REST_RAD_S: Final = 0.02
-"""The arm is at rest when no joint is faster."""
 REST_LEAST_S: Final = 0.1
 REST_MOST_S: Final = 1.0
 """Shortest and longest time from the order to end to the last torque."""
@@ -106,10 +104,10 @@ class ControlLoop:
             self._refresh(state, joints)
         self._tip, turned = position_of(state.O_T_EE), orientation_of(state.O_T_EE)
         self._speed = max(map(abs, state.dq))
-        self._hear(now)
         if elapsed > STALL_S:
-            goal.stop(self._tip, turned)
-        goal.step(now, elapsed, self._tip, turned)
+            goal.stop()
+        self._hear(now)
+        goal.step(now, elapsed, self._tip, turned, self._speed)
         wanted = self._impedance.torques(joints, subtract(goal.position, self._tip), turn_between(turned, goal.turned))
         torques = permitted(wanted, np.array(state.tau_J_d))
         if not np.isfinite(torques).all():
@@ -159,7 +157,7 @@ class ControlLoop:
         if self._ordered_at is None:
             if ends:
                 self._ordered_at = now
-                self._goal.release()
+                self._goal.stop()
             elif command is not None and self._sensing.ready:
                 self._goal.take(command)
             return

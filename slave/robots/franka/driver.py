@@ -10,6 +10,7 @@ from typing import ClassVar, Final
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.slot import Slot
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
@@ -31,8 +32,8 @@ START_S: Final = 15.0
 """Longest time from the start of the controller to the end of its tare [s]."""
 LATE_S: Final = 0.03
 """Time without a state after which it is checked that the controller lives [s]."""
-LOST_S: Final = 0.15
-"""Time without a state after which the robot counts as lost [s]; it has stopped by itself after 20 ms."""
+FORCE_ERROR_N: Final = 2.0
+"""What the estimate shows at rest without any contact, and changes with the posture (franka_ros issue 404) [N]."""
 END_S: Final = 2.0
 """Longest time for the controller to bring the arm to rest and end [s]."""
 POLL_S: Final = 0.005
@@ -50,6 +51,11 @@ class FrankaRobot:
     Options = FrankaOptions
     NEEDS: ClassVar[tuple[str, str]] = ("pylibfranka", "franka")
     """The package that the controller needs, and the extra of this project that brings it."""
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        """None: a robot in a network is named by the option `host`."""
+        return []
 
     def __init__(
         self,
@@ -164,7 +170,7 @@ class FrankaRobot:
             raise RobotFault(f"{NAME}: its controller process has ended")
         if now - state.at > LATE_S:
             self._check_alive()
-        if now - state.at > LOST_S:
+        if now - state.at > self._options.lost_s:
             raise RobotFault(f"{NAME}: no state of the robot for {1e3 * (now - state.at):.0f} ms")
 
     def _check_alive(self) -> None:
@@ -200,6 +206,7 @@ def _spec(options: FrankaOptions) -> RobotSpec:
         rate_hz=RATE_HZ,
         force_sensing=True,
         lag_s=1.0 / RATE_HZ,
+        force_error=(FORCE_ERROR_N, 0.0),
         torque_n_m=options.torque_n_m,
         watchdog_s=options.stale_s,
         note="the force is the robot's estimate (O_F_ext_hat_K), without its offset at opening",

@@ -13,6 +13,8 @@ LONGEST_STEP_S: Final = 0.005
 """By which the goal moves on in one cycle, however late it is."""
 RAMP_S: Final = 1.0
 """Of the followers, whose share of the force is not used here."""
+REST_RAD_S: Final = 0.02
+"""The arm is at rest when no joint is faster."""
 TURN_RAD_S: Final = 3.0
 """Largest speed of the commanded orientation."""
 
@@ -21,7 +23,8 @@ class Goal:
     """The place and orientation that the impedance draws the tip to.
 
     While commands are fresh, it follows them within the workspace: first at the speed of an approach, and without delay
-    once it is there. When they stop, it stays at the tip: the arm brakes, and what it presses on is released.
+    once it is there. When they stop, it goes along with the tip until that is at rest, and stays there: the damper
+    brakes the arm without a spring that would draw it back, and what it presses on is released.
 
     Args:
         options: with the speeds, the workspace, and the age beyond which a command is stale.
@@ -37,11 +40,10 @@ class Goal:
         self._options = options
         self._home = turned
         self._command: ArmCommand | None = None
-        self._follows = False
-        self.stop(tip, turned)
+        self._brakes = False
+        self._place_at(tip, turned)
 
-    def stop(self, tip: Vector, turned: Quaternion) -> None:
-        """Stay at the tip; the next command is approached."""
+    def _place_at(self, tip: Vector, turned: Quaternion) -> None:
         options = self._options
         self.position, self.turned = tip, turned
         self._place = Follower(tip, toward, speed=options.speed_m_s, approach_speed=options.approach_m_s, ramp=RAMP_S)
@@ -53,12 +55,12 @@ class Goal:
         """Follow this command from now on, while it is fresh."""
         self._command = command
 
-    def release(self) -> None:
-        """Follow no command any more: the next step stops at the tip."""
+    def stop(self) -> None:
+        """Bring the arm to rest, whatever is commanded; the next new command is approached."""
         self._command = None
-        self._follows = True
+        self._brakes = True
 
-    def step(self, now: float, elapsed: float, tip: Vector, turned: Quaternion) -> None:
+    def step(self, now: float, elapsed: float, tip: Vector, turned: Quaternion, joint_speed: float) -> None:
         """Move on.
 
         Args:
@@ -66,17 +68,19 @@ class Goal:
             elapsed: since the last step [s].
             tip: where the tip is [m].
             turned: orientation of the tool.
+            joint_speed: of the fastest joint [rad/s].
         """
         command = self._command
-        if command is None or now - command.at > self._options.stale_s:
-            if self._follows:
-                self.stop(tip, turned)
-                self._follows = False
+        if command is not None and now - command.at > self._options.stale_s:
+            self.stop()
+        if self._brakes:
+            self._place_at(tip, turned)
+            self._brakes = joint_speed > REST_RAD_S
+        if self._command is None or self._brakes:
             return
-        self._follows = True
         elapsed = min(elapsed, LONGEST_STEP_S)
-        self.position = self._place.pursue(self._inside(command.position), elapsed)
-        self.turned = self._turn.pursue(product(command.orientation, self._home), elapsed)
+        self.position = self._place.pursue(self._inside(self._command.position), elapsed)
+        self.turned = self._turn.pursue(product(self._command.orientation, self._home), elapsed)
 
     def _inside(self, position: Vector) -> Vector:
         (a, b, c), (d, e, f) = self._options.workspace_m

@@ -64,6 +64,12 @@ class FrankaOptions(BaseModel):
         le=1000.0,
         description="age of a command from which on the arm stops where it is",
     )
+    lost_ms: float = Field(
+        default=150.0,
+        ge=50.0,
+        le=5000.0,
+        description="time without a state after which the robot counts as lost; by itself it stops after 20 ms",
+    )
     priority: int = Field(
         default=80, ge=0, le=98, description="of the controller process in SCHED_FIFO, if permitted; 0 for none"
     )
@@ -77,6 +83,10 @@ class FrankaOptions(BaseModel):
     @property
     def stale_s(self) -> float:
         return 1e-3 * self.stale_ms
+
+    @property
+    def lost_s(self) -> float:
+        return 1e-3 * self.lost_ms
 
     @model_validator(mode="after")
     def check_workspace(self) -> Self:

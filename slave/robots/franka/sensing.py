@@ -17,6 +17,10 @@ CONTRADICTED_CYCLES: Final = 300
 """For so long, while no joint is faster."""
 
 
+SINGULAR_CYCLES: Final = 50
+"""The estimate has failed when it is exactly 0 for so long and was not at opening."""
+
+
 class SensingError(RuntimeError):
     """The estimate cannot be used, with one line that says why."""
 
@@ -26,7 +30,8 @@ class ExternalForce:
 
     The robot states the wrench that it applies to its surroundings (libfranka, robot_state.h: "forces applied by the
     robot to the environment are positive"); the reaction is reported here. At rest it is opposite to the spring, so a
-    force that points the way the spring does has the wrong sign, and would turn a wall into a motor at the hand.
+    force that points the way the spring does has the wrong sign, and would turn a wall into a motor at the hand. Near a
+    singularity the robot states exactly 0 (ibid.), which must not be taken for freedom from contact.
 
     Args:
         most: largest force that may be subtracted as an offset [N].
@@ -39,8 +44,7 @@ class ExternalForce:
 
     def __init__(self, most: float) -> None:
         self._most = most
-        self._cycles = 0
-        self._contradicted = 0
+        self._cycles = self._contradicted = self._silent = 0
         self._force_offset, self._torque_offset = ZERO, ZERO
         self.ready = False
         self.force, self.torque = ZERO, ZERO
@@ -54,7 +58,7 @@ class ExternalForce:
             joint_speed: of the fastest joint [rad/s].
 
         Raises:
-            SensingError: it is not finite, its offset is too large, or its sign contradicts the spring.
+            SensingError: it is not finite, its offset is too large, it has failed, or its sign contradicts the spring.
         """
         fx, fy, fz, tx, ty, tz = wrench
         if not isfinite(fx + fy + fz + tx + ty + tz):
@@ -62,6 +66,11 @@ class ExternalForce:
         force, torque = (-fx, -fy, -fz), (-tx, -ty, -tz)
         if not self.ready:
             self._tare(force, torque)
+        self._silent = self._silent + 1 if force == torque == ZERO and self._force_offset != ZERO else 0
+        if self._silent >= SINGULAR_CYCLES:
+            raise SensingError(
+                "the robot estimates no force here: it is near a singularity; guide it to another posture"
+            )
         self.force, self.torque = subtract(force, self._force_offset), subtract(torque, self._torque_offset)
         self._check_sign(spring, joint_speed)
 

@@ -1,20 +1,25 @@
 """Every robot driver on a bench: what it stands before, how its time passes, and what can go wrong with it.
 
-A driver of hardware is on a bench with an emulated arm behind a real pseudo terminal, in real time; the others are in
-virtual time.
+A driver of hardware is on a bench in real time, with an emulated arm behind a real pseudo terminal, or with a stand-in
+for its library in its own process; the others are in virtual time.
 """
 
+import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.pace import TICK, real_time, virtual_time
+from tests.slave.robots.franka.program import PROGRAM
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
+from weberlink.slave.robots.franka.driver import FrankaRobot
+from weberlink.slave.robots.franka.options import FrankaOptions
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
@@ -117,8 +122,39 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
             robot.close()
 
 
+@contextmanager
+def franka(folder: Path) -> Iterator[Bench]:
+    floor = 0.40
+    # Patient with a machine that stalls.
+    options = FrankaOptions(host=f"arm,ground={floor}", approach_m_s=0.5, priority=0, lost_ms=2000.0, stale_ms=500.0)
+    robot = FrankaRobot(options, None, TICK, PROGRAM)
+
+    def to_controller(number: signal.Signals) -> None:
+        assert robot.controller_pid is not None
+        os.kill(robot.controller_pid, number)
+
+    faults = {
+        "reflex": lambda: to_controller(signal.SIGUSR1),
+        "cut": lambda: to_controller(signal.SIGUSR2),
+        "killed": lambda: to_controller(signal.SIGKILL),
+        "stopped": lambda: to_controller(signal.SIGSTOP),
+    }
+    try:
+        yield Bench(
+            robot,
+            real_time(),
+            above=(0.5, 0.02, floor + 0.04),
+            below=(0.5, 0.02, floor - 0.02),
+            tolerance_m=0.005,
+            faults=faults,
+        )
+    finally:
+        robot.close()
+
+
 BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "dynamixel": dynamixel,
+    "franka": franka,
     "mujoco": mujoco,
     "point": lambda folder: computed("point", folder),
     "simulated": lambda folder: computed("simulated", folder),
@@ -126,4 +162,4 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
 FAULTS = [
     ("dynamixel", fault)
     for fault in ("unplug", "silent", "late", "garbled", "overload", "trip_watchdog", "dead", "restart")
-]
+] + [("franka", fault) for fault in ("reflex", "cut", "killed", "stopped")]

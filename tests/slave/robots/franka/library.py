@@ -1,0 +1,235 @@
+"""A stand-in for `pylibfranka`: the same names, and behind them an arm of seven independent joints over a ground.
+
+Three joints move the tip along x, y and z, three turn the tool, and the seventh moves nothing: so the Jacobian is
+constant and everything can be said in numbers. The host name says how it begins, for example "reflex", "offset=8" or
+"offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `tests/franka` compares its names and
+arguments with those of the real library.
+"""
+
+import enum
+from signal import SIGUSR1, SIGUSR2, signal
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+CYCLE_S = 0.001
+PATIENCE_CYCLES = 20
+GROUND_N_M = 2000.0
+GROUND_N_S_M = 20.0
+MASS = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.2])
+HOME = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
+TIP = np.array([0.5, 0.0, 0.45])
+"""Place of the tip at home [m]."""
+RATE_N_M = 1.0
+"""Largest change of a torque in a cycle."""
+
+
+class ControlException(RuntimeError):  # noqa: N818 - the maker's name
+    pass
+
+
+class NetworkException(RuntimeError):  # noqa: N818 - the maker's name
+    pass
+
+
+class RealtimeConfig(enum.Enum):
+    kEnforce = 0  # noqa: N815 - the maker's name
+    kIgnore = 1  # noqa: N815
+
+
+class RobotMode(enum.Enum):
+    Other = 0
+    Idle = 1
+    Move = 2
+    Guiding = 3
+    Reflex = 4
+    UserStopped = 5
+    AutomaticErrorRecovery = 6
+
+
+class Errors:
+    def __init__(self) -> None:
+        self.names: list[str] = []
+
+    def __bool__(self) -> bool:
+        return bool(self.names)
+
+    def __str__(self) -> str:
+        return "[" + ", ".join(f'"{name}"' for name in self.names) + "]"
+
+
+class Duration:
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+
+    def to_sec(self) -> float:
+        return self._seconds
+
+
+class Torques:
+    def __init__(self, arg0: list[float]) -> None:
+        if len(arg0) != 7:
+            raise ValueError("expected 7 torques")
+        self.tau_J = list(arg0)
+        self.motion_finished = False
+
+
+class RobotState:
+    """As the arm was when it was read."""
+
+    def __init__(self, arm: "Arm") -> None:
+        tip = arm.tip()
+        turned = rotation(arm.q[3:6] - HOME[3:6])
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turned, tip
+        self.q, self.dq = arm.q.tolist(), arm.dq.tolist()
+        self.O_T_EE: list[float] = pose.T.ravel().tolist()
+        self.tau_J_d: list[float] = arm.torque.tolist()
+        self.O_F_ext_hat_K: list[float] = (
+            arm.sign * np.append(-arm.contact() - [0.0, 0.0, arm.offset], np.zeros(3))
+        ).tolist()
+        self.control_command_success_rate = 1.0
+        self.robot_mode = arm.mode
+        self.current_errors, self.last_motion_errors = arm.errors, arm.errors
+        self.time = Duration(arm.time)
+
+
+class Arm:
+    """The arm itself, in steps of a millisecond.
+
+    Args:
+        scenario: name=value pairs or words, see the module.
+    """
+
+    def __init__(self, scenario: str) -> None:
+        words = dict((*word.split("="), "1")[:2] for word in scenario.split(","))
+        self.offset = float(words.get("offset", 0.0))
+        self.sign = -1.0 if "reversed" in words else 1.0
+        self.ground = float(words.get("ground", 0.30))
+        self.q, self.dq, self.torque = HOME.copy(), np.zeros(7), np.zeros(7)
+        self.mode, self.errors, self.time = RobotMode.Idle, Errors(), 0.0
+        if "reflex" in words:
+            self.stop("cartesian_reflex")
+        if "user_stop" in words:
+            self.mode = RobotMode.UserStopped
+
+    def tip(self) -> NDArray[np.float64]:
+        return TIP + self.q[:3]
+
+    def contact(self) -> NDArray[np.float64]:
+        """Force of the ground on the tip [N]."""
+        deep = self.ground - float(self.tip()[2])
+        return np.array([0.0, 0.0, max(0.0, GROUND_N_M * deep - GROUND_N_S_M * self.dq[2]) if deep > 0.0 else 0.0])
+
+    def step(self) -> None:
+        applied = self.torque.copy()
+        applied[:3] += self.contact()
+        self.dq += CYCLE_S * applied / MASS
+        if self.mode is not RobotMode.Move:
+            self.dq *= 0.9
+        self.q += CYCLE_S * self.dq
+        self.time += CYCLE_S
+
+    def stop(self, error: str) -> None:
+        self.mode, self.torque = RobotMode.Reflex, np.zeros(7)
+        self.errors.names.append(error)
+
+
+class Model:
+    def coriolis(self, arg0: RobotState) -> list[float]:
+        return [0.0] * 7
+
+    def mass(self, arg0: RobotState) -> list[float]:
+        return np.diag(MASS).ravel().tolist()  # type: ignore[no-any-return]
+
+    def zero_jacobian(self, arg0: RobotState) -> list[float]:
+        return np.eye(6, 7).T.ravel().tolist()  # type: ignore[no-any-return]
+
+
+class ActiveControlBase:
+    """The loop: a state each millisecond of real time; 20 without an answer end it."""
+
+    def __init__(self, arm: Arm, robot: "Robot") -> None:
+        self._arm, self._robot = arm, robot
+        self._due = monotonic()
+
+    def readOnce(self) -> tuple[RobotState, Duration]:  # noqa: N802 - the maker's name
+        arm, cycles = self._arm, 0
+        self._due += CYCLE_S
+        sleep(max(0.0, self._due - monotonic()))
+        while cycles == 0 or self._due < monotonic() - CYCLE_S:
+            arm.step()
+            cycles += 1
+            self._due += CYCLE_S if cycles > 1 else 0.0
+        if cycles > self._robot.patience:
+            arm.stop("communication_constraints_violation")
+        self._check()
+        return RobotState(arm), Duration(cycles * CYCLE_S)
+
+    def writeOnce(self, arg0: Torques) -> None:  # noqa: N802 - the maker's name
+        self._check()
+        wanted = np.array(arg0.tau_J)
+        if np.abs(wanted - self._arm.torque).max() > RATE_N_M:
+            self._arm.stop("controller_torque_discontinuity")
+        self._check()
+        self._arm.torque = wanted
+        if arg0.motion_finished:
+            self._arm.mode, self._arm.torque = RobotMode.Idle, np.zeros(7)
+
+    def _check(self) -> None:
+        if self._robot.is_cut:
+            raise NetworkException("libfranka: UDP receive: Timeout")
+        if self._arm.errors:
+            raise ControlException(f"libfranka: Move command aborted: motion aborted by reflex! {self._arm.errors}")
+
+
+class Robot:
+    def __init__(self, robot_ip_address: str, realtime_config: RealtimeConfig = RealtimeConfig.kEnforce) -> None:
+        self._arm = Arm(robot_ip_address)
+        self.patience = PATIENCE_CYCLES if "strict" in robot_ip_address else 1_000_000
+        self.is_cut = False
+        self.thresholds: tuple[Any, ...] = ()
+        signal(SIGUSR1, lambda *_: self._arm.stop("cartesian_reflex"))
+        signal(SIGUSR2, lambda *_: setattr(self, "is_cut", True))
+
+    def read_once(self) -> RobotState:
+        if self.is_cut:
+            raise NetworkException("libfranka: UDP receive: Timeout")
+        return RobotState(self._arm)
+
+    def load_model(self) -> Model:
+        return Model()
+
+    def set_collision_behavior(
+        self,
+        lower_torque_thresholds: list[float],
+        upper_torque_thresholds: list[float],
+        lower_force_thresholds: list[float],
+        upper_force_thresholds: list[float],
+    ) -> None:
+        self.thresholds = (
+            lower_torque_thresholds,
+            upper_torque_thresholds,
+            lower_force_thresholds,
+            upper_force_thresholds,
+        )
+
+    def start_torque_control(self) -> ActiveControlBase:
+        self._arm.mode = RobotMode.Move
+        return ActiveControlBase(self._arm, self)
+
+    def automatic_error_recovery(self) -> None:
+        self._arm.mode, self._arm.errors = RobotMode.Idle, Errors()
+
+
+def rotation(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix of a rotation vector [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = turn / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix: NDArray[np.float64] = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return matrix

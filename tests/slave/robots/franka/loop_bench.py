@@ -1,0 +1,78 @@
+"""The control loop on the stand-in arm, in virtual time."""
+
+from collections.abc import Callable
+
+from tests.slave.robots.franka.library import Arm, Model, RobotMode, RobotState
+from weberlink.geometry.rotation import IDENTITY, Quaternion
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.slot import Slot
+from weberlink.slave.robots.franka.control_loop import CYCLE_S, ControlLoop
+from weberlink.slave.robots.franka.messages import (
+    COMMAND,
+    COMMAND_AT,
+    MEMORY_SIZE,
+    STATE,
+    STATE_AT,
+    ArmCommand,
+    ArmState,
+    Phase,
+)
+from weberlink.slave.robots.franka.options import FrankaOptions
+
+
+class LoopBench:
+    """An arm under the loop, after its force was tared.
+
+    Args:
+        scenario: of the arm.
+        options: of the driver.
+
+    Attributes:
+        largest_step: largest change of a torque in a cycle [N m].
+    """
+
+    def __init__(self, scenario: str = "arm", **options: object) -> None:
+        self.arm = Arm(scenario)
+        self.arm.mode = RobotMode.Move
+        self.now = 100.0
+        self.orphaned = False
+        self.largest_step = 0.0
+        memory = bytearray(MEMORY_SIZE)
+        self._written, self._read = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)
+        slots = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)
+        self.loop = ControlLoop(FrankaOptions.model_validate(options), Model(), *slots, lambda: self.orphaned)
+        self.loop.begin(RobotState(self.arm))
+        self.state = ArmState(Phase.STARTING, self.now)
+        while self.state.phase is Phase.STARTING:
+            self.cycle()
+
+    def cycle(self, elapsed: float = CYCLE_S) -> ArmState:
+        """One cycle of the robot; a longer one is a pause of the loop."""
+        self.now += elapsed
+        for _ in range(round(elapsed / CYCLE_S)):
+            self.arm.step()
+        state = RobotState(self.arm)
+        torques = self.loop.step(state, self.now)
+        self.largest_step = max(self.largest_step, *(abs(a - b) for a, b in zip(torques, self.arm.torque, strict=True)))
+        self.arm.torque[:] = torques
+        self.loop.report(state, self.now, elapsed)
+        self.state = ArmState.newest(self._read) or self.state
+        return self.state
+
+    def command(self, position: Vector, orientation: Quaternion = IDENTITY, *, ends: bool = False) -> None:
+        ArmCommand(self.now, position, orientation, ends).put(self._written)
+
+    def lead(self, goal: Vector, seconds: float, orientation: Quaternion = IDENTITY) -> ArmState:
+        """Command the same place in every cycle."""
+        for _ in range(round(seconds / CYCLE_S)):
+            self.command(goal, orientation)
+            self.cycle()
+        return self.state
+
+    def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> ArmState:
+        """Let it run without commands."""
+        for _ in range(round(seconds / CYCLE_S)):
+            if until():
+                break
+            self.cycle()
+        return self.state

@@ -1,0 +1,133 @@
+"""The driver with its controller process, on the stand-in of the library: ends, deaths and refusals."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from tests.slave.robots.franka import library
+from tests.slave.robots.franka.program import PROGRAM, ROOT
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.franka.controller import RefusedError, check_mode, check_place, schedule
+from weberlink.slave.robots.franka.driver import FrankaRobot
+from weberlink.slave.robots.franka.options import FrankaOptions
+
+TICK = 0.001
+START: Vector = (0.5, 0.0, 0.45)
+ASIDE: Vector = (0.5, 0.25, 0.45)
+
+
+def robot_at(host: str = "arm", **options: object) -> FrankaRobot:
+    wanted = FrankaOptions.model_validate({"host": host, "priority": 0, "lost_ms": 1000.0, **options})
+    return FrankaRobot(wanted, None, TICK, PROGRAM)
+
+
+def lead(robot: FrankaRobot, goal: Vector, seconds: float) -> None:
+    until = monotonic() + seconds
+    while (now := monotonic()) < until:
+        robot.command(goal, now)
+        robot.latest(now)
+        sleep(TICK)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "reason"), [("reflex", "cartesian_reflex.*slave.robot.recover=true"), ("user_stop", "user stop")]
+)
+def test_robot_that_takes_no_commands_is_named(scenario: str, reason: str) -> None:
+    robot = library.Robot(scenario)
+    with pytest.raises(RefusedError, match=reason):
+        check_mode(library, robot, FrankaOptions())
+
+
+def test_reflex_is_cleared_when_told() -> None:
+    robot = library.Robot("reflex")
+    check_mode(library, robot, FrankaOptions(recover=True))
+    assert not robot.read_once().current_errors
+
+
+def test_start_outside_of_the_workspace_is_refused() -> None:
+    state = library.Robot("arm").read_once()
+    check_place(state, FrankaOptions())
+    with pytest.raises(RefusedError, match=r"at \[0.500, 0.000, 0.450\], outside of workspace_m"):
+        check_place(state, FrankaOptions(workspace_m=((0.3, -0.3, 0.5), (0.7, 0.3, 0.7))))
+
+
+@pytest.mark.realtime
+def test_refusal_ends_the_opening_with_its_reason() -> None:
+    robot = robot_at("arm,reflex")
+    with pytest.raises(RobotFault, match=r"^franka: the robot has stopped \(cartesian_reflex\)"):
+        robot.open(monotonic())
+    assert robot.controller_pid is None
+
+
+@pytest.mark.realtime
+def test_close_waits_for_rest_and_the_end() -> None:
+    robot = robot_at(approach_m_s=0.4)
+    robot.open(monotonic())
+    lead(robot, ASIDE, 0.5)
+    child = robot.controller_pid
+    assert robot.state.joint_speed > 0.05
+    began = monotonic()
+    robot.close()
+    assert 0.1 < monotonic() - began < 2.0, "it was not killed"
+    assert not Path(f"/proc/{child}").exists()
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(
+    ("sent", "reason"), [(signal.SIGSTOP, "no state of the robot for"), (signal.SIGKILL, "ended by signal 9")]
+)
+def test_controller_that_does_not_run_is_a_fault(sent: signal.Signals, reason: str) -> None:
+    robot = robot_at()
+    robot.open(monotonic())
+    assert robot.controller_pid is not None
+    os.kill(robot.controller_pid, sent)
+    with pytest.raises(RobotFault, match=reason):
+        lead(robot, START, 5.0)
+    began = monotonic()
+    robot.close()
+    assert monotonic() - began < 3.0
+
+
+DAEMON = f"""
+import sys
+from time import monotonic, sleep
+sys.path.insert(0, {str(ROOT)!r})
+from tests.slave.robots.franka.test_driver import ASIDE, robot_at
+robot = robot_at(approach_m_s=0.4)
+robot.open(monotonic())
+print(robot.controller_pid, flush=True)
+while True:
+    robot.command(ASIDE, monotonic())
+    sleep(0.001)
+"""
+
+
+@pytest.mark.realtime
+def test_controller_ends_with_a_killed_daemon() -> None:
+    with subprocess.Popen([sys.executable, "-c", DAEMON], stdout=subprocess.PIPE, text=True) as daemon:
+        assert daemon.stdout is not None
+        child = Path(f"/proc/{daemon.stdout.readline().strip()}")
+        assert child.exists()
+        daemon.kill()
+    until = monotonic() + 5.0
+    while child.exists():
+        assert monotonic() < until
+        sleep(0.01)
+
+
+def test_missing_library_is_named_with_its_extra() -> None:
+    hidden = "import sys; sys.modules['pylibfranka'] = None; from weberlink.slave.robots.franka.controller import main"
+    robot = FrankaRobot(FrankaOptions(), None, TICK, (sys.executable, "-c", f"{hidden}; sys.exit(main(sys.argv[1:]))"))
+    with pytest.raises(RobotFault, match=r'needs pylibfranka; install it with: pip install "weberlink\[franka\]"'):
+        robot.open(monotonic())
+
+
+def test_priority_without_permission_is_no_error() -> None:
+    schedule(0)
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
