@@ -100,7 +100,7 @@ def likeness(rows: Rows, at: Series, force: Series) -> Likeness:
     Raises:
         ValueError: the arm never touched.
     """
-    times = np.arange(rows["at"][0] + LONGEST_LAG_S, rows["at"][-1], 1e-3)
+    times = np.arange(rows["at"][0] + LONGEST_LAG_S, min(rows["at"][-1], at[-1]), 1e-3)
     ours = _at(times, at, force)
     lags = np.arange(0.0, LONGEST_LAG_S, LAG_STEP_S)
     lag = max(lags, key=lambda lag: _correlation(_at(times - lag, rows["at"], rows["force"]), ours))

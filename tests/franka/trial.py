@@ -88,6 +88,7 @@ def session(folder: Path, host: str, seconds: float, seed: int, lenient: bool, l
             for side, records in ((MASTER, master), (SLAVE, slave))
             if len(records)
         }
+        rows = rows[rows["moving"] == 1]  # after an abort the robot is on its own
         found["contact"] = contact(rows)
         forces = {MEASURED: (slave, "raw"), RECEIVED: (master, "decoded"), FELT: (master, "output")}
         found["forces"] = {
