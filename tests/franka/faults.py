@@ -18,8 +18,8 @@ from weberlink.system.configuration import MASTER, SLAVE
 
 FOLLOW_S = 30.0
 """From a repaired fault to an arm that follows; imports take longest."""
-REST_S = 3.0
-"""In which the arm must rest after a fault."""
+REST_S, HOLD_S = 3.0, 1.0
+"""In which the arm must rest after a fault, and for how long."""
 STALL_S = 1.5
 END_S = 5.0
 """In which a daemon that cannot go on must end."""
@@ -158,10 +158,10 @@ FAULTS = {
     "slave killed": Fault(_to_slave(signal.SIGKILL), _start_slave),
     "slave stalled": Fault(_to_slave(signal.SIGSTOP), _wake),
     "controller killed": Fault(_to_controller(signal.SIGKILL), _slave_ends, ("controller", "signal 9")),
-    "controller stalled": Fault(_to_controller(signal.SIGSTOP), _controller_wakes, ("no state of the robot",)),
+    "controller stalled": Fault(_to_controller(signal.SIGSTOP), _controller_wakes, ("no new sample",)),
     "reflex": Fault(_reflex, _slave_ends, ("cartesian_reflex",)),
-    "robot stalled": Fault(_to_robot(signal.SIGSTOP), _robot_wakes, ("robot",), robot=False),
-    "robot killed": Fault(_to_robot(signal.SIGKILL), _another_robot, ("robot",), robot=False),
+    "robot stalled": Fault(_to_robot(signal.SIGSTOP), _robot_wakes, ("no new sample",), robot=False),
+    "robot killed": Fault(_to_robot(signal.SIGKILL), _another_robot, ("no new sample",), robot=False),
 }
 
 
@@ -174,7 +174,7 @@ def inflict(name: str, at: FrankaSession) -> Outcome:
     controller, began = at.controller(), monotonic()
     fault.strike(at)
     if fault.robot:
-        outcome.rest_s = at.robot.truth.seconds_to_rest(began, REST_S)
+        outcome.rest_s = at.robot.truth.seconds_to_rest(began, REST_S, HOLD_S)
         if outcome.rest_s is None:
             outcome.broken.append(f"the arm moved for more than {REST_S:g} s")
         _measure(outcome, at, began)

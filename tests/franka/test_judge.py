@@ -76,5 +76,5 @@ def test_rest_is_of_the_joints(tmp_path: Path, speed: float, rests: bool) -> Non
         row["at"] = began + 1e-3 * tick
         row["dq"][:] = 0.1 if tick < 300 else speed
         writer.close_row(row)
-    found = Truth(tmp_path / "rows").seconds_to_rest(began, within=0.5)
+    found = Truth(tmp_path / "rows").seconds_to_rest(began, within=0.5, hold=0.2)
     assert found == pytest.approx(0.299, abs=0.002) if rests else found is None

@@ -82,7 +82,7 @@ class Truth:
         rows = np.memmap(self.path, ROW, "r")
         return np.array(rows[int(np.argmax(rows["step"]))])[()]
 
-    def seconds_to_rest(self, since: float, within: float, hold: float = 0.2) -> float | None:
+    def seconds_to_rest(self, since: float, within: float, hold: float) -> float | None:
         """Time from `since` until no joint is faster than `AT_REST` for `hold` seconds; None if not in time."""
         while True:
             ended = monotonic() > since + within + hold
