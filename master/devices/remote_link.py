@@ -1,9 +1,8 @@
 """Angles for the `remote_leader` arm from another process of the same user: one target in shared memory.
 
 The daemon of the master makes a file of mode 0600 in the runtime directory, which no other user can enter. One process
-at a time leads: it holds a lock on the file, which the kernel removes with the process. A target is stored together
-with its number and a checksum over both, so a target that is only partly written is recognised on any processor and
-read in the next tick.
+at a time leads: it holds a lock on the file, which the kernel removes with the process. The target is a
+`weberlink.hardware.slot`, so one that is only partly written is recognised and read in the next tick.
 """
 
 import fcntl
@@ -14,9 +13,9 @@ from pathlib import Path
 from struct import Struct
 from tempfile import mkstemp
 from typing import NamedTuple, Protocol, Self
-from zlib import crc32
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints, is_finite
+from weberlink.hardware.slot import Slot, size_of
 from weberlink.telemetry.runtime_directory import ForeignFileError, check, directories, directory
 
 MOST_AXES = MOST_JOINTS + 1
@@ -24,19 +23,16 @@ HEADER = Struct("<4sI")
 """Mark, number of axes."""
 MARK = b"WLA1"
 TARGET_AT = 8
-TARGET = Struct(f"<QQ{MOST_AXES}d")
-"""Number, 1 while it leads, angles [rad]; unused ones are 0."""
-CHECK_AT = TARGET_AT + TARGET.size
-CHECK = Struct("<I")
-SIZE = CHECK_AT + CHECK.size
+TARGET = Struct(f"<Q{MOST_AXES}d")
+"""1 while it leads, angles [rad]; unused ones are 0."""
+SIZE = TARGET_AT + size_of(TARGET)
 
 
 class LeaderTarget(NamedTuple):
-    """Angles of all axes [rad], and whether the process that wrote them leads; each target has a higher number."""
+    """Angles of all axes [rad], and whether the process that wrote them leads."""
 
     angles: Joints
     leads: bool
-    number: int
 
 
 class TargetInUseError(RuntimeError):
@@ -74,7 +70,6 @@ class TargetMemory:
         self._map: mmap | None = None
         self._path: Path | None = None
         self._axes = 0
-        self._number = 0
 
     def open(self, axes: int) -> None:
         """Make the file for a target of so many axes, in place of one that a killed process left.
@@ -95,19 +90,16 @@ class TargetMemory:
             raise
         finally:
             os.close(fd)
-        self._map, self._path, self._axes, self._number = mapping, path, axes, 0
+        self._map, self._path, self._axes = mapping, path, axes
+        self._slot = Slot(mapping, TARGET_AT, TARGET)
 
     def newest(self) -> LeaderTarget | None:
-        mapping = self._map
-        if mapping is None:
+        values = None if self._map is None else self._slot.newest()
+        if values is None:
             return None
-        data = mapping[TARGET_AT:SIZE]
-        number, leads, *angles = TARGET.unpack_from(data)
-        if number == self._number or CHECK.unpack_from(data, TARGET.size)[0] != crc32(data[: TARGET.size]):
-            return None
-        self._number = number
+        leads, *angles = values
         target = tuple(angles[: self._axes])
-        return LeaderTarget(target, bool(leads), number) if is_finite(target) else None
+        return LeaderTarget(target, bool(leads)) if is_finite(target) else None
 
     def close(self) -> None:
         """Remove the file; may be repeated."""
@@ -137,7 +129,7 @@ class TargetWriter:
             os.close(self._fd)
             raise
         self.axes: int = HEADER.unpack_from(self._map)[1]
-        self._number: int = TARGET.unpack_from(self._map, TARGET_AT)[0]
+        self._slot = Slot(self._map, TARGET_AT, TARGET)
         self._angles: Joints | None = None
         self._closed = False
 
@@ -174,9 +166,7 @@ class TargetWriter:
         os.close(self._fd)
 
     def _put(self, angles: Joints, *, leads: bool) -> None:
-        self._number += 1
-        data = TARGET.pack(self._number, leads, *angles, *(0.0,) * (MOST_AXES - len(angles)))
-        self._map[TARGET_AT:SIZE] = data + CHECK.pack(crc32(data))
+        self._slot.write(leads, *angles, *(0.0,) * (MOST_AXES - len(angles)))
 
     def __enter__(self) -> Self:
         return self

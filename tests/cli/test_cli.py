@@ -17,7 +17,7 @@ from tests.system.systems import CONFIGS
 from weberlink.cli import app
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
-HARDWARE = ("koch-so101.yaml", "phantom-arm.yaml")
+HARDWARE = ("franka.yaml", "koch-so101.yaml", "phantom-arm.yaml")
 """Those whose drivers need hardware or its emulator."""
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 HEADER = "t,px,py,pz,fx,fy,fz"

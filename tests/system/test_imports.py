@@ -26,6 +26,7 @@ from weberlink.system.configuration import load
 FILES = (
     "arms.yaml",
     "delay.yaml",
+    "franka.yaml",
     "lan.yaml",
     "loopback.yaml",
     "mujoco-wrench.yaml",
@@ -118,7 +119,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.follower_port": arms and slave,
         "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and master),
         "weberlink.control.auto": scheme == "auto",
-        "weberlink.geometry.rotation": turns or mapped,
+        "weberlink.geometry.rotation": turns or mapped or (slave and robot == "franka"),
         "weberlink.master.mapping": mapped,
         "weberlink.master.rotation": turns and master,
         "weberlink.master.devices.turning": turns and builds_device and device == "operator",
@@ -131,12 +132,13 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
         "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
+        "weberlink.slave.robots.franka": slave and robot == "franka",
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "mujoco": computes,
         "numpy": computes or learns or (builds_device and device == "replay"),
         "serial": plugged,
-        "weberlink.hardware": plugged,
+        "weberlink.hardware": plugged or (slave and robot == "franka"),
     }
 
 
@@ -149,7 +151,7 @@ def test_daemon_imports_only_what_its_file_names(
     assert {module: module in there for module in named} == named
     # MuJoCo itself imports some of the packages for web and terminal.
     assert not (OBSERVERS | (set() if named["mujoco"] else WEB_AND_TERMINAL)) & there
-    assert there & HARDWARE == ({"serial", "weberlink.hardware"} if named["serial"] else set())
+    assert there & HARDWARE == {module for module in ("serial", "weberlink.hardware") if named[module]}
 
 
 def test_every_optional_module_is_named_and_left_out(key: Path) -> None:

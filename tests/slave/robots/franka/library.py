@@ -12,7 +12,8 @@ from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from weberlink.geometry.rotation import quaternion, turned
 
 CYCLE_S = 0.001
 PATIENCE_CYCLES = 20
@@ -20,8 +21,10 @@ GROUND_N_M = 2000.0
 GROUND_N_S_M = 20.0
 MASS = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.2])
 HOME = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
-TIP = np.array([0.5, 0.0, 0.45])
+TIP = (0.5, 0.0, 0.45)
 """Place of the tip at home [m]."""
+COLUMNS_OF_MASS: list[float] = np.diag(MASS).ravel().tolist()
+COLUMNS_OF_JACOBIAN: list[float] = np.eye(6, 7).T.ravel().tolist()
 RATE_N_M = 1.0
 """Largest change of a torque in a cycle."""
 
@@ -80,16 +83,14 @@ class RobotState:
     """As the arm was when it was read."""
 
     def __init__(self, arm: "Arm") -> None:
-        tip = arm.tip()
-        turned = rotation(arm.q[3:6] - HOME[3:6])
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = turned, tip
-        self.q, self.dq = arm.q.tolist(), arm.dq.tolist()
-        self.O_T_EE: list[float] = pose.T.ravel().tolist()
+        self.q: list[float] = arm.q.tolist()
+        self.dq: list[float] = arm.dq.tolist()
+        turn = quaternion((self.q[3] - HOME[3], self.q[4] - HOME[4], self.q[5] - HOME[5]))
+        columns = [turned(turn, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        tip = [start + way for start, way in zip(TIP, self.q, strict=False)]
+        self.O_T_EE = [number for column in columns for number in (*column, 0.0)] + [*tip, 1.0]
         self.tau_J_d: list[float] = arm.torque.tolist()
-        self.O_F_ext_hat_K: list[float] = (
-            arm.sign * np.append(-arm.contact() - [0.0, 0.0, arm.offset], np.zeros(3))
-        ).tolist()
+        self.O_F_ext_hat_K = [0.0, 0.0, -arm.sign * (arm.contact() + arm.offset), 0.0, 0.0, 0.0]
         self.control_command_success_rate = 1.0
         self.robot_mode = arm.mode
         self.current_errors, self.last_motion_errors = arm.errors, arm.errors
@@ -115,18 +116,14 @@ class Arm:
         if "user_stop" in words:
             self.mode = RobotMode.UserStopped
 
-    def tip(self) -> NDArray[np.float64]:
-        return TIP + self.q[:3]
-
-    def contact(self) -> NDArray[np.float64]:
-        """Force of the ground on the tip [N]."""
-        deep = self.ground - float(self.tip()[2])
-        return np.array([0.0, 0.0, max(0.0, GROUND_N_M * deep - GROUND_N_S_M * self.dq[2]) if deep > 0.0 else 0.0])
+    def contact(self) -> float:
+        """Upward force of the ground on the tip [N]."""
+        deep = self.ground - TIP[2] - float(self.q[2])
+        return max(0.0, GROUND_N_M * deep - GROUND_N_S_M * float(self.dq[2])) if deep > 0.0 else 0.0
 
     def step(self) -> None:
-        applied = self.torque.copy()
-        applied[:3] += self.contact()
-        self.dq += CYCLE_S * applied / MASS
+        self.dq += self.torque / MASS * CYCLE_S
+        self.dq[2] += self.contact() / MASS[2] * CYCLE_S
         if self.mode is not RobotMode.Move:
             self.dq *= 0.9
         self.q += CYCLE_S * self.dq
@@ -142,10 +139,10 @@ class Model:
         return [0.0] * 7
 
     def mass(self, arg0: RobotState) -> list[float]:
-        return np.diag(MASS).ravel().tolist()  # type: ignore[no-any-return]
+        return COLUMNS_OF_MASS
 
     def zero_jacobian(self, arg0: RobotState) -> list[float]:
-        return np.eye(6, 7).T.ravel().tolist()  # type: ignore[no-any-return]
+        return COLUMNS_OF_JACOBIAN
 
 
 class ActiveControlBase:
@@ -222,14 +219,3 @@ class Robot:
 
     def automatic_error_recovery(self) -> None:
         self._arm.mode, self._arm.errors = RobotMode.Idle, Errors()
-
-
-def rotation(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix of a rotation vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(turn))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = turn / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    matrix: NDArray[np.float64] = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    return matrix
