@@ -62,6 +62,10 @@ def control(library: Any, options: FrankaOptions, memory: mmap, parent: int) -> 
         run(library, robot, loop, options.priority)
     except library.ControlException as error:
         raise RefusedError(f"{stop_of(robot, error)}; {loop.pace()}") from None
+    except Exception:
+        with suppress(Exception):  # the connection may be the reason
+            robot.stop()
+        raise
 
 
 def run(library: Any, robot: Any, loop: ControlLoop, priority: int) -> None:

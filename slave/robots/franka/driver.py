@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from mmap import mmap
+from pathlib import Path
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
@@ -87,8 +88,14 @@ class FrankaRobot:
 
     @property
     def trouble(self) -> str | None:
-        state = self._state
-        if state.phase is not Phase.FOLLOWING or state.success >= POOR or state.cycles < RATE_HZ:
+        state, child = self._state, self._child
+        if state.phase is not Phase.FOLLOWING or child is None:
+            return None
+        silent = monotonic() - state.at
+        if silent > LATE_S:
+            words = "; its controller process is stopped" if _is_stopped(child.pid) else ""
+            return f"no state of the robot for {1e3 * silent:.0f} ms{words}"
+        if state.success >= POOR or state.cycles < RATE_HZ:
             return None
         words = f"the controller answers {state.success:.0%} of the robot's cycles in time"
         return f"{words} ({state.text})" if state.text else words
@@ -194,6 +201,15 @@ class FrankaRobot:
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a signal has stopped this process."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] == "T"  # the name before it may hold anything
 
 
 def _spec(options: FrankaOptions) -> RobotSpec:

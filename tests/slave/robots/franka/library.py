@@ -217,5 +217,8 @@ class Robot:
         self._arm.mode = RobotMode.Move
         return ActiveControlBase(self._arm, self)
 
+    def stop(self) -> None:
+        self._arm.mode, self._arm.torque = RobotMode.Idle, np.zeros(7)
+
     def automatic_error_recovery(self) -> None:
         self._arm.mode, self._arm.errors = RobotMode.Idle, Errors()

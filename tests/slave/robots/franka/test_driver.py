@@ -89,6 +89,7 @@ def test_controller_that_does_not_run_is_a_fault(sent: signal.Signals, reason: s
     os.kill(robot.controller_pid, sent)
     with pytest.raises(RobotFault, match=reason):
         lead(robot, START, 5.0)
+    assert ("process is stopped" in str(robot.trouble)) == (sent is signal.SIGSTOP)
     began = monotonic()
     robot.close()
     assert monotonic() - began < 3.0
