@@ -48,7 +48,7 @@ lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, b
 	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial
 
 franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
-	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka
+	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka tests/slave/robots/franka
 	$(FRANKA)/bin/python -m tests.franka.trial --json build/franka.json
 
 lint: $(DEV)  ## style, types, and the direction of imports
@@ -123,7 +123,7 @@ $(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most 
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 	$(PYTHON) -m venv $(FRANKA)
-	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "franka-sim==1.1.7" pytest hypothesis pytest-rerunfailures -e ".[franka]"
+	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "franka-sim==1.1.7" "pylibfranka==0.21.3" pytest hypothesis pytest-rerunfailures -e ".[franka]"
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)

@@ -34,7 +34,7 @@ class Outcome:
 
     Args:
         fault: name.
-        rest_s: from the fault to joints at rest, None if they did not rest in time; NaN where no robot could tell.
+        rest_s: from the fault to joints at rest; None if they did not rest in time, or no robot was left to tell.
         travel_m: largest distance of the tip from where it was, until it rested.
         speed_rad_s: largest joint speed from the fault on.
         force_n: largest force on the table from the fault on.
@@ -179,7 +179,6 @@ def inflict(name: str, at: FrankaSession) -> Outcome:
             outcome.broken.append(f"the arm moved for more than {REST_S:g} s")
         _measure(outcome, at, began)
     else:
-        outcome.rest_s = float("nan")
         at.watch(STALL_S)
     told = fault.repair(at)
     outcome.told = told

@@ -35,10 +35,14 @@ class FrankaSession:
         host: where the robot listens.
         seed: of the relay between the daemons.
         lenient: of the robot.
+        overrides: of the configuration, as of `--set`.
     """
 
-    def __init__(self, folder: Path, host: str, seed: int, lenient: bool = False) -> None:
+    def __init__(
+        self, folder: Path, host: str, seed: int, lenient: bool = False, overrides: Sequence[str] = ()
+    ) -> None:
         self._folder, self._host, self._seed, self._lenient = folder, host, seed, lenient
+        self._overrides = (f"slave.robot.host={host}", *overrides)
         self._stack = ExitStack()
         self._pieces: dict[str, list[Records]] = {side: [] for side in SIDES}
 
@@ -46,8 +50,7 @@ class FrankaSession:
         try:
             self._start_robot()
             self._stack.callback(self._close_robot)
-            overrides = (f"slave.robot.host={self._host}",)
-            self.rig = Rig(seed=self._seed, file=FILE, overrides=overrides)
+            self.rig = Rig(seed=self._seed, file=FILE, overrides=self._overrides)
             self._stack.enter_context(self.rig)
         except BaseException:
             self._stack.close()

@@ -11,7 +11,9 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
@@ -63,9 +65,9 @@ def reference(folder: Path, host: str, seconds: float, lenient: bool) -> Found:
         return pace(robot.truth, told["began"], told["ended"]).to_dict()
 
 
-def session(folder: Path, host: str, seconds: float, seed: int, lenient: bool, laws: Laws) -> Found:
+def session(live: FrankaSession, seconds: float, laws: Laws) -> Found:
     """A minute of exploring the table."""
-    with FrankaSession(folder, host, seed, lenient) as live:
+    with live:
         if live.wait_until_it_follows(FOLLOW_S) is None:
             failed = (live.wait_for_end(SLAVE, 0.0) or {}).get("outcome", "no session")
             laws.check("the arm follows the hand", False, failed)
@@ -109,10 +111,10 @@ def judge(found: Found, laws: Laws) -> None:
     laws.check("the hand feels the table", felt["correlation"] >= FELT_ALIKE, f"{felt['correlation']:.3f}")
 
 
-def faults(folder: Path, host: str, seed: int, names: list[str], lenient: bool, laws: Laws) -> list[Outcome]:
+def faults(session_of: Callable[[], FrankaSession], names: list[str], laws: Laws) -> list[Outcome]:
     outcomes = []
     for name in names:  # a session each: what one leaves behind does not hide in the next
-        with FrankaSession(folder, host, seed, lenient) as live:
+        with session_of() as live:
             outcome = inflict(name, live)
         outcomes.append(outcome)
         laws.check(f"fault: {name}", not outcome.broken, "; ".join(outcome.broken) or outcome.told)
@@ -147,7 +149,7 @@ def table(found: Found) -> list[str]:
     if found["faults"]:
         lines += ["", "fault                     rest s  travel mm  speed rad/s  force N  follows again s"]
     for each in found["faults"]:
-        rest, back = (f"{each[key]:.2f}" if each[key] is not None else "never" for key in ("rest_s", "back_s"))
+        rest, back = (f"{each[key]:.2f}" if each[key] is not None else "-" for key in ("rest_s", "back_s"))
         lines.append(
             f"{each['fault']:24} {rest:>7}  {1e3 * each['travel_m']:9.1f}  {each['speed_rad_s']:11.2f}"
             f"  {each['force_n']:7.1f}  {back:>15}  {each['told']}"
@@ -163,20 +165,23 @@ def main() -> int:
     parser.add_argument("--faults", nargs="*", choices=[*FAULTS], default=[*FAULTS], metavar="KIND", help="only these")
     parser.add_argument("--faults-only", action="store_true", help="no minute and no reference")
     parser.add_argument("--lenient", action="store_true", help="lost cycles do not stop the robot: for a busy machine")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of configs/franka.yaml")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path, metavar="OUT")
     arguments = parser.parse_args()
     laws, host = Laws(), own_address()
     facts = environment() | {"simulator": {name: version(name) for name in PACKAGES}}
-    found: Found = {"seed": arguments.seed, "lenient": arguments.lenient, "environment": facts}
+    found: Found = {"seed": arguments.seed, "lenient": arguments.lenient, "set": arguments.set, "environment": facts}
     with tempfile.TemporaryDirectory(prefix="weberlink-franka-") as name:
         folder = Path(name)
+        settings = (folder, host, arguments.seed, arguments.lenient, arguments.set)
+        session_of = partial(FrankaSession, *settings)
         if not arguments.faults_only:
             found["reference"] = reference(folder, host, arguments.seconds / 6.0, arguments.lenient)
-            found["session"] = session(folder, host, arguments.seconds, arguments.seed, arguments.lenient, laws)
+            found["session"] = session(session_of(), arguments.seconds, laws)
             if "failed" not in found["session"]:
                 judge(found["session"], laws)
-        outcomes = faults(folder, host, arguments.seed, arguments.faults, arguments.lenient, laws)
+        outcomes = faults(session_of, arguments.faults, laws)
     found["faults"] = [outcome.to_dict() for outcome in outcomes]
     found["broken"] = laws.broken
     simulator = ", ".join(f"{name} {number}" for name, number in facts["simulator"].items())
