@@ -9,11 +9,12 @@ DEV := $(VENV)/.dev
 LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
+FRANKA := $(VENV)/franka
 
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove franka lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -50,8 +51,13 @@ lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, b
 
 isaaclab: $(ISAACLAB)/.made  ## Isaac Lab's client of the Haply Inverse Service at the emulated one; installs torch
 	$(ISAACLAB)/bin/python -m tests.master.devices.inverse3.isaaclab_trial
+
 foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against the live view of running sessions; needs node and npm
 	$(BIN)/python -m tests.foxglove.trial
+
+franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
+	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka tests/slave/robots/franka
+	$(FRANKA)/bin/python -m tests.franka.trial --json build/franka.json
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -121,6 +127,11 @@ $(RUN): requirements.lock pyproject.toml
 $(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
+	touch $@
+
+$(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
+	$(PYTHON) -m venv $(FRANKA)
+	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "franka-sim==1.1.7" "pylibfranka==0.21.3" pytest hypothesis pytest-rerunfailures -e ".[franka]"
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)

@@ -100,10 +100,21 @@ class Rig:
         seed: of the relay.
         steps: whether the wall clock of the daemons is to be stepped, where that can be done.
         silence_ms: limit of silence.
+        file: the configuration, whose link is replaced.
+        overrides: for the daemons, as of `--set`.
     """
 
-    def __init__(self, *, seed: int = 1, steps: bool = False, silence_ms: float = SILENCE_MS) -> None:
+    def __init__(
+        self,
+        *,
+        seed: int = 1,
+        steps: bool = False,
+        silence_ms: float = SILENCE_MS,
+        file: Path = CONFIGURATION,
+        overrides: tuple[str, ...] = (),
+    ) -> None:
         self._seed = seed
+        self._origin, self._overrides = file, overrides
         self._steps = steps
         self._silence_ms = silence_ms
         self.wall: WallClock | None = None
@@ -119,7 +130,7 @@ class Rig:
                 self.wall = self._stack.enter_context(wall_clock(self.folder))
             self.wire = self._stack.enter_context(Wire(self.slave_address, self._seed))
             self.file = self._write_configuration()
-            self.configuration: Configuration = load(self.file)
+            self.configuration: Configuration = load(self.file, self._overrides)
             self._stack.callback(self._end)
             for side in reversed(SIDES):
                 self.start(side)
@@ -134,7 +145,7 @@ class Rig:
     def _write_configuration(self) -> Path:
         key = self.folder / "soak.key"
         generate(key)
-        described = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8"))
+        described = yaml.safe_load(self._origin.read_text(encoding="utf-8"))
         described["link"] = {
             "listen": "{}:{}".format(*self.slave_address),
             "slave": "{}:{}".format(*self.wire.front),
@@ -157,9 +168,10 @@ class Rig:
     def ring(self, side: str) -> str:
         return str(default_path(f"{os.getpid()}-{side}"))
 
-    def start(self, side: str) -> Life:
-        """Start a daemon; any earlier one of that side must have ended."""
-        order = DaemonOrder(side=side, file=str(self.file), overrides=(), ring=self.ring(side), parent=os.getpid())
+    def start(self, side: str, *also: str) -> Life:
+        """Start a daemon, with these overrides too; any earlier one of that side must have ended."""
+        overrides = (*self._overrides, *also)
+        order = DaemonOrder(side, str(self.file), overrides, self.ring(side), parent=os.getpid())
         life = self.lives[side] = Life(order, {} if self.wall is None else self.wall.environment)
         return life
 
