@@ -114,6 +114,9 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
 		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
+	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \
+		-e '/^pylibfranka==/s/$$/ and platform_machine == "x86_64"/' \
+		-e '/^backports-zstd==/s/$$/ ; python_version < "3.14"/' requirements-dev.lock  # pip-compile drops them
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -27,7 +27,7 @@ from weberlink.ros2.messages import types
 PACKAGES = ("builtin_interfaces", "std_msgs", "geometry_msgs", "tf2_msgs", "sensor_msgs", "diagnostic_msgs")
 POSE = "geometry_msgs/msg/PoseStamped"
 TARGET = "/weberlink/target"
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 
 
 def write_definitions(folder: Path) -> None:

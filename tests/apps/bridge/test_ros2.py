@@ -264,6 +264,17 @@ def test_lost_ticks_are_a_warning(live: Live) -> None:
     assert status.level == Level.WARN and "overwritten" in status.message
 
 
+def test_ticks_before_the_bridge_are_not_lost(live: Live) -> None:
+    with live.ring("master") as ring:
+        for first in range(0, 6000, 1000):
+            write(ring, ticks(1000, first=first))
+        live.look()
+        status = live.statuses()["weberlink: bridge"]
+        assert (status.level, "overwritten" in status.message) == (Level.OK, False)
+    live.look()
+    assert live.said[-1].endswith("master is over")
+
+
 def test_a_clock_that_is_set_moves_the_stamps(live: Live) -> None:
     with live.ring("master") as ring:
         live.look()

@@ -56,6 +56,8 @@ class SessionFollower:
         """Name of the session that is followed; None while there is none."""
         self.feeds: dict[str, RingFeed] = {}
         """Its sides on this host that run."""
+        self._before: dict[str, int] = {}
+        """By side, the records that were overwritten before it was found."""
 
     def look(self, now: float) -> None:
         """One round: find sides, and hand on what they have written since the last one."""
@@ -64,13 +66,14 @@ class SessionFollower:
             self._find()
         for side, feed in list(self.feeds.items()):
             records = feed.read()
+            before = self._before.setdefault(side, feed.lost)
             if len(records):
                 self._bridge.put(feed, records)
             if feed.drained:
                 self._bridge.end(feed)
-                self._tell(f"session {self.session}: {side} is over" + _lost(feed))
+                self._tell(f"session {self.session}: {side} is over" + _lost(feed.lost - before))
                 feed.close()
-                del self.feeds[side]
+                del self.feeds[side], self._before[side]
         if not self.feeds:
             self.session = None
         self._bridge.look(now)
@@ -94,8 +97,8 @@ class SessionFollower:
                 return
 
 
-def _lost(feed: RingFeed) -> str:
-    return f"; {feed.lost} records were overwritten before they were read" if feed.lost else ""
+def _lost(count: int) -> str:
+    return f"; {count} records were overwritten before they were read" if count else ""
 
 
 def run(bridge: Bridge, only: str | None, period_s: float, tell: Tell) -> None:

@@ -44,6 +44,7 @@ class _Side:
         arm: the axes of a session in joint space.
         wall_offset_s: from the clock of the records to the wall clock [s].
         since: older records are left out, on the clock of the records [s].
+        before: ticks that were overwritten before the side was found; None until its first records.
     """
 
     feed: RingFeed
@@ -52,6 +53,12 @@ class _Side:
     arm: ArmLayout | None
     wall_offset_s: float
     since: float
+    before: int | None = None
+
+    @property
+    def lost(self) -> int:
+        """Ticks that were overwritten before they were read."""
+        return 0 if self.before is None else self.feed.lost - self.before
 
     def choose(self, records: Records) -> Records:
         """Those to publish."""
@@ -116,6 +123,8 @@ class Ros2Bridge:
         side = self._sides.get(feed.side)
         if side is None:
             return
+        if side.before is None:
+            side.before = feed.lost
         side.condition.take(records, monotonic())
         ticks = side.choose(records)
         if not len(ticks):
@@ -130,7 +139,7 @@ class Ros2Bridge:
         side = self._sides.pop(feed.side, None)
         if side is not None:
             self._ended.append(side.condition.ended())
-            self._lost += feed.lost
+            self._lost += side.lost
         if not self._sides:
             self._session = None
 
@@ -153,7 +162,7 @@ class Ros2Bridge:
         self._diagnostics.put_body(encode_body(_array(statuses, now_ns), ARRAY), now_ns)
 
     def _own_status(self) -> Status:
-        lost = self._lost + sum(side.feed.lost for side in self._sides.values())
+        lost = self._lost + sum(side.lost for side in self._sides.values())
         told = "waits for a session" if self._session is None else f"publishes session {self._session}"
         level = Level.OK
         if lost:
