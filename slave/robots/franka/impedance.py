@@ -45,8 +45,9 @@ class Impedance:
     """tau = J^T (K e - D J dq) + coriolis + posture + walls (Hogan 1985).
 
     e is the offset of the goal from the tip and the rotation vector to the goal. The force and the torque of the spring
-    are bounded. D gives every mode of the tip the same damping ratio r: with W the modes of K^(1/2) (J M^-1 J^T)
-    K^(1/2) and w their frequencies, D = K^(1/2) W (2 r / w) W^T K^(1/2). The posture draws the joints to where they
+    are bounded. D damps place and orientation apart, so that a turn does not push the tip aside: with W the modes of
+    k J M^-1 J^T for the rows J of either, and w their frequencies, D = W (2 r k / w) W^T gives each mode the damping
+    ratio r. The posture draws the joints to where they
     were at opening, in the dynamically consistent null space (Khatib 1987), so it does not move the tip: with n the
     motion of the joints that J does not see, an acceleration a of the joints becomes M n (n^T M a) / (n^T M n). M is
     that of the model with the inertia of the rotors; M, D and n change slowly, and `refresh` computes them anew.
@@ -62,7 +63,6 @@ class Impedance:
     def __init__(self, options: FrankaOptions, q: Array) -> None:
         self._force, self._torque = options.force_n, options.turning_n_m
         self._stiffness = options.stiffness_n_m, options.stiffness_n_m_rad
-        self._roots = np.sqrt([options.stiffness_n_m] * 3 + [options.stiffness_n_m_rad] * 3)
         self._ratio = options.damping_ratio
         self._omega = 2.0 * np.pi * options.posture_hz
         self._home = q
@@ -81,12 +81,11 @@ class Impedance:
             jacobian: of the tip, shape (6, 7).
         """
         inertia = mass + np.diag(ROTOR_KG_M2)
-        roots = self._roots
         mobility = jacobian @ np.linalg.inv(inertia) @ jacobian.T
-        squares, modes = np.linalg.eigh(roots[:, None] * mobility * roots)
-        frequencies = np.sqrt(np.maximum(squares, SINGULAR * squares[-1]))
-        shapes = roots[:, None] * modes
-        self._damping = (shapes * (2.0 * self._ratio / frequencies)) @ shapes.T
+        for block, stiffness in zip((slice(0, 3), slice(3, 6)), self._stiffness, strict=True):
+            squares, modes = np.linalg.eigh(stiffness * mobility[block, block])
+            frequencies = np.sqrt(np.maximum(squares, SINGULAR * squares[-1]))
+            self._damping[block, block] = (modes * (2.0 * self._ratio * stiffness / frequencies)) @ modes.T
         free: Array = np.linalg.svd(jacobian)[2][-1]
         self._share = inertia @ free
         self._torque_of_share = self._share / (free @ self._share)

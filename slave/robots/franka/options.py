@@ -20,7 +20,7 @@ class FrankaOptions(BaseModel):
         default="127.0.0.1", description="address of the robot's control, not that of the arm's own port"
     )
     stiffness_n_m: float = Field(default=600.0, ge=10.0, le=STIFFEST, description="of the tip")
-    stiffness_n_m_rad: float = Field(default=20.0, ge=1.0, le=200.0, description="of the orientation of the tool")
+    stiffness_n_m_rad: float = Field(default=50.0, ge=1.0, le=200.0, description="of the orientation of the tool")
     damping_ratio: float = Field(default=1.0, ge=0.3, le=2.0, description="of tip and tool; 1 is critical")
     posture_hz: float = Field(
         default=0.5,

@@ -69,7 +69,7 @@ class ExternalForce:
         self._silent = self._silent + 1 if force == torque == ZERO and self._force_offset != ZERO else 0
         if self._silent >= SINGULAR_CYCLES:
             raise SensingError(
-                "the robot estimates no force here: it is near a singularity; guide it to another posture"
+                "the robot estimates no force: it is near a singularity, or was not free at opening; guide it elsewhere"
             )
         self.force, self.torque = subtract(force, self._force_offset), subtract(torque, self._torque_offset)
         self._check_sign(spring, joint_speed)

@@ -125,7 +125,7 @@ def test_redundant_joint_returns_without_moving_the_tip() -> None:
 
 
 def test_joint_is_held_before_its_limit() -> None:
-    bench = LoopBench(turning_n_m=3.0, approach_rad_s=2.0)
+    bench = LoopBench(turning_n_m=6.0, approach_rad_s=2.0)
     bench.lead(START, 3.0, quaternion((3.0, 0.0, 0.0)))
     assert HIGHEST[3] - 0.12 < bench.arm.q[3] < HIGHEST[3]
 
