@@ -16,7 +16,7 @@ TABLE = "table"
 TIP_RADIUS_M = 0.01
 TABLE_DEPTH_M = 0.1
 STIFFNESS_S_2, DAMPING_S = 37.5, 3.0
-"""Of the table's surface, per effective mass of the arm: with `SHARE`, 5 kN/m and nearly critical damping."""
+"""Of the table's surface, per effective mass of the arm: with `SHARE`, 5.5 kN/m and nearly critical damping."""
 SHARE = 0.9
 """Constraint impedance of the surface, the same at any depth, so that force grows linearly with depth."""
 ARMATURE_KG_M2 = 0.195
