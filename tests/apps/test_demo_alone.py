@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import requires
 from pathlib import Path
 
@@ -34,8 +35,8 @@ def sockets(pids: list[int], table: str) -> list[list[str]]:
     inodes = set[str]()
     for pid in pids:
         for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-            if (match := re.fullmatch(r"socket:\[(\d+)\]", str(descriptor.readlink()))) is not None:
-                inodes.add(match.group(1))
+            with suppress(FileNotFoundError):  # closed meanwhile
+                inodes |= set(re.findall(r"socket:\[(\d+)\]", str(descriptor.readlink())))
     rows = [line.split() for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]]
     return [row for row in rows if row[9] in inodes]
 

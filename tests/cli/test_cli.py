@@ -13,10 +13,10 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner, Result
 
-from tests.system.systems import CONFIGS
+from tests.system.systems import CONFIGS, UNUSABLE
 from weberlink.cli import app
 
-FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
+FILES = sorted({path.name for path in CONFIGS.glob("*.yaml")} - set(UNUSABLE))
 HARDWARE = ("franka.yaml", "koch-so101.yaml", "phantom-arm.yaml")
 """Those whose drivers need hardware or its emulator."""
 LED = ("ros2.yaml",)
