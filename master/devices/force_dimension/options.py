@@ -32,7 +32,10 @@ class ForceDimensionOptions(BaseModel):
         default=None, gt=0.0, le=40.0, description="largest force; that of the model if not given"
     )
     torque_n_m: float = Field(
-        default=0.0, ge=0.0, le=2.0, description="largest torque of an active wrist; no check of signs covers it; 0 for none"
+        default=0.0,
+        ge=0.0,
+        le=2.0,
+        description="largest torque of an active wrist; no check of signs covers it; 0 for none",
     )
     stiffness_n_m: float = Field(
         default=1500.0, ge=1e-3, le=1e9, description="stiffest wall; a cautious value for a loop at 1 kHz"
