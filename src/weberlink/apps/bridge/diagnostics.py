@@ -71,7 +71,9 @@ class SideCondition:
         self._longest_us = max(self._longest_us, float(np.max(records["work_us"])))
 
     def status(self, now: float) -> Status:
-        """Its condition; figures per second are those since the last call."""
+        """Its condition, also once it has ended; figures per second are those since the last call."""
+        if self._feed.drained:
+            return self._ended()
         described = self._feed.description or {}
         silence_s = now - self._heard_at
         told = Words(INFO, "has written no record yet") if self._last is None else _condition(self._feed, self._last)
@@ -83,8 +85,7 @@ class SideCondition:
         self._latest_us = self._longest_us = 0.0
         return Status(level, f"weberlink: {self._feed.side}", told.text, str(described.get("name", "")), values)
 
-    def ended(self) -> Status:
-        """Its condition at the end."""
+    def _ended(self) -> Status:
         name = str((self._feed.description or {}).get("name", ""))
         text = "ended" if self._feed.in_order else "ended without closing its telemetry: it was killed or has crashed"
         level = Level.STALE if self._feed.in_order else Level.ERROR

@@ -138,7 +138,7 @@ class Ros2Bridge:
     def end(self, feed: RingFeed) -> None:
         side = self._sides.pop(feed.side, None)
         if side is not None:
-            self._ended.append(side.condition.ended())
+            self._ended.append(side.condition.status(monotonic()))
             self._lost += side.lost
         if not self._sides:
             self._session = None

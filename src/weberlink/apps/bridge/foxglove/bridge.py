@@ -88,7 +88,7 @@ class FoxgloveBridge(ServerListener):
                 shown.show()
             if now >= self._figures_at:
                 self._figures_at = now + FIGURES_S
-                shown.show_diagnostics(at_ns)
+                shown.show_diagnostics(at_ns, now)
         changed = self._parameters.changed(now)
         if changed:
             self._server.publish_parameter_values(as_parameters(changed))

@@ -3,13 +3,12 @@
 A channel in JSON serves them, as they go by the name of the schema.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Any
 
+from weberlink.apps.bridge.diagnostics import Level, Status
 from weberlink.apps.bridge.foxglove.primitives import moment
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.protocol.states import State
-from weberlink.system.configuration import SIDES
 from weberlink.system.verdict import FAILURE
 
 SCHEMA_NAME = "diagnostic_msgs/DiagnosticArray"
@@ -32,64 +31,35 @@ SCHEMA: dict[str, Any] = {
     "type": "object",
     "properties": {"header": _HEADER, "status": {"type": "array", "items": _STATUS}},
 }
-OK, WARN, ERROR, STALE = range(4)
-"""Levels of diagnostic_msgs/DiagnosticStatus."""
-FIGURES = {
-    "ticks missed": ("ticks_missed", 0),
-    "datagrams lost": ("datagrams_lost", 0),
-    "round trip [us]": ("rtt_us", 0),
-    "lateness [us]": ("lateness_us", 0),
-    "Weber factor": ("weber", 3),
-}
-"""Fields of the newest record, with their decimal places."""
 
 
-def diagnostics(session: WatchedSession, at_ns: int) -> dict[str, Any]:
-    """One status for the session, and one for each side."""
-    figures, stamp = session.figures(), moment(at_ns)
-    alarms = figures["alarms"]
-    level = STALE if session.ended else max((_level(alarm) for alarm in alarms), default=OK)
-    told = "; ".join(alarm["text"] for alarm in alarms) or "good"
-    rates = {f"{name} packets/s": rate for name, rate in figures["packets_per_s_now"].items()}
-    saved = {f"{name} saved": share for name, share in figures["reduction_now"].items()}
-    whole = _status("session", level, "over" if session.ended else told, session.name, rates | saved)
-    hardware = {side: _driver(session, side) for side in SIDES}
-    sides = [_side(side, record, figures, hardware[side]) for side, record in session.last.items()]
+def diagnostics(statuses: Iterable[Status], at_ns: int) -> dict[str, Any]:
+    """A message with these statuses."""
+    stamp = moment(at_ns)
     return {
         "header": {"stamp": {"sec": stamp.sec, "nsec": stamp.nsec}, "frame_id": ""},
-        "status": [whole, *sides],
+        "status": [
+            {
+                "level": status.level,
+                "name": status.name,
+                "message": status.message,
+                "hardware_id": status.hardware,
+                "values": [{"key": key, "value": value} for key, value in status.values.items()],
+            }
+            for status in statuses
+        ],
     }
 
 
-def _level(alarm: Mapping[str, Any]) -> int:
-    return ERROR if alarm["level"] == FAILURE else WARN
-
-
-def _side(side: str, record: Any, figures: Mapping[str, Any], hardware: str) -> dict[str, Any]:
-    fault, engaged = figures["faults_now"][side], figures["engaged"][side]
-    values: dict[str, Any] = {name: round(float(record[field]), places) for name, (field, places) in FIGURES.items()}
-    values["state"] = State(int(record["state"])).name.lower()
-    values["faults so far"] = sum(figures["faults"][side].values())
-    level = ERROR if fault else OK if engaged else WARN
-    return _status(side, level, fault or values["state"], hardware, values)
-
-
-def _status(name: str, level: int, message: str, hardware: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    pairs = [{"key": key, "value": _worded(value)} for key, value in values.items()]
-    return {
-        "level": level,
-        "name": f"weberlink: {name}",
-        "message": message,
-        "hardware_id": hardware,
-        "values": pairs,
-    }
-
-
-def _worded(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else "unknown" if value is None else str(value)
-
-
-def _driver(session: WatchedSession, side: str) -> str:
-    """The driver of the device or robot; empty where it is not known."""
-    part = session.description.get("system", {}).get(side, {})
-    return str((part.get("device") or part.get("robot") or {}).get("driver", ""))
+def condition(session: WatchedSession) -> Status:
+    """The condition of a whole session: what both sides together show."""
+    figures = session.figures()
+    alarms = figures["alarms"]
+    level = max((Level.ERROR if alarm["level"] == FAILURE else Level.WARN for alarm in alarms), default=Level.OK)
+    told = "; ".join(alarm["text"] for alarm in alarms) or "good"
+    if session.ended:
+        level, told = Level.STALE, "over"
+    rates = {f"{name} packets [1/s]": rate for name, rate in figures["packets_per_s_now"].items()}
+    saved = {f"{name} saved": share for name, share in figures["reduction_now"].items()}
+    values = {name: "unknown" if value is None else f"{value:.6g}" for name, value in (rates | saved).items()}
+    return Status(level, "weberlink: session", told, session.name, values)

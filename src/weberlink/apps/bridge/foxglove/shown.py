@@ -1,14 +1,16 @@
 """One session as it is shown: what its records become on the topics."""
 
 from math import isfinite
+from time import monotonic
 from typing import Any
 
 import numpy as np
 from foxglove.messages import Log, LogLevel, SceneUpdate
 
+from weberlink.apps.bridge.diagnostics import SideCondition
 from weberlink.apps.bridge.foxglove import motion
 from weberlink.apps.bridge.foxglove.channels import Channels
-from weberlink.apps.bridge.foxglove.diagnostics import diagnostics
+from weberlink.apps.bridge.foxglove.diagnostics import condition, diagnostics
 from weberlink.apps.bridge.foxglove.feed import FollowedFeed
 from weberlink.apps.bridge.foxglove.primitives import moment
 from weberlink.apps.bridge.foxglove.solids import reach_of, scene_update
@@ -39,7 +41,8 @@ class ShownSession:
         self._feeds = {feed.side: FollowedFeed(feed)}
         self.watched = WatchedSession(name, self._feeds[feed.side])
         self._origins: dict[str, Origin] = {}
-        self._note_origin(feed)
+        self._conditions: dict[str, SideCondition] = {}
+        self._note(feed)
         self._new: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         self._newest: dict[str, tuple[Any, int]] = {}
         self._felt, self._thinning = FeltErrorPairs(feed.rate_hz), Thinning(feed.rate_hz)
@@ -50,11 +53,12 @@ class ShownSession:
         """Add the other side."""
         self._feeds[feed.side] = FollowedFeed(feed)
         self.watched.admit(self._feeds[feed.side])
-        self._note_origin(feed)
+        self._note(feed)
 
     def put(self, side: str, records: Records) -> None:
         """New records of a side, at least one: its ticks are shown at once, the rest in the next `show`."""
         self._feeds[side].put(records)
+        self._conditions[side].take(records, monotonic())
         self._new[side].append(records)
         times = self._origins[side].log_times_ns(records["at"])
         self._newest[side] = records[-1], int(times[-1])
@@ -89,16 +93,20 @@ class ShownSession:
         robot = self.watched.description.get("system", {}).get("slave", {}).get("robot", {})
         return scene_update(self.watched.hello()["scene"], (robot.get("tool") or {}).get("points_m") or (), at_ns)
 
-    def show_diagnostics(self, at_ns: int) -> None:
+    def show_diagnostics(self, at_ns: int, now: float) -> None:
+        """Show the condition of the session and of its sides; figures per second are those since the last call."""
+        sides = [each.status(now) for each in self._conditions.values()]
         if self._channels.diagnostics.has_sinks():
-            self._channels.diagnostics.log(diagnostics(self.watched, at_ns), log_time=at_ns)
+            told = diagnostics([condition(self.watched), *sides], at_ns)
+            self._channels.diagnostics.log(told, log_time=at_ns)
 
     def repeat_log(self, client: int) -> None:
         """Tell one client all events that were before."""
         for event in self.watched.log.events:
             self._log(event, client)
 
-    def _note_origin(self, feed: RingFeed) -> None:
+    def _note(self, feed: RingFeed) -> None:
+        self._conditions[feed.side] = SideCondition(feed, monotonic())
         wall_s = feed.began + (feed.wall_offset_s or 0.0)
         self._origins[feed.side] = Origin(feed.side, feed.rate_hz, wall_s, feed.began)
 
