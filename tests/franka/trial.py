@@ -187,6 +187,7 @@ def main() -> int:
     simulator = ", ".join(f"{name} {number}" for name, number in facts["simulator"].items())
     write("\n".join([*table(found), "", f"{footer(facts, arguments.seed)}; {simulator}"]))
     if arguments.json is not None:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     return 1 if laws.broken else 0
 
