@@ -27,7 +27,7 @@ from weberlink.system.simulate import simulate
 ROOT = Path(__file__).parents[1]
 STORED = Path(__file__).with_suffix(".json")
 DURATION = 5.0
-HARDWARE = {"koch-so101.yaml", "phantom-arm.yaml"}
+LIVE = {"franka.yaml", "koch-so101.yaml", "phantom-arm.yaml", "ros2.yaml"}
 KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 NO_KEY = {
@@ -60,7 +60,7 @@ LOOPBACK = {
 
 def cases() -> Iterator[tuple[str, str, tuple[str, ...]]]:
     for path in sorted((ROOT / "configs").glob("*.yaml")):
-        if path.name not in HARDWARE:
+        if path.name not in LIVE:
             yield path.name, path.name, NO_KEY.get(path.name, ())
     for name, overrides in LOOPBACK.items():
         yield f"loopback.yaml, {name}", "loopback.yaml", overrides
