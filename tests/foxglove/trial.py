@@ -19,6 +19,7 @@ from typing import Any, Self
 from _pytest.outcomes import Failed
 
 from tests.apps.monitor.monitors import Monitor
+from tests.laws import Laws, write
 from tests.system.processes import PATIENT, Program, until
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path
@@ -45,23 +46,6 @@ BESIDE_S = 5.0
 """Length of one piece of the comparison with and without a client [s]."""
 
 Event = dict[str, Any]
-
-
-def write(line: str) -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
-
-
-class Laws:
-    """What must hold; prints each as it is checked."""
-
-    def __init__(self) -> None:
-        self.broken: list[str] = []
-
-    def check(self, law: str, holds: bool, figure: object = "") -> None:
-        write(f"{'ok    ' if holds else 'BROKEN'} {law}{f': {figure}' if figure != '' else ''}")
-        if not holds:
-            self.broken.append(law)
 
 
 class Judge:

@@ -25,6 +25,7 @@ from tests.franka.faults import FAULTS, FOLLOW_S, Outcome, inflict
 from tests.franka.figures import Likeness, Pace, contact, likeness, pace
 from tests.franka.robot import own_address, simulated_robot
 from tests.franka.session import ENGAGED, FrankaSession
+from tests.laws import Laws, write
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.environment import environment, footer
 
@@ -35,23 +36,6 @@ ALIKE, FELT_ALIKE = 0.99, 0.8
 """Least correlation with the force in the simulator; what the slave measures passes no codec and no control scheme."""
 
 Found = dict[str, Any]
-
-
-class Laws:
-    """What must hold; prints each as it is checked."""
-
-    def __init__(self) -> None:
-        self.broken: list[str] = []
-
-    def check(self, law: str, holds: bool, figure: object = "") -> None:
-        write(f"{'ok    ' if holds else 'BROKEN'} {law}{f': {figure}' if figure != '' else ''}")
-        if not holds:
-            self.broken.append(law)
-
-
-def write(line: str = "") -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
 
 
 def reference(folder: Path, host: str, seconds: float, lenient: bool) -> Found:

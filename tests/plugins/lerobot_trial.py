@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.laws import Laws, write
 from tests.plugins.live_arms import LiveArms
 from weberlink.telemetry.record import RELEASED
 
@@ -38,23 +39,6 @@ MISSED = 0.001
 """Share of ticks that may be missed in addition."""
 
 Found = dict[str, Any]
-
-
-class Laws:
-    """What must hold; prints each as it is checked."""
-
-    def __init__(self) -> None:
-        self.broken: list[str] = []
-
-    def check(self, law: str, holds: bool, figure: object = "") -> None:
-        write(f"{'ok    ' if holds else 'BROKEN'} {law}{f': {figure}' if figure != '' else ''}")
-        if not holds:
-            self.broken.append(law)
-
-
-def write(line: str) -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
 
 
 def discover(laws: Laws) -> None:

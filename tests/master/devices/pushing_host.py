@@ -1,7 +1,7 @@
 """A program that pushes with a device until it is stopped; run as a process of its own.
 
 Arguments: the driver, its options as JSON, and the force [N]. A line on standard input is how long the loop then stands
-still [s], while the thread of the device goes on. A fault is its last line.
+still [s], while the thread of the device goes on. It says a fault, and after closing the device its trouble.
 """
 
 import json
@@ -32,7 +32,9 @@ def main(name: str, options: str, force: str) -> None:
                 sleep(float(sys.stdin.readline()))
     except DeviceFault as fault:
         sys.stdout.write(f"{fault}\n")
+        sys.stdout.flush()
     device.close()
+    sys.stdout.write(f"{device.trouble}\n")
 
 
 if __name__ == "__main__":
