@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from math import sqrt
 from mmap import mmap
 from pathlib import Path
 from time import monotonic, sleep
@@ -29,6 +30,8 @@ from weberlink.slave.scenes.scene import Scene
 NAME: Final = "franka"
 PROGRAM: Final = (sys.executable, "-P", "-m", "weberlink.slave.robots.franka.controller")
 RATE_HZ: Final = 1000.0
+TIP_KG: Final = 5.0
+"""Mass that the arm has at its tip, about: 4 to 6 kg in franka-sim, by direction."""
 START_S: Final = 15.0
 """Longest time from the start of the controller to the end of its tare [s]."""
 LATE_S: Final = 0.03
@@ -212,6 +215,11 @@ def _is_stopped(pid: int) -> bool:
     return status.rpartition(")")[2].split()[0] == "T"  # the name before it may hold anything
 
 
+def _lag_s(options: FrankaOptions) -> float:
+    """Of the tip behind a ramp of the command, for the mass of the arm at its tip [s]."""
+    return 2.0 * options.damping_ratio * sqrt(TIP_KG / options.stiffness_n_m)
+
+
 def _spec(options: FrankaOptions) -> RobotSpec:
     return RobotSpec(
         name=NAME,
@@ -225,5 +233,8 @@ def _spec(options: FrankaOptions) -> RobotSpec:
         force_error=(FORCE_ERROR_N, 0.0),
         torque_n_m=options.torque_n_m,
         watchdog_s=options.stale_s,
-        note="the force is the robot's estimate (O_F_ext_hat_K), without its offset at opening",
+        note=(
+            "the force is the robot's estimate (O_F_ext_hat_K), without its offset at opening; the tip lags its "
+            f"command by about {_lag_s(options):.2f} s, for which codec.force.predictor zoh feels contacts best"
+        ),
     )
