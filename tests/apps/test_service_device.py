@@ -84,6 +84,7 @@ def test_wall_of_a_session_is_felt_through_the_service(tmp_path: Path) -> None:
         assert service.status()["force"] == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.hunt
 @pytest.mark.parametrize(
     ("number", "reason"), [(signal.SIGKILL, "closed the connection"), (signal.SIGSTOP, "no answer within 100 ms")]
 )
@@ -98,6 +99,7 @@ def test_service_that_stops_ends_the_session_with_reason(tmp_path: Path, number:
     assert reason in summary["outcome"]
 
 
+@pytest.mark.hunt
 @pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_stopped_master_leaves_no_force_in_contact(tmp_path: Path, number: signal.Signals) -> None:

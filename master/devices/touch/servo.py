@@ -67,8 +67,8 @@ class ServoArguments:
 class ServoLoop:
     """Swaps the newest force for the state of the device, once a frame.
 
-    A force counts while it is not older than `stale_s`. After an older one, an error or the start, the force comes up
-    from zero over `ramp_s`.
+    A force counts while it is not older than `stale_s`. After an older one, a loop that stood still, an error or the
+    start, the force comes up from zero over `ramp_s`.
 
     Args:
         library: with the device initialized.
@@ -147,7 +147,8 @@ class ServoLoop:
         """The force of this frame [N]."""
         commanded = self._commanded = self._commands.newest() or self._commanded
         at, x, y, z, _ = commanded
-        if now - at > self._stale or self.rests or self.fault is not None:
+        stood_still = now - self._last > self._stale  # with the daemon perhaps, whose command is then a new one
+        if now - at > self._stale or stood_still or self.rests or self.fault is not None:
             self._share, self._last = 0.0, now
             return (0.0, 0.0, 0.0)
         elapsed = min(now - self._last, LONGEST_S)

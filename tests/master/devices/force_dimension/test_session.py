@@ -64,6 +64,7 @@ def ends_after(handle: FakeDevice, pid: int, number: signal.Signals) -> float:
     return handle["off_at"] - sent_at
 
 
+@pytest.mark.hunt
 def test_master_stopped_then_killed_in_contact(tmp_path: Path) -> None:
     with pressing(tmp_path, "omega.3", 33) as (handle, pid):
         floor = 400.0 * 0.006 / (1.0 + 400.0 * 3e-4)  # the handle yields by 0.3 mm for a newton
@@ -82,6 +83,7 @@ def test_master_stopped_then_killed_in_contact(tmp_path: Path) -> None:
         assert norm(handle.wrench[0]) == 0.0
 
 
+@pytest.mark.hunt
 def test_turned_handle_feels_the_torque_of_its_tool(tmp_path: Path) -> None:
     """A stick of 6 cm, whose lower end alone touches the floor."""
     more = "torque_n_m: 0.2"

@@ -71,6 +71,7 @@ def test_master_stopped_then_killed_in_contact(tmp_path: Path) -> None:
         assert board.displayed == 0.0
 
 
+@pytest.mark.hunt
 def test_killed_servo_process_ends_session_without_force(tmp_path: Path) -> None:
     with pressing(tmp_path) as (board, program, _):
         servo = board.owner
