@@ -114,6 +114,7 @@ def fails(cls: Any) -> list[PluggedDevice]:
         (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", ('pip install "weberlink[x]"',)),
         (type("Driver", (), {"NEEDS": ("json", "x")}), "ready", ()),
         (driver(), "nothing plugged in", ()),
+        (driver(plugged=classmethod(lambda cls: None)), "cannot be listed", ()),
         (driver(plugged=classmethod(fails)), "broken", ("plugged devices cannot be listed: OSError: no bus",)),
         (driver(PluggedDevice("/dev/p", problem="in boot mode")), "not usable", ("/dev/p: in boot mode",)),
     ],

@@ -77,9 +77,9 @@ class TouchDevice:
         """Why there is less force than commanded, or why a force may be left; None where there is no such reason."""
 
     @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        """Devices on USB; those of the network, FireWire and a parallel port are known to the library alone."""
-        return serial_ports(cls.USB)
+    def plugged(cls) -> list[PluggedDevice] | None:
+        """Devices on USB; None without one: those of the network and FireWire are known to the library alone."""
+        return serial_ports(cls.USB) or None
 
     @classmethod
     def fingerprint(cls, options: TouchOptions) -> str:

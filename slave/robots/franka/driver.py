@@ -57,9 +57,9 @@ class FrankaRobot:
     """The package that the controller needs, and the extra of this project that brings it."""
 
     @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        """None: a robot in a network is named by the option `host`."""
-        return []
+    def plugged(cls) -> list[PluggedDevice] | None:
+        """None, since it cannot be listed: a robot in a network is named by the option `host`."""
+        return None
 
     def __init__(
         self,

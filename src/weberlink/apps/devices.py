@@ -22,12 +22,14 @@ from weberlink.slave.robots.followers import FOLLOWERS
 
 READY = "ready"
 NOTHING = "nothing plugged in"
+UNSEEN = "cannot be listed"
+"""Of a driver whose `plugged` returns None: its device is on a network, or known to the maker's library alone."""
 NO_PERMISSION = "no permission"
 NO_RULES = "rules not installed"
 NO_EXTRA = "extra missing"
 UNUSABLE = "not usable"
 BROKEN = "broken"
-COLOURS = {READY: "green", NOTHING: "dim"}
+COLOURS = {READY: "green", NOTHING: "dim", UNSEEN: "dim"}
 
 LATENCY_MS = 1
 """Value that the rules set the latency timer of an FTDI chip to."""
@@ -156,9 +158,12 @@ class _Inspection:
 
     def _hardware(self, driver: Any, extra: str | None) -> DriverStatus:
         try:
-            plugged = tuple(driver.plugged())
+            listed = driver.plugged()
         except Exception as error:  # a listing that fails must not hide the other drivers
             return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {_in_words(error)}")
+        if listed is None:
+            return self._status("hardware", extra, UNSEEN)
+        plugged = tuple(listed)
         states = [self._state(found) for found in plugged]
         advice = [line for found, state in zip(plugged, states, strict=True) for line in self._advice(found, state)]
         usable = [found for found, state in zip(plugged, states, strict=True) if state == READY]

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.apps.doctor.machines import CLOCK, CPU, graded, look, machine
-from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, DriverStatus
+from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.apps.doctor import Finding, Grade, Machine, Needs
 from weberlink.apps.doctor.findings import Check
 from weberlink.apps.doctor.kernel import clock_source, preemption, throttling, timers, wall_clock
@@ -355,6 +355,7 @@ INSTALL = "sudo weberlink devices --install-rules"
     [
         ("master", "paddle", READY, (), NAMED, (OK, None)),
         ("master", "paddle", NOTHING, (), NAMED, (PROBLEM, "plug it in and switch it on, then: weberlink devices")),
+        ("master", "paddle", UNSEEN, (), NAMED, (OK, None)),
         ("master", "paddle", NO_RULES, (INSTALL,), NAMED, (PROBLEM, INSTALL)),
         ("master", "paddle", READY, (LATENCY,), NAMED, (ADVICE, LATENCY)),
         ("slave", "point", NO_EXTRA, ("pip install x",), NAMED, (PROBLEM, "pip install x")),
@@ -366,7 +367,7 @@ INSTALL = "sudo weberlink devices --install-rules"
 def test_driver_of_the_file_must_be_ready(
     side: str, driver: str, state: str, advice: tuple[str, ...], needs: Needs, expected: tuple[Grade, str | None]
 ) -> None:
-    plugged = () if state in (NOTHING, NO_EXTRA) else (PADDLE,)
+    plugged = () if state in (NOTHING, UNSEEN, NO_EXTRA) else (PADDLE,)
     status = DriverStatus(side, driver, None, "hardware", None, state, plugged, advice)
     first = next(judge_drivers([status], needs))
     assert (first.grade, first.fix) == expected

@@ -7,7 +7,7 @@ import sysconfig
 from collections.abc import Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, requires, version
 
-from weberlink.apps.devices import BROKEN, NO_EXTRA, NOTHING, READY, DriverStatus, survey
+from weberlink.apps.devices import BROKEN, NO_EXTRA, NOTHING, READY, UNSEEN, DriverStatus, survey
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
@@ -121,6 +121,8 @@ def _named(status: DriverStatus) -> Finding:
         return (
             advice(f"{name}{where}", status.advice[0], check) if status.advice else ok(f"{name}{where}: ready", check)
         )
+    if status.state == UNSEEN:
+        return ok(f"{name}: cannot be listed; to try it: weberlink device test {status.driver}", check)
     if status.state == NOTHING:
         return problem(
             f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink devices", check
