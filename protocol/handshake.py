@@ -115,6 +115,11 @@ def identity_of(name: str) -> bytes:
     return sha256(name.encode()).digest()[:8]
 
 
+def identity_in(header: bytes) -> bytes:
+    """The identity that the header of a HELLO names."""
+    return bytes(_HELLO.unpack_from(header)[2])
+
+
 def check_name(name: str) -> str:
     """Return the name of an end if it is valid.
 

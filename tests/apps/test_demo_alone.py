@@ -13,9 +13,9 @@ import pytest
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import ROOT, until
 
-OUTSIDE = ("franka", "foxglove", "inverse3", "ros2")
+OUTSIDE = ("anywhere", "franka", "foxglove", "inverse3", "ros2")
 """Extras for other systems and makers."""
-PACKAGES = ("foxglove", "pylibfranka", "rosbags", "websockets", "zenoh")
+PACKAGES = ("aioice", "foxglove", "pylibfranka", "rosbags", "segno", "twisted", "websockets", "wormhole", "zenoh")
 LIBRARIES = ("libHD", "libdhd", "libfranka", "zenoh", "foxglove")
 LISTENS = "0A"
 """State of a listening socket in /proc/net/tcp."""
@@ -69,14 +69,29 @@ def test_demonstration_imports_nothing_of_others() -> None:
     told = "import sys, weberlink.cli, weberlink.apps.monitor.program; print(*sys.modules)"
     there = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True).stdout.split()
     assert "aiohttp" in there
-    others = (*PACKAGES, "weberlink.ros2", "weberlink.apps.bridge.ros2", "weberlink.apps.bridge.foxglove")
+    others = (
+        *PACKAGES,
+        "weberlink.anywhere",
+        "weberlink.ros2",
+        "weberlink.apps.bridge.ros2",
+        "weberlink.apps.bridge.foxglove",
+    )
     assert [name for name in others if name in there] == []
 
 
 def test_demonstration_installs_nothing_of_others() -> None:
     wanted = [each for each in requires("weberlink") or () if any(f'"{extra}"' in each for extra in OUTSIDE)]
     names = {re.split(r"[^\w-]", each)[0] for each in wanted}
-    assert {"pylibfranka", "foxglove-sdk", "websockets", "eclipse-zenoh", "rosbags"} <= names
+    assert {
+        "aioice",
+        "magic-wormhole",
+        "segno",
+        "pylibfranka",
+        "foxglove-sdk",
+        "websockets",
+        "eclipse-zenoh",
+        "rosbags",
+    } <= names
     lines = (ROOT / "requirements.lock").read_text().splitlines()
     installed = {line.split("==")[0] for line in lines if "==" in line}
     assert "aiohttp" in installed

@@ -23,6 +23,7 @@ PACKAGES = {
     "ros2": ("zenoh", "rosbags"),
     "foxglove": ("foxglove",),
     "franka": ("pylibfranka",),
+    "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
     "others": ("scipy",),
 }
 """Import names of what an extra installs."""
@@ -42,6 +43,7 @@ PLACES = {
     "ros2": ("ros2", "apps.bridge.ros2", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove",),
     "franka": ("slave.robots.franka.controller",),
+    "anywhere": ("anywhere.finder", "anywhere.ice", "anywhere.rendezvous", "anywhere.pairing", "anywhere.qr"),
     "plots": ("studies",),
     "dask": ("studies.cluster",),
 }
@@ -104,9 +106,11 @@ GROUPS = sorted({extras_of(name) for name in modules()}, key=sorted)
 @pytest.fixture(scope="module")
 def failures() -> dict[frozenset[str], list[str]]:
     """What cannot be imported of the modules that may use these extras."""
+    installed = {extras: {package for extra in extras for package in PACKAGES[extra]} for extras in GROUPS}
+    everything = {package for packages in PACKAGES.values() for package in packages}
     arguments = [
         (
-            [package for extra in set(PACKAGES) - extras for package in PACKAGES[extra]],
+            sorted(everything - installed[extras]),
             [name for name in modules() if extras_of(name) == extras],
         )
         for extras in GROUPS

@@ -65,7 +65,18 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {"weberlink.cli", "weberlink.apps", "weberlink.studies", "weberlink.system.launcher", "matplotlib", "scipy"}
-OTHERS = {"foxglove", "pylibfranka", "rosbags", "websockets", "weberlink.ros2", "zenoh"}
+OTHERS = {
+    "aioice",
+    "twisted",
+    "weberlink.anywhere",
+    "wormhole",
+    "foxglove",
+    "pylibfranka",
+    "rosbags",
+    "websockets",
+    "weberlink.ros2",
+    "zenoh",
+}
 """Of other systems and makers; none of these files names one."""
 WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
 HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}

@@ -13,6 +13,12 @@ from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Rec
 from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish, progress_bar, tell
 from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
 
+PeerLabel = Annotated[
+    str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peers) only.")
+]
+INVITE = ""
+"""In place of a code: one is made and shown."""
+
 
 def loopback(
     file: OptionalFile = None,
@@ -25,6 +31,7 @@ def loopback(
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
     overrides = [*(set_ or ()), *free_port(path, set_ or ())]
+    refuse_peers(path, overrides)
     _live("loopback", path, overrides, SIDES, duration, json_out, record, log)
 
 
@@ -38,9 +45,14 @@ def master(
     take_over: Annotated[
         bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
     ] = False,
+    join: Annotated[
+        str | None, typer.Option("--join", metavar="CODE", help="Pair with the robot that shows this code, then run.")
+    ] = None,
+    peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    _live("master", file, set_ or (), [MASTER], duration, json_out, record, log, take_over=take_over)
+    overrides = [*(set_ or ()), *acquainted(file, set_ or (), MASTER, peer, join)]
+    _live("master", file, overrides, [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
 def slave(
@@ -50,9 +62,45 @@ def slave(
     record: Record = None,
     log: Log = None,
     set_: Set = None,
+    invite: Annotated[
+        bool, typer.Option("--invite", help="Show a code by which an operator pairs with this robot, then run.")
+    ] = False,
+    peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    _live("slave", file, set_ or (), [SLAVE], duration, json_out, record, log)
+    overrides = [*(set_ or ()), *acquainted(file, set_ or (), SLAVE, peer, INVITE if invite else None)]
+    _live("slave", file, overrides, [SLAVE], duration, json_out, record, log)
+
+
+def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | None, code: str | None) -> list[str]:
+    """Overrides by which a side meets a known peer; with a code, the two hosts are paired first."""
+    if label is None and code is None:
+        return []
+    added = ["link.security=peers"]
+    if code is not None:
+        from weberlink.apps.pairing import pair  # noqa: PLC0415 - each command imports what it needs
+        from weberlink.system.configuration import load  # noqa: PLC0415
+
+        with errors():
+            paired = pair(load(path, [*overrides, *added], [side]), side, code, label)
+        if side == SLAVE:  # which waits for all that it knows
+            return added
+        label = paired
+    return [*added, f"link.peer={json.dumps(label)}"]
+
+
+def refuse_peers(path: Path, overrides: Sequence[str]) -> None:
+    """Both sides of one host do not pair."""
+    from weberlink.system.configuration import load  # noqa: PLC0415
+
+    with errors():
+        link = load(path, overrides).system.link
+    if link.security == "peers":
+        fail(
+            f"{path}: link.security: peers is for two hosts; for weberlink loopback add --set link.security=session "
+            "--set link.path=direct --set link.listen=127.0.0.1:47000",
+            MISCONFIGURED,
+        )
 
 
 def check(file: File, set_: Set = None) -> None:

@@ -97,13 +97,18 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
 
 def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
     link = configuration.system.link
-    name = description.default_name(order.side, link.listen)
+    name, expects = description.default_name(order.side, link.listen), ""
+    if link.security == "peers":
+        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
+
+        known = acquaintance(configuration, order.side)
+        name, expects = known.own, known.expects
     common: dict[str, Any] = {
         "security": build_security(configuration),
         "entropy": os.urandom,
         "epoch": epoch,
         "stopwatch": perf_counter,
-        "identity": Identity(name, order.take_over, lambda _now: time_ns()),
+        "identity": Identity(name, expects, order.take_over, lambda _now: time_ns()),
     }
     # Each side imports its own parts only.
     if order.side == MASTER:

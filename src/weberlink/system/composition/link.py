@@ -17,7 +17,7 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import check_contract
 from weberlink.system.composition.channels import force_deadband
-from weberlink.system.configuration import Configuration, ConfigurationError, System
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
 
 if TYPE_CHECKING:
@@ -33,11 +33,13 @@ class Identity(NamedTuple):
 
     Args:
         name: where the file sets none; "" for that of the role.
+        expects: name of the only peer, where the file sets none; "" for any.
         take_over: whether a master replaces another one that the slave serves.
         stamp: wall clock [ns] at `now` [s]; None to count `now`.
     """
 
     name: str = ""
+    expects: str = ""
     take_over: bool = False
     stamp: Callable[[float], int] | None = None
 
@@ -79,9 +81,15 @@ def build_security(configuration: Configuration) -> Security:
     """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
 
     Raises:
-        ConfigurationError: if the key file cannot be used.
+        ConfigurationError: if the key file cannot be used, or the peer is not known.
     """
     link = configuration.system.link
+    sides = loaded_sides(configuration)
+    if link.security == "peers" and len(sides) == 1:
+        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
+
+        forbid_core_dumps()
+        return acquaintance(configuration, *sides).security
     if link.security == "none":
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
 
@@ -90,12 +98,17 @@ def build_security(configuration: Configuration) -> Security:
     from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
 
     forbid_core_dumps()
-    if link.key_file is None:  # security: session before the run, or in virtual time
+    if link.key_file is None:  # security: session before the run, or both sides in virtual time
         return PresharedKey(token_bytes(KEY_BYTES))
     try:
         return PresharedKey(load(link.key_file))
     except KeyFileError as error:
         raise ConfigurationError(f"link.key_file: {error}") from None
+
+
+def loaded_sides(configuration: Configuration) -> list[str]:
+    """The sides that were loaded, of which a process that runs alone has one."""
+    return [side for side, part in ((MASTER, configuration.device), (SLAVE, configuration.robot)) if part is not None]
 
 
 def build_endpoint(
@@ -111,6 +124,7 @@ def build_endpoint(
 ) -> Endpoint:
     names = system.link.names
     own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
+    other = other or identity.expects
     return Endpoint(
         role=role,
         agreement=agreement(system),

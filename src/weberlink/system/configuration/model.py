@@ -89,6 +89,15 @@ Range = tuple[Annotated[float, Field(gt=0, le=1e9)], Annotated[float, Field(gt=0
 Interval = tuple[float, float]
 Name = Annotated[str, AfterValidator(check_name)]
 
+
+def _host_and_port(text: str) -> str:
+    split_address(text)
+    return text
+
+
+Address = Annotated[str, AfterValidator(_host_and_port)]
+"""host:port."""
+MailboxUrl = Annotated[str, Field(pattern=r"^wss?://[^/\s]+/\S*$")]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Start = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
@@ -198,16 +207,58 @@ class NameSettings(Settings):
     slave calls itself host:port."""
 
 
+class TurnSettings(Settings):
+    """A relay of one's own, for hosts that cannot reach each other directly (TURN, RFC 8656)."""
+
+    server: Address
+    """Where it listens, by UDP."""
+    name: str = ""
+    """What the page and the report call it; by default its host."""
+    secret_file: Path | None = None
+    """The secret that it shares with its users, from which credentials of limited time are made."""
+    credentials_file: Path | None = None
+    """One line with user name and password, in place of the secret."""
+
+    @model_validator(mode="after")
+    def _secured(self) -> "TurnSettings":
+        if (self.secret_file is None) == (self.credentials_file is None):
+            raise ValueError("needs secret_file or credentials_file, one of them")
+        return self
+
+
 class LinkSettings(Settings):
     """Where the two sides meet, and how they trust each other."""
 
-    listen: str = "0.0.0.0:47000"
+    listen: Address = "0.0.0.0:47000"
     """Address that the slave binds."""
-    slave: str = "127.0.0.1:47000"
+    slave: Address = "127.0.0.1:47000"
     """Address at which the master finds the slave."""
-    security: Literal["psk", "session", "none"] = "psk"
-    """`psk`: a pre-shared key encrypts every datagram. `session`: the same, with a key that `weberlink loopback` makes
-    for each run. `none`: a checksum only, and no hardware drivers. The last two on loopback addresses only."""
+    security: Literal["psk", "peers", "session", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `peers`: the same, with the key of a known peer (`weberlink
+    peers`). `session`: the same, with a key that `weberlink loopback` makes for each run. `none`: a checksum only, and
+    no hardware drivers. The last two on loopback addresses only."""
+    peer: Name | None = None
+    """With `peers`: the known peer to call, or to wait for. Without it, a master calls the only robot that it knows,
+    and a slave waits for every operator that it knows."""
+    peer_store: Path | None = None
+    """Folder of the known peers; by default `~/.local/share/weberlink/peers`."""
+    path: Literal["direct", "ice"] = "direct"
+    """`direct`: the master sends to `slave`. `ice`: a path between the two hosts is found through any NAT."""
+    stun: Address | None = None
+    """Server that tells a host its address outside (STUN)."""
+    turn: TurnSettings | None = None
+    """Relay for hosts that cannot reach each other."""
+    mailbox: MailboxUrl | None = None
+    """Where two hosts leave messages for each other before there is a path: the address of a magic-wormhole mailbox
+    server, such as ws://relay.example:4000/v1."""
+    paths: int = Field(default=1, ge=1, le=2)
+    """With `ice`: how many paths carry every datagram, over different network interfaces; the first copy counts."""
+    interfaces: tuple[str, ...] = ()
+    """With `ice`: the network interfaces to use, in order; by default all."""
+    dscp: int = Field(default=46, ge=0, le=63)
+    """Class of service asked for by every datagram (RFC 2474); 46 is EF, 0 is that of all other traffic."""
+    playout_ms: float = Field(default=0.0, ge=0, le=100)
+    """How long the newest sample waits before it is used, so that jitter is not felt; 0 for not at all."""
     names: NameSettings = NameSettings()
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
@@ -217,17 +268,24 @@ class LinkSettings(Settings):
     emulate: EmulationSettings | None = None
     """Faults to put on the link; leave out for a real one."""
 
-    @field_validator("listen", "slave")
-    @classmethod
-    def _address(cls, text: str) -> str:
-        split_address(text)
-        return text
+    @model_validator(mode="after")
+    def _reachable(self) -> "LinkSettings":
+        if self.path == "ice":
+            if self.security != "peers":
+                raise ValueError(f"path ice needs security: peers, and not {self.security}")
+            if self.mailbox is None:
+                raise ValueError("path ice needs mailbox, where the two hosts leave their addresses for each other")
+        elif self.paths > 1 or self.interfaces:
+            raise ValueError("paths and interfaces need path: ice")
+        return self
 
     @model_validator(mode="after")
     def _trust(self) -> "LinkSettings":
         if self.security == "psk":
             if self.key_file is None:
                 raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
+        elif self.security == "peers":
+            return self
         elif not (is_loopback(self.listen) and is_loopback(self.slave)):
             raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
         return self

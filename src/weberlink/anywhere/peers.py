@@ -1,0 +1,159 @@
+"""The known peers of a user: one file each, with names and key, readable by its owner alone.
+
+A file `NAME.json` holds the fields of `Peer` and the key. NAME is what this user calls the peer, and may change.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import mkstemp
+from typing import Literal
+
+KEY_BYTES = 32
+_SUFFIX = ".json"
+_LONGEST_FILE = 4096
+
+
+class PeerError(ValueError):
+    """There is no such peer, or its file cannot be used; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A known peer.
+
+    Args:
+        label: what this user calls it.
+        name: what it calls itself.
+        own: what this host calls itself towards it.
+        role: of the peer, "master" or "slave".
+        key: of the pair, `KEY_BYTES`.
+        mailbox: address of the mailbox server by which the pair was made; "" for none.
+        paired_at: seconds since 1970.
+    """
+
+    label: str
+    name: str
+    own: str
+    role: Literal["master", "slave"]
+    key: bytes
+    mailbox: str = ""
+    paired_at: float = 0.0
+
+
+def default_folder() -> Path:
+    """`$XDG_DATA_HOME/weberlink/peers`, by default in `~/.local/share`."""
+    data = os.environ.get("XDG_DATA_HOME")
+    return Path(data or Path.home() / ".local" / "share") / "weberlink" / "peers"
+
+
+class PeerStore:
+    """The known peers in one folder, of mode 0700.
+
+    Args:
+        folder: `default_folder()` if None.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = default_folder() if folder is None else folder
+
+    def __iter__(self) -> Iterator[Peer]:
+        """All peers, by label.
+
+        Raises:
+            PeerError: a file cannot be used.
+        """
+        for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
+            yield _read(path)
+
+    def find(self, label: str) -> Peer:
+        """The peer of this label.
+
+        Raises:
+            PeerError: there is none; the message names those that there are.
+        """
+        path = self._path(label)
+        if not path.exists():
+            known = ", ".join(peer.label for peer in self) or "none yet; pair with --invite and --join"
+            raise PeerError(f"there is no peer {label!r}; known: {known}")
+        return _read(path)
+
+    def add(self, peer: Peer) -> None:
+        """Keep a new peer.
+
+        Raises:
+            PeerError: one of this label is known, or the folder cannot be written.
+        """
+        path = self._path(peer.label)
+        text = json.dumps({**asdict(peer), "label": None, "key": peer.key.hex()})
+        draft: Path | None = None
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            descriptor, name = mkstemp(prefix=".", dir=self.folder)  # mode 0600
+            draft = Path(name)
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.write(text)
+            path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
+        except FileExistsError:
+            raise PeerError(
+                f"{peer.label} is known already; remove it first: weberlink peers {peer.label} --remove"
+            ) from None
+        except OSError as problem:
+            raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
+        finally:
+            if draft is not None:
+                draft.unlink(missing_ok=True)
+
+    def rename(self, label: str, new: str) -> None:
+        """Call a peer by another label.
+
+        Raises:
+            PeerError: there is no such peer, or one of the new label.
+        """
+        self.find(label)
+        path = self._path(new)
+        try:
+            path.hardlink_to(self._path(label))
+        except FileExistsError:
+            raise PeerError(f"there is a peer {new!r} already") from None
+        except OSError as problem:
+            raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
+        self._path(label).unlink()
+
+    def remove(self, label: str) -> None:
+        """Forget a peer and its key.
+
+        Raises:
+            PeerError: there is no such peer.
+        """
+        self.find(label)
+        self._path(label).unlink()
+
+    def _path(self, label: str) -> Path:
+        if not label or label.startswith(".") or not label.isprintable() or "/" in label:
+            raise PeerError(f"a peer cannot be called {label!r}: printable characters without /, and no . in front")
+        return self.folder / f"{label}{_SUFFIX}"
+
+
+def _read(path: Path) -> Peer:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK)
+        with os.fdopen(descriptor, "rb") as file:
+            status = os.fstat(file.fileno())
+            content = file.read(_LONGEST_FILE)
+    except OSError as problem:
+        raise PeerError(f"{path} cannot be read: {problem.strerror}") from None
+    if status.st_uid not in (0, os.geteuid()):
+        raise PeerError(f"{path} belongs to another user")
+    if status.st_mode & 0o077:
+        raise PeerError(f"{path} is open to other users; run: chmod 600 {path}")
+    try:
+        fields = json.loads(content)
+        peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})
+    except (ValueError, TypeError, KeyError):
+        raise PeerError(f"{path} is not the file of a peer; remove it, and pair again") from None
+    if len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
+        raise PeerError(f"{path} is not the file of a peer; remove it, and pair again")
+    return peer
