@@ -23,6 +23,9 @@ system:  ## Debian packages for tests of HID devices, in a browser and of views,
 	ldconfig -p | grep -q libEGL.so.1 || apt-get install -y -q --no-install-recommends libegl1
 	ldconfig -p | grep -q libOSMesa || apt-get install -y -q --no-install-recommends libosmesa6
 	command -v cyclictest >/dev/null || apt-get install -y -q --no-install-recommends rt-tests
+	command -v turnserver >/dev/null && command -v nft >/dev/null || { \
+		apt-get install -y -q --no-install-recommends coturn nftables; \
+		! command -v systemctl >/dev/null || systemctl disable --now coturn; }  # tests start their own
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
@@ -112,7 +115,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra docs \
+		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra anywhere --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \
 		-e '/^pylibfranka==/s/$$/ and platform_machine == "x86_64"/' \
