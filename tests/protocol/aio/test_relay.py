@@ -1,4 +1,4 @@
-"""A session through coturn, a relay that others wrote: one end uses a channel of it, the other knows nothing of that."""
+"""A session through coturn, a relay that others wrote: one end uses a channel of it, of which the other knows nothing."""
 
 import asyncio
 import shutil
