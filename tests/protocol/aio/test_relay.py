@@ -1,4 +1,4 @@
-"""A session through coturn, a relay that others wrote: one end uses a channel of it, of which the other knows nothing."""
+"""A session through coturn, a relay that others wrote: one end uses a channel of it, the other needs no relay."""
 
 import asyncio
 import shutil
