@@ -12,7 +12,7 @@ from typing import Final
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathFacts, PathFound, PathLost, PathNews, SessionState, StunReceived
 from weberlink.protocol.aio.queue import WorkBudget
-from weberlink.protocol.aio.sockets import STRANGER_SHARE, Carrier, GuardedSocket, Wake, numeric
+from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE, Carrier, GuardedSocket, Wake, numeric
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.states import Role, State
@@ -22,8 +22,9 @@ REPLACED_S: Final = 1.0
 LONGEST_STUN: Final = 1500
 """Longest STUN message that is passed on [bytes]; it fits one packet (RFC 8489 section 6.1)."""
 STUN_S, STUN_BURST_S = 1e-3, 2e-2
-"""What a message of a stranger may cost the finder, and how much of it may come at once: 50/s, 20 [s of a processor].
-More would push the peer's messages out."""
+"""What a STUN message may cost the finder at most, and how much may come at once [s of a processor]. With the shares of
+`weberlink.protocol.aio.sockets`: 300/s of the peer, 50/s of strangers, 20 at once. More would push out what the daemon
+has to say."""
 MOVED_PEERS: Final = 8
 """Addresses outside all paths whose way back is remembered."""
 MESSAGES_AT_ONCE: Final = 16
@@ -56,7 +57,7 @@ class FoundPath:
         self.is_open = True
         self._owner = owner
         self._channel = b"" if found.channel is None else found.channel.to_bytes(2, "big")
-        self._strangers = WorkBudget(STRANGER_SHARE, STUN_BURST_S, wake.now())
+        self._budgets = [WorkBudget(share, STUN_BURST_S, wake.now()) for share in (STRANGER_SHARE, PEER_SHARE)]
         bound.setblocking(False)
         self._socket = GuardedSocket(bound, self._take, wake, dscp, owner.tell)
         self.remote = self._socket.guard(found.remote) or found.remote
@@ -101,13 +102,11 @@ class FoundPath:
             self._owner.take(data[_HEADER : _HEADER + length], self.address, now)
 
     def _pass_on(self, data: bytes, source: Address, now: float) -> None:
-        """Return a STUN message to the finder; of strangers, a limited number."""
-        if len(data) > LONGEST_STUN:
+        """Return a STUN message to the finder, or drop it if there were too many."""
+        budget = self._budgets[source == self.remote]
+        if len(data) > LONGEST_STUN or budget.left(now) < 0.0:
             return
-        if source != self.remote:
-            if self._strangers.left(now) < 0.0:
-                return
-            self._strangers.spend(STUN_S, now)
+        budget.spend(STUN_S, now)
         self._owner.tell_finder(StunReceived(self.found.number, source, data))
 
 

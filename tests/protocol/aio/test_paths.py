@@ -24,6 +24,7 @@ from weberlink.protocol import Connected, PeerSilent, Role, State
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, SessionState, StunReceived
 from weberlink.protocol.aio.paths import FINDER_ENDED, STUN_BURST_S, STUN_S
+from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE
 from weberlink.protocol.events import DropReason
 
 HANG_S = 10.0
@@ -213,24 +214,28 @@ async def test_stun_of_the_peer_goes_to_the_finder(loop: asyncio.AbstractEventLo
         await until(lambda: slave.endpoint.statistics.drops == 1)
 
 
-@live
-async def test_stun_of_strangers_is_passed_on_within_a_limit(
-    loop: asyncio.AbstractEventLoop, master: End, slave: End
-) -> None:
-    connect(master, slave)
-    await engage(master, slave)
-    slave.told()
-    (host, port) = master.shell.paths[0].remote.split(":")
-    with bound_socket() as stranger:
+@pytest.mark.parametrize("is_peer", [False, True])
+def test_flood_of_stun_is_passed_on_within_a_limit(is_peer: bool) -> None:
+    @live
+    async def flood(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+        bound, peer, stranger = bound_socket(), bound_socket(), bound_socket()
+        address = bound.getsockname()
+        slave.find(bound, PathFound(1, 0, OPERATOR, peer.getsockname()))
+        await until(lambda: slave.shell.paths[0].route)
         began = monotonic()
-        for _ in range(2000):
-            stranger.sendto(STUN, (host, int(port)))
-        stranger.sendto(STUN + bytes(1481), (host, int(port)))
-        await asyncio.sleep(0.1)
-        passed = [message for message in slave.told() if isinstance(message, StunReceived)]
-    most = STUN_BURST_S / STUN_S + 0.05 * (monotonic() - began) / STUN_S + 1
-    assert 1 <= len(passed) <= most
-    assert max(len(message.data) for message in passed) == len(STUN)
+        with peer, stranger:
+            sender = peer if is_peer else stranger
+            sender.sendto(STUN + bytes(1481), address)  # too long to be one
+            for _ in range(1000):
+                sender.sendto(STUN, address)
+            await asyncio.sleep(0.1)
+            passed = [message for message in slave.told() if isinstance(message, StunReceived)]
+            assert {message.source for message in passed} == {sender.getsockname()}
+        share = PEER_SHARE if is_peer else STRANGER_SHARE
+        assert 1 <= len(passed) <= (STUN_BURST_S + share * (monotonic() - began)) / STUN_S + 1
+        assert {len(message.data) for message in passed} == {len(STUN)}
+
+    flood()
 
 
 @live
