@@ -60,6 +60,11 @@ async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> E
         await asyncio.sleep(0.001)
 
 
+async def until_true(condition: Callable[[], object]) -> None:
+    while not condition():
+        await asyncio.sleep(0.001)
+
+
 async def engage(
     loop: asyncio.AbstractEventLoop,
     link: EmulatedLink[Address] | None = None,
@@ -297,6 +302,49 @@ async def test_a_peer_that_moves_is_followed(loop: asyncio.AbstractEventLoop) ->
         await asyncio.sleep(0.005)
     assert slave.peer == moved.address
     assert slave.state is State.ENGAGED
+
+
+@live
+async def test_path_in_words_names_the_peer_and_its_moves(loop: asyncio.AbstractEventLoop) -> None:
+    master_shell, master, slave_shell, _ = await engage(loop)
+    remote = f"127.0.0.1:{master_shell.address[1]}"
+    await until_true(lambda: slave_shell.paths[0].remote == remote)
+    assert slave_shell.paths[0][:4] == (0, "direct", "", "")
+    assert slave_shell.paths[0].changes == 0
+    moved = shell_of(master, listen=ANY)
+    master_shell.close()
+    await moved.open(loop)
+    for tick in range(1, 60):
+        assert master.send_update(monotonic(), sample_update(tick))
+        moved.flush(monotonic())
+        await asyncio.sleep(0.005)
+    await until_true(lambda: slave_shell.paths[0].remote == f"127.0.0.1:{moved.address[1]}")
+    assert slave_shell.paths[0].changes == 1
+
+
+@pytest.mark.parametrize("dscp", [0, 46, 63])
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_class_of_service_is_asked_for_and_seen(host: str, dscp: int) -> None:
+    if host == "::1" and not socket.has_ipv6:
+        pytest.skip("this Python has no IPv6")
+
+    @live
+    async def session(loop: asyncio.AbstractEventLoop) -> None:
+        slave_shell = shell_of(slave := make(Role.RESPONDER), listen=(host, 0), dscp=dscp)
+        try:
+            await slave_shell.open(loop)
+        except OSError:
+            pytest.skip("this host has no IPv6 loopback")
+        slave.connect(monotonic())
+        master = make(Role.INITIATOR, peer=slave_shell.address)
+        master_shell = shell_of(master, dscp=7)
+        await master_shell.open(loop)
+        master.connect(monotonic())
+        master_shell.flush(monotonic())
+        await until_true(lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None)
+        assert (master_shell.paths[0].dscp, slave_shell.paths[0].dscp) == (dscp, 7)
+
+    session()
 
 
 @live

@@ -1,0 +1,387 @@
+"""Sessions over paths that another process finds, on real sockets. Time limits only bound a hang."""
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+from functools import partial
+from time import monotonic
+
+import pytest
+import uvloop
+
+from tests.protocol.aio.found import (
+    OPERATOR,
+    ROBOT,
+    End,
+    Middle,
+    bound_socket,
+    connect,
+    send_ticks,
+    until,
+)
+from tests.protocol.harness import sample_update
+from weberlink.protocol import Connected, PeerSilent, Role, State
+from weberlink.protocol.aio import hand_over
+from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, SessionState, StunReceived
+from weberlink.protocol.aio.paths import FINDER_ENDED, STUN_BURST_S, STUN_S
+from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE
+from weberlink.protocol.events import DropReason
+
+HANG_S = 10.0
+STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)
+"""A binding request without attributes."""
+CHANNEL = 0x4001
+
+Main = Callable[[asyncio.AbstractEventLoop, End, End], Awaitable[None]]
+
+
+def live(main: Main | None = None, **changes: object) -> Callable[[], None]:
+    """Make a test of a coroutine that is given a loop, a master and a slave.
+
+    Args:
+        main: the coroutine; None to get a decorator.
+        changes: to both endpoints.
+    """
+    if main is None:
+        return partial(live, **changes)  # type: ignore[return-value]
+    body: Main = main
+
+    async def bounded() -> None:
+        master, slave = End(Role.INITIATOR, **changes), End(Role.RESPONDER, **changes)
+        try:
+            async with asyncio.timeout(HANG_S):
+                loop = asyncio.get_running_loop()
+                await slave.open(loop)
+                await master.open(loop)
+                await body(loop, master, slave)
+        finally:
+            master.close()
+            slave.close()
+
+    def test() -> None:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(bounded())
+
+    return test
+
+
+async def engage(master: End, slave: End) -> None:
+    await until(lambda: master.of(Connected) and slave.of(Connected))
+    await until(lambda: master.endpoint.state is slave.endpoint.state is State.ENGAGED)
+
+
+async def all_arrived(slave: End, count: int) -> None:
+    """Wait for the updates of ticks 1 to `count`; one that a newer one has overtaken on another path counts."""
+    await until(lambda: slave.ticks()[-1:] == [count])
+    ticks = slave.ticks()
+    assert ticks == sorted(ticks)
+    assert count - len(ticks) <= slave.endpoint.statistics.dropped[DropReason.SUPERSEDED]
+
+
+@live
+async def test_session_engages_once_a_path_is_found(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    await asyncio.sleep(0.05)
+    assert master.endpoint.state is State.CONNECTING
+    assert [facts.route for facts in master.shell.paths] == [""]
+    assert master.shell.paths[0].note == "finding a path"
+    connect(master, slave)
+    await engage(master, slave)
+    await send_ticks(master, 1, 20)
+    await all_arrived(slave, 20)
+    (facts,) = master.shell.paths
+    assert facts[:4] == (0, "punched", "", "lo")
+    assert (facts.changes, facts.note) == (0, "")
+    assert SessionState(ROBOT, hand_over.ENGAGED) in master.told()
+    assert SessionState(OPERATOR, hand_over.ENGAGED) in slave.told()
+
+
+@live
+async def test_replaced_path_loses_no_update_and_no_session(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+
+    def replace(tick: int) -> None:
+        if tick in (20, 40, 60):
+            connect(master, slave, number=tick)
+
+    await send_ticks(master, 1, 80, replace)
+    await all_arrived(slave, 80)
+    assert len(master.of(Connected)) == len(slave.of(Connected)) == 1
+    assert master.shell.paths[0].changes == slave.shell.paths[0].changes == 3
+
+
+@live
+async def test_ends_that_change_paths_apart_lose_nothing(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    """The master sends on the new path while the slave's finder still holds it, and the other way round."""
+    connect(master, slave)
+    await engage(master, slave)
+    sockets = bound_socket(), bound_socket()
+    addresses = [each.getsockname() for each in sockets]
+
+    def replace(tick: int) -> None:
+        if tick == 20:
+            master.find(sockets[0], PathFound(2, 0, ROBOT, addresses[1]))
+        elif tick == 60:
+            slave.find(sockets[1], PathFound(2, 0, OPERATOR, addresses[0]))
+
+    await send_ticks(master, 1, 100, replace)
+    await all_arrived(slave, 100)
+    assert master.of(PeerSilent) == slave.of(PeerSilent) == []
+    assert slave.endpoint.statistics.dropped[DropReason.REPLAYED] > 0
+
+
+@live
+async def test_one_of_two_paths_cut_misses_no_update(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    middles = Middle(loop), Middle(loop)
+    try:
+        for place, middle in enumerate(middles):
+            connect(master, slave, place + 1, place, middle)
+        await engage(master, slave)
+        await until(lambda: len(master.shell.paths) == len(slave.shell.paths) == 2)
+
+        def cut(tick: int) -> None:
+            middles[0].is_up, middles[1].is_up = not 20 <= tick < 50, not 60 <= tick < 90
+
+        await send_ticks(master, 1, 100, cut)
+        await all_arrived(slave, 100)
+        assert master.of(PeerSilent) == slave.of(PeerSilent) == []
+        assert [facts.place for facts in slave.shell.paths] == [0, 1]
+    finally:
+        for middle in middles:
+            middle.close()
+
+
+@live(silence=0.1)
+async def test_ends_engage_on_a_new_path_after_a_cut(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    middle = Middle(loop)
+    try:
+        connect(master, slave, middle=middle)
+        await engage(master, slave)
+        middle.is_up = False
+        await until(lambda: master.of(PeerSilent) and slave.of(PeerSilent))
+        connect(master, slave, number=2)
+        await until(lambda: master.endpoint.state is slave.endpoint.state is State.ENGAGED)
+        states = [message.state for message in master.told() if isinstance(message, SessionState)]
+        assert states[:3] == [hand_over.ENGAGED, hand_over.SILENT, hand_over.ENGAGED]
+        assert [facts.changes for facts in master.shell.paths] == [1]
+    finally:
+        middle.close()
+
+
+@live
+async def test_lost_mapping_of_a_nat_is_followed(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    """The slave hears the master from another port, validates it, and sends there through the same socket."""
+    middle = Middle(loop)
+    try:
+        connect(master, slave, middle=middle)
+        await engage(master, slave)
+        before = master.endpoint.statistics.received
+
+        def change(tick: int) -> None:
+            if tick == 10:
+                middle.change_port()
+
+        await send_ticks(master, 1, 200, change)
+        await until(lambda: slave.ticks()[-1] == 200)
+        host, port = middle.towards[1]
+        await until(lambda: slave.shell.paths[0].remote == f"{host}:{port}")
+        await until(lambda: slave.endpoint.peer == hand_over.address_of(OPERATOR))
+        assert slave.shell.paths[0].changes == 1
+        assert master.endpoint.statistics.received > before
+        assert master.endpoint.state is slave.endpoint.state is State.ENGAGED
+        assert len(slave.of(Connected)) == 1
+    finally:
+        middle.close()
+
+
+@live
+async def test_stun_of_the_peer_goes_to_the_finder(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    bound, peer = bound_socket(), bound_socket()
+    address, source = bound.getsockname(), peer.getsockname()
+    slave.find(bound, PathFound(7, 0, OPERATOR, source))
+    with peer:
+        await until(lambda: slave.shell.paths[0].route)
+        peer.sendto(STUN, address)
+        messages: list[hand_over.Message] = []
+        await until(lambda: messages.extend(slave.told()) or messages)
+        assert messages == [StunReceived(7, source, STUN)]
+        assert slave.endpoint.statistics.drops == 0
+        peer.sendto(b"\x00\x01\x00\x00" + bytes(16), address)  # without the cookie it is a datagram like any other
+        await until(lambda: slave.endpoint.statistics.drops == 1)
+
+
+@pytest.mark.parametrize("is_peer", [False, True])
+def test_flood_of_stun_is_passed_on_within_a_limit(is_peer: bool) -> None:
+    @live
+    async def flood(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+        bound, peer, stranger = bound_socket(), bound_socket(), bound_socket()
+        address = bound.getsockname()
+        slave.find(bound, PathFound(1, 0, OPERATOR, peer.getsockname()))
+        await until(lambda: slave.shell.paths[0].route)
+        began = monotonic()
+        with peer, stranger:
+            sender = peer if is_peer else stranger
+            sender.sendto(STUN + bytes(1481), address)  # too long to be one
+            for _ in range(1000):
+                sender.sendto(STUN, address)
+            await asyncio.sleep(0.1)
+            passed = [message for message in slave.told() if isinstance(message, StunReceived)]
+            assert {message.source for message in passed} == {sender.getsockname()}
+        share = PEER_SHARE if is_peer else STRANGER_SHARE
+        assert 1 <= len(passed) <= (STUN_BURST_S + share * (monotonic() - began)) / STUN_S + 1
+        assert {len(message.data) for message in passed} == {len(STUN)}
+
+    flood()
+
+
+@live
+async def test_flood_on_a_path_does_not_push_out_the_peer(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    host, port = master.shell.paths[0].remote.split(":")
+    with bound_socket() as stranger:
+        for _ in range(5000):
+            stranger.sendto(b"\x03" + bytes(60), (host, int(port)))
+        assert master.endpoint.send_update(monotonic(), sample_update(1))
+        master.shell.flush(monotonic())
+        before = slave.endpoint.statistics.drops
+        while not slave.ticks():
+            slave.shell.service(monotonic())  # of the peer alone; the loop would be woken for the others
+        assert slave.ticks() == [1]
+        assert slave.endpoint.statistics.drops == before
+
+
+@live
+async def test_datagrams_of_a_relay_carry_its_channel(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    """The relay of this test strips the header of what the master sends, and adds it to what the slave sends."""
+    head = CHANNEL.to_bytes(2, "big")
+    inner, outer = bound_socket(), bound_socket()
+    sockets = bound_socket(), bound_socket()
+    addresses = [each.getsockname() for each in sockets]
+    seen: list[bytes] = []
+
+    def strip() -> None:
+        data = inner.recv(5000)
+        seen.append(data[:4])
+        outer.sendto(data[4 : 4 + int.from_bytes(data[2:4], "big")], addresses[1])
+
+    def wrap() -> None:
+        data = outer.recv(5000)
+        inner.sendto(b"\x40\x02" + data[:9], addresses[0])  # of a channel that is not that of the path
+        inner.sendto(head + len(data).to_bytes(2, "big") + data + b"\0", addresses[0])
+
+    with inner, outer:
+        loop.add_reader(inner.fileno(), strip)
+        loop.add_reader(outer.fileno(), wrap)
+        found = PathFound(1, 0, ROBOT, inner.getsockname(), CHANNEL, route="relayed", via="home relay")
+        master.find(sockets[0], found)
+        slave.find(sockets[1], PathFound(1, 0, OPERATOR, outer.getsockname()))
+        await engage(master, slave)
+        assert {header[:2] for header in seen} == {head}
+        assert master.endpoint.statistics.drops == 0
+        assert master.shell.paths[0][1:3] == ("relayed", "home relay")
+        wrapped = head + len(STUN).to_bytes(2, "big") + STUN
+        master.told()
+        inner.sendto(wrapped, addresses[0])
+        messages: list[hand_over.Message] = []
+        await until(lambda: messages.extend(master.told()) or messages)
+        assert messages == [StunReceived(1, inner.getsockname(), wrapped)]
+        for each in (inner, outer):
+            loop.remove_reader(each.fileno())
+
+
+@live
+async def test_lost_path_carries_nothing_more(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    for end in (master, slave):
+        assert hand_over.send(end.finder, PathNews(end.peer, "calling again"))
+        assert hand_over.send(end.finder, PathLost(1))
+    await until(lambda: master.of(PeerSilent) and slave.of(PeerSilent))
+    assert master.shell.paths == slave.shell.paths
+    assert master.shell.paths[0][1::5] == ("", "calling again")
+
+
+@live
+async def test_final_news_before_the_first_session_ends_the_call(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    for end in (master, slave):
+        assert hand_over.send(end.finder, PathNews(end.peer, "UDP is blocked", is_final=True))
+    await until(lambda: master.complaints)
+    assert master.complaints == ["UDP is blocked"]
+    await asyncio.sleep(0.02)
+    assert slave.complaints == []  # it waits for the next call
+
+
+@live
+async def test_final_news_in_a_session_is_a_note(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    assert hand_over.send(master.finder, PathNews(ROBOT, "the mailbox cannot be reached", is_final=True))
+    await until(lambda: master.shell.paths[0].note)
+    assert master.shell.paths[0].note == "the mailbox cannot be reached"
+    assert master.complaints == []
+
+
+@live
+async def test_session_outlives_the_finder_and_no_other_follows(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    slave.finder.close()
+    await send_ticks(master, 1, 30)
+    await all_arrived(slave, 30)
+    assert slave.complaints == []
+    master.endpoint.close(monotonic(), "completed")
+    master.shell.flush(monotonic())
+    await until(lambda: slave.complaints)
+    assert slave.complaints == [FINDER_ENDED]
+
+
+@live
+async def test_finder_that_ends_at_once_is_told(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    hand_over.send(master.finder, PathNews(ROBOT, "waiting for the mailbox"))
+    for end in (master, slave):
+        end.finder.close()
+    await until(lambda: master.complaints and slave.complaints)
+    assert master.complaints == [f"{FINDER_ENDED}: waiting for the mailbox"]
+    assert slave.complaints == [FINDER_ENDED]
+
+
+@live
+async def test_class_of_service_arrives_and_is_told(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    await until(lambda: master.shell.paths[0].dscp is not None and slave.shell.paths[0].dscp is not None)
+    assert master.shell.paths[0].dscp == slave.shell.paths[0].dscp == 46
+
+
+@live
+async def test_all_sockets_are_closed(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    for number in range(1, 5):
+        connect(master, slave, number)
+    await engage(master, slave)
+    ports = [int(end.shell.paths[0].remote.rpartition(":")[2]) for end in (master, slave)]
+    for end in (master, slave):
+        end.shell.close()
+    for port in ports:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
+            again.bind(("127.0.0.1", port))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"\x00", STUN[:7], b"\x04" + STUN[1:], b"\x40\x01\x00\x14" + STUN, bytes(40)],
+    ids=["empty", "short", "cut", "first_byte", "in_a_channel", "zeros"],
+)
+def test_other_datagrams_are_no_stun(data: bytes) -> None:
+    assert not hand_over.is_stun(data)
+    assert hand_over.is_stun(STUN)
