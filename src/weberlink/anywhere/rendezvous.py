@@ -34,9 +34,10 @@ STALE_S: Final = 30.0
 """A call that the server held for longer is not answered: its master has called again, or gone."""
 FIRST_PAUSE_S: Final = 0.25
 LONGEST_PAUSE_S: Final = 15.0
-MANY, TOO_MANY = 64, 256
-"""Messages at which a slave empties the mailbox when it is quiet; at which either end does it at once."""
-QUIET_S: Final = 10.0
+MANY: Final = 64
+"""Messages at which a slave that connects empties the mailbox first."""
+TOO_MANY: Final = 256
+"""The same for a master that nobody answers: so many only gather while no slave waits."""
 
 Told = TypeVar("Told")
 
@@ -211,6 +212,9 @@ class _Line:
                         stored = await mailbox.stored()
                         self._waiter.reached(self._peer.label)
                         pauses = _pauses()
+                        if mailbox.count >= MANY and not self._is_busy:
+                            await sweep(self._url, self._sealing)
+                            continue
                         await self._listen(mailbox, stored, handler, tasks)
             except MailboxUnreachable as problem:
                 self._waiter.lost(self._peer.label, problem)
@@ -222,25 +226,22 @@ class _Line:
     async def _listen(
         self, mailbox: Mailbox, stored: list[Received], handler: Handler, tasks: asyncio.TaskGroup
     ) -> None:
-        """Take calls until there are so many messages that the mailbox was emptied."""
+        """Take calls until the connection is lost."""
         self._mailbox = mailbox
         try:
             await self._flush()
             for received in stored:
                 if received.age < STALE_S:
                     await self._take(mailbox, received.message, handler, tasks)
-            while mailbox.count < TOO_MANY:
-                try:
-                    async with asyncio.timeout(QUIET_S):
-                        received = await anext(mailbox)
-                except TimeoutError:
-                    if mailbox.count >= MANY:
-                        break
-                else:
-                    await self._take(mailbox, received.message, handler, tasks)
+            async for received in mailbox:
+                await self._take(mailbox, received.message, handler, tasks)
         finally:
             self._mailbox = None
-        await sweep(self._url, self._sealing)
+
+    @property
+    def _is_busy(self) -> bool:
+        """Whether a handler is at work, or its answer not sent."""
+        return self._unsent is not None or (self._handling is not None and not self._handling.done())
 
     async def _take(self, mailbox: Mailbox, message: Message, handler: Handler, tasks: asyncio.TaskGroup) -> None:
         now = asyncio.get_running_loop().time()
