@@ -26,7 +26,6 @@ APPLICATION: Final = "weberlink/rendezvous-1"
 OPEN_LIMIT_S: Final = 10.0
 PING_S: Final = 10.0
 """Between two pings; a connection without a pong for as long again is lost."""
-_CLOSE_LIMIT_S: Final = 1.0
 
 
 class MailboxRefuses(MailboxUnreachable):
@@ -134,17 +133,19 @@ async def _bound(url: str, side: str) -> AsyncIterator[ClientConnection]:
             open_timeout=OPEN_LIMIT_S,
             ping_interval=PING_S,
             ping_timeout=PING_S,
-            close_timeout=_CLOSE_LIMIT_S,
             compression=None,  # of what is encrypted saves nothing
         )
     except (OSError, WebSocketException, ValueError) as problem:  # TimeoutError is an OSError
         raise _unreachable(url, problem) from None
-    async with socket:
+    try:
         welcome = (await _receive(socket, url)).get("welcome")
         if isinstance(welcome, dict) and "error" in welcome:
             raise MailboxRefuses(f"the mailbox server {url} refuses: {welcome['error']}")
         await _send(socket, url, type="bind", appid=APPLICATION, side=side)
         yield socket
+    finally:
+        socket.transport.abort()  # nothing is under way, and a closing handshake costs a round trip, or a time-out
+        await socket.wait_closed()
 
 
 async def _send(socket: ClientConnection, url: str, **told: str) -> None:

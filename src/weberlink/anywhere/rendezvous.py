@@ -201,7 +201,7 @@ class _Line:
                 self._limit.reschedule(asyncio.get_running_loop().time())
 
     async def attend(self, handler: Handler, tasks: asyncio.TaskGroup) -> None:
-        pauses = _pauses()
+        pauses, is_swept = _pauses(), False
         while True:
             try:
                 with suppress(TimeoutError):
@@ -212,7 +212,8 @@ class _Line:
                         stored = await mailbox.stored()
                         self._waiter.reached(self._peer.label)
                         pauses = _pauses()
-                        if mailbox.count >= MANY and not self._is_busy:
+                        is_swept = mailbox.count >= MANY and not is_swept and not self._is_busy
+                        if is_swept:  # once, also if the server keeps what it should delete
                             await sweep(self._url, self._sealing)
                             continue
                         await self._listen(mailbox, stored, handler, tasks)
