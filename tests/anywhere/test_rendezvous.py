@@ -120,7 +120,7 @@ def test_peer_that_is_there_and_does_not_answer_is_told(mailbox: MailboxServer) 
 
         async with running(host.waiter.serve(answer)):
             await presence(pair.slave, PATIENCE)
-            with pytest.raises(PeerAbsent, match="^robot is there, and does not answer$"):
+            with pytest.raises(PeerAbsent, match=r"^robot is there, and does not answer$"):
                 await pair.call(timeout=0.5)
 
     run(test())
