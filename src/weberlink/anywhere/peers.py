@@ -158,8 +158,8 @@ class PeerStore:
             raise PeerError(f"{path} cannot be removed: {problem.strerror}") from None
 
     def _path(self, label: str) -> Path:
-        fits = len(os.fsencode(f"{label}{_SUFFIX}")) <= _LONGEST_NAME
-        if not label or label[0] == "." or not label.isprintable() or "/" in label or not fits:
+        is_name = label and label[0] != "." and label.isprintable() and "/" not in label
+        if not is_name or len(f"{label}{_SUFFIX}".encode()) > _LONGEST_NAME:
             raise PeerError(f"a peer cannot be called {label!r}: printable characters without /, and no . in front")
         return self.folder / f"{label}{_SUFFIX}"
 
