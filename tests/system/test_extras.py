@@ -43,7 +43,7 @@ PLACES = {
     "ros2": ("ros2", "apps.bridge.ros2", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove",),
     "franka": ("slave.robots.franka.controller",),
-    "anywhere": ("anywhere.finder", "anywhere.ice", "anywhere.rendezvous", "anywhere.pairing", "anywhere.qr"),
+    "anywhere": tuple(f"anywhere.{each}" for each in ("finder", "ice", "mailbox", "pairing", "qr", "rendezvous")),
     "plots": ("studies",),
     "dask": ("studies.cluster",),
 }

@@ -14,6 +14,8 @@ from typing import Literal
 KEY_BYTES = 32
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
+_LONGEST_NAME = 255
+"""Bytes of a file name."""
 
 
 class PeerError(ValueError):
@@ -65,8 +67,27 @@ class PeerStore:
         Raises:
             PeerError: a file cannot be used.
         """
-        for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
-            yield _read(path)
+        for label in self.labels():
+            yield _read(self._path(label))
+
+    def labels(self) -> list[str]:
+        """What the peers are called, also those whose file cannot be used.
+
+        Raises:
+            PeerError: the folder cannot be read, or others may write to it.
+        """
+        try:
+            status = self.folder.stat()
+            names = os.listdir(self.folder)  # noqa: PTH208 - glob keeps silent about a folder that it may not read
+        except FileNotFoundError:
+            return []
+        except OSError as problem:
+            raise PeerError(f"{self.folder} cannot be read: {problem.strerror}") from None
+        if status.st_uid not in (0, os.geteuid()):
+            raise PeerError(f"{self.folder} belongs to another user")
+        if status.st_mode & 0o022:
+            raise PeerError(f"{self.folder} is writable for other users; run: chmod 700 {self.folder}")
+        return sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX) and name[0] != ".")
 
     def find(self, label: str) -> Peer:
         """The peer of this label.
@@ -75,8 +96,8 @@ class PeerStore:
             PeerError: there is none; the message names those that there are.
         """
         path = self._path(label)
-        if not path.exists():
-            known = ", ".join(peer.label for peer in self) or "none yet; pair with --invite and --join"
+        if (labels := self.labels()).count(label) == 0:
+            known = ", ".join(labels) or "none yet; pair with --invite and --join"
             raise PeerError(f"there is no peer {label!r}; known: {known}")
         return _read(path)
 
@@ -120,19 +141,25 @@ class PeerStore:
             raise PeerError(f"there is a peer {new!r} already") from None
         except OSError as problem:
             raise PeerError(f"{path} cannot be written: {problem.strerror}") from None
-        self._path(label).unlink()
+        self._path(label).unlink(missing_ok=True)  # somebody else renamed it at the same time
 
     def remove(self, label: str) -> None:
-        """Forget a peer and its key.
+        """Forget a peer and its key; also one whose file cannot be used.
 
         Raises:
-            PeerError: there is no such peer.
+            PeerError: there is no such peer, or it cannot be removed.
         """
-        self.find(label)
-        self._path(label).unlink()
+        path = self._path(label)
+        if label not in self.labels():
+            self.find(label)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as problem:
+            raise PeerError(f"{path} cannot be removed: {problem.strerror}") from None
 
     def _path(self, label: str) -> Path:
-        if not label or label.startswith(".") or not label.isprintable() or "/" in label:
+        is_name = label and label[0] != "." and label.isprintable() and "/" not in label
+        if not is_name or len(f"{label}{_SUFFIX}".encode()) > _LONGEST_NAME:
             raise PeerError(f"a peer cannot be called {label!r}: printable characters without /, and no . in front")
         return self.folder / f"{label}{_SUFFIX}"
 
@@ -152,8 +179,10 @@ def _read(path: Path) -> Peer:
     try:
         fields = json.loads(content)
         peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})
-    except (ValueError, TypeError, KeyError):
-        raise PeerError(f"{path} is not the file of a peer; remove it, and pair again") from None
-    if len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
+        texts = (peer.name, peer.own, peer.mailbox)
+        fits = all(isinstance(each, str) for each in texts) and isinstance(peer.paired_at, int | float)
+    except (ValueError, TypeError, KeyError, RecursionError):
+        fits = False
+    if not fits or len(peer.key) != KEY_BYTES or peer.role not in ("master", "slave"):
         raise PeerError(f"{path} is not the file of a peer; remove it, and pair again")
     return peer

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli.output import fail
+from weberlink.cli.arguments import Json
+from weberlink.cli.output import fail, write
 from weberlink.system.order import MISCONFIGURED
 
 
@@ -13,20 +14,29 @@ def peers(
     label: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One known peer; default: all.")] = None,
     rename: Annotated[str | None, typer.Option(metavar="NEW", help="Call the peer NEW.")] = None,
     remove: Annotated[bool, typer.Option("--remove", help="Forget the peer and its key.")] = False,
+    offline: Annotated[bool, typer.Option("--offline", help="Ask no mailbox server which robots wait.")] = False,
     store: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the known peers (link.peer_store of a file).")
     ] = None,
+    json_out: Json = None,
 ) -> None:
-    """List the known peers; rename or remove one."""
+    """List the known peers, and which robots wait; rename or remove one."""
     from weberlink.anywhere.peers import PeerError, PeerStore  # noqa: PLC0415 - each command imports what it needs
 
+    if (rename is not None or remove) and (label is None or (rename is not None and remove)):
+        fail("peers: --rename NEW and --remove are for one peer: weberlink peers NAME --remove", MISCONFIGURED)
     known = PeerStore(store)
     try:
         if label is not None and remove:
             known.remove(label)
+            typer.echo(f"{label} is forgotten here; it still knows this host, until it is removed there, too")
         elif label is not None and rename is not None:
             known.rename(label, rename)
-        for peer in known if label is None else ():
-            typer.echo(f"{peer.label}  {peer.role} {peer.name}")
+            typer.echo(f"{label} is now called {rename}")
+        else:
+            from weberlink.apps.peers import acquaintances  # noqa: PLC0415
+
+            found = acquaintances(known, label, ask=not offline)
+            write(found.document, json_out, found.show)
     except PeerError as error:
         fail(f"peers: {error}", MISCONFIGURED)

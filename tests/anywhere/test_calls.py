@@ -1,0 +1,241 @@
+"""A call through a server that reads, keeps, repeats, reorders, delays and changes every message of several pairs."""
+
+import os
+from dataclasses import dataclass, field
+from random import Random
+
+import pytest
+
+from weberlink.anywhere.calls import LARGEST_MEMORY, OFFER_LIMIT_S, Called, IncomingCalls, Message, OutgoingCall, Ready
+from weberlink.anywhere.sealing import LONGEST_BODY, Sealing
+from weberlink.anywhere.signalling import Answer, Busy, Description, Offer
+
+KEY, OTHER_KEY = bytes(range(32)), bytes(32)
+PATHS = (
+    Description("u1", "p" * 22, ("1 1 udp 2130706431 192.0.2.1 4000 typ host", "2 1 udp 1 192.0.2.2 4001 typ relay")),
+    Description("u2", "q" * 22, ()),
+)
+
+
+def ends(key: bytes = KEY) -> tuple[OutgoingCall, IncomingCalls]:
+    return OutgoingCall(Sealing(key, "master"), os.urandom), IncomingCalls(Sealing(key, "slave"), os.urandom)
+
+
+def offered(caller: OutgoingCall, waiter: IncomingCalls, now: float = 0.0) -> Message:
+    """The offer that follows on the first two messages."""
+    ready = waiter.receive(caller.first(), now, None)
+    assert isinstance(ready, Message)
+    assert caller.receive(ready) == Ready(None)
+    return caller.offer(PATHS, take_over=True)
+
+
+def test_offer_and_answer_arrive_as_they_were() -> None:
+    caller, waiter = ends()
+    called = waiter.receive(offered(caller, waiter), 1.0, None)
+    assert isinstance(called, Called)
+    assert called.offer == Offer(caller.attempt, PATHS, take_over=True)
+    assert caller.receive(waiter.reply(called, Answer(PATHS[::-1]))) == Answer(PATHS[::-1])
+
+
+def test_caller_is_told_who_is_served() -> None:
+    caller, waiter = ends()
+    ready = waiter.receive(caller.first(), 0.0, "bob")
+    assert isinstance(ready, Message)
+    assert caller.receive(ready) == Ready("bob")
+    called = waiter.receive(caller.offer(PATHS, take_over=False), 0.0, "bob")
+    assert isinstance(called, Called)
+    assert caller.receive(waiter.reply(called, Busy("bob"))) == Busy("bob")
+
+
+def test_offer_counts_once() -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    assert isinstance(waiter.receive(offer, 0.0, None), Called)
+    assert waiter.receive(offer, 0.0, None) is None
+
+
+@pytest.mark.parametrize(("delay", "counts"), [(OFFER_LIMIT_S, True), (OFFER_LIMIT_S + 0.001, False)])
+def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
+    caller, waiter = ends()
+    assert isinstance(waiter.receive(offered(caller, waiter, 5.0), 5.0 + delay, None), Called) == counts
+
+
+def test_offer_to_a_slave_that_started_again_does_not_count() -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    assert ends()[1].receive(offer, 0.0, None) is None
+
+
+def test_answer_to_another_call_does_not_count() -> None:
+    first, waiter = ends()
+    second, _ = ends()
+    for caller in (first, second):
+        called = waiter.receive(offered(caller, waiter), 0.0, None)
+        assert isinstance(called, Called)
+    answer = waiter.reply(called, Answer(PATHS))
+    assert first.receive(answer) is None
+    assert second.receive(answer) == Answer(PATHS)
+
+
+def test_message_reflected_to_its_sender_does_not_count() -> None:
+    caller, waiter = ends()
+    assert OutgoingCall(Sealing(KEY, "master"), lambda _: caller.attempt).receive(caller.first()) is None
+    ready = waiter.receive(caller.first(), 0.0, None)
+    assert isinstance(ready, Message)
+    assert waiter.receive(Message("call", ready.body), 0.0, None) is None
+
+
+def test_message_told_to_be_of_another_kind_does_not_count() -> None:
+    caller, waiter = ends()
+    ready = waiter.receive(caller.first(), 0.0, "bob")
+    assert isinstance(ready, Message)
+    assert caller.receive(ready) == Ready("bob")
+    assert caller.receive(ready._replace(phase="busy")) is None
+
+
+def test_repeated_call_does_not_disturb_the_first() -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    assert waiter.receive(caller.first(), 0.0, None) is None
+    assert isinstance(waiter.receive(offer, 0.0, None), Called)
+
+
+def test_call_is_remembered_within_bounds() -> None:
+    _, waiter = ends()
+    for _ in range(3 * LARGEST_MEMORY):
+        assert isinstance(waiter.receive(ends()[0].first(), 0.0, None), Message)
+    caller, _ = ends()
+    assert isinstance(waiter.receive(offered(caller, waiter), 0.0, None), Called)
+    assert len(waiter._given) == LARGEST_MEMORY
+
+
+@pytest.mark.parametrize("body", ["", "0", "zz", "00" * 12, "00" * 28, "é" * 60, "00" * LONGEST_BODY])
+@pytest.mark.parametrize("phase", ["call", "ready", "offer", "answer", "busy", "", "\ud800"])
+def test_anything_is_ignored(phase: str, body: str) -> None:
+    caller, waiter = ends()
+    assert waiter.receive(Message(phase, body), 0.0, None) is None
+    assert caller.receive(Message(phase, body)) is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        [],
+        [1],
+        [b"a", None],
+        [b"a", b"n", 1, []],
+        [b"a", b"n", True, [["u", "p"]]],
+        [b"a", b"n", True, [["u", "p", [1]]]],
+    ],
+)
+@pytest.mark.parametrize("phase", ["call", "offer"])
+def test_what_another_version_of_the_peer_seals_is_ignored(phase: str, content: list[object]) -> None:
+    _, waiter = ends()
+    body = Sealing(KEY, "master").seal(phase, content)
+    assert waiter.receive(Message(phase, body), 0.0, None) is None
+
+
+def test_names_at_the_server_differ_for_each_pair_and_stay() -> None:
+    keys = [os.urandom(32) for _ in range(100)]
+    masters = [Sealing(key, "master") for key in keys]
+    names = {name for each in masters for name in (each.mailbox, each.side, each.other_side)}
+    assert len(names) == 300
+    for key, master in zip(keys, masters, strict=True):
+        slave = Sealing(key, "slave")
+        assert (slave.mailbox, slave.side, slave.other_side) == (master.mailbox, master.other_side, master.side)
+
+
+# --- a hostile server
+
+
+@dataclass
+class Pair:
+    """Both ends of a pair, and what they took: by attempt."""
+
+    key: bytes
+    calls: list[OutgoingCall] = field(default_factory=list)
+    offers: dict[bytes, Offer] = field(default_factory=dict)
+    ready_at: dict[bytes, float] = field(default_factory=dict)
+    taken: set[bytes] = field(default_factory=set)
+    replies: dict[bytes, Answer] = field(default_factory=dict)
+    answered: set[bytes] = field(default_factory=set)
+    sent: list[Message] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.waiter = IncomingCalls(Sealing(self.key, "slave"), os.urandom)
+
+    def call(self) -> list[Message]:
+        self.calls.append(OutgoingCall(Sealing(self.key, "master"), os.urandom))
+        return [self.calls[-1].first()]
+
+    def restart(self) -> None:
+        self.waiter = IncomingCalls(Sealing(self.key, "slave"), os.urandom)
+        self.ready_at.clear()
+
+    def to_slave(self, message: Message, now: float) -> list[Message]:
+        told = self.waiter.receive(message, now, None)
+        if isinstance(told, Message):
+            attempt = Sealing(self.key, "master").open(told.phase, told.body)[0]  # type: ignore[index]
+            self.ready_at[attempt] = now
+            return [told]
+        if told is None:
+            return []
+        attempt = told.offer.attempt
+        assert attempt not in self.taken, "an offer counts once"
+        assert told.offer == self.offers[attempt], "as its master made it"
+        assert now - self.ready_at[attempt] <= OFFER_LIMIT_S
+        self.taken.add(attempt)
+        self.replies[attempt] = Answer((Description(attempt.hex(), "", ()),))
+        return [self.waiter.reply(told, self.replies[attempt])]
+
+    def to_masters(self, message: Message) -> list[Message]:
+        sent = []
+        for call in self.calls[-4:]:
+            told = call.receive(message)
+            if isinstance(told, Ready):
+                assert call.attempt not in self.offers
+                self.offers[call.attempt] = Offer(call.attempt, PATHS[:1], take_over=False)
+                sent.append(call.offer(PATHS[:1], take_over=False))
+            elif told is not None:
+                assert told == self.replies[call.attempt], "the answer to this call"
+                self.answered.add(call.attempt)
+        return sent
+
+
+def changed(message: Message, random: Random) -> Message:
+    """With another kind, a digit changed, a piece cut off or put in front."""
+    phase, body = message
+    at = random.randrange(len(body) + 1)
+    return random.choice(
+        [
+            Message(random.choice(["call", "ready", "offer", "answer", "busy"]), body),
+            Message(phase, f"{body[:at]}{random.randrange(16):x}{body[at + 1 :]}"),
+            Message(phase, body[: 2 * (at // 2)]),
+            Message(phase, f"00{body}"),
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_old_foreign_or_changed_passes_a_hostile_server(seed: int) -> None:
+    random = Random(seed)
+    pairs, now = [Pair(KEY), Pair(OTHER_KEY)], 0.0
+    for pair in pairs:
+        pair.sent += pair.call()
+    for _ in range(2500):
+        pair = random.choice(pairs)
+        everything = random.choice(pairs).sent
+        message = random.choice(random.choice([everything, pair.sent[-3:]]))
+        match random.choices(["call", "restart", "to slave", "to master", "change"], [4, 0.2, 40, 40, 4])[0]:
+            case "call":
+                pair.sent += pair.call()
+            case "restart":
+                pair.restart()
+            case "to slave":
+                pair.sent += pair.to_slave(message, now)
+            case "to master":
+                pair.sent += pair.to_masters(message)
+            case _:
+                pair.sent.append(changed(message, random))
+        now += random.expovariate(5.0)
+    assert min(len(pair.answered) for pair in pairs) > 5, "and calls still succeed"
