@@ -48,9 +48,9 @@ class MailboxServer:
         listen = f"--port=tcp:{self.port}:interface={self.host}"
         database = f"--channel-db={self._folder.name}/channels.sqlite"
         self._log.write_bytes(b"")
+        twist = (sys.executable, "-m", "twisted", f"--log-file={self._log}", "--log-format=text")
         self._process = subprocess.Popen(
-            [*self._prefix, sys.executable, "-m", "twisted", f"--log-file={self._log}", "--log-format=text"]
-            + ["wormhole-mailbox", listen, database, *self._options],
+            [*self._prefix, *twist, "wormhole-mailbox", listen, database, *self._options],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
