@@ -40,7 +40,7 @@ from weberlink.anywhere.introduction import (
     read,
 )
 from weberlink.anywhere.pairing_order import PairingOrder
-from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerError, PeerStore
+from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerError, PeerStore, default_folder
 
 reactor: Any = _reactor
 APP = "weberlink/pairing/1"
@@ -246,7 +246,7 @@ def run(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
     """Do the work in the reactor; end it early, in order, when standard input ends."""
 
     def begin() -> None:
-        done: Any = Deferred.fromCoroutine(work())  # type: ignore[arg-type]
+        done: Any = Deferred.fromCoroutine(work())
         reactor.addReader(_End(done))
         done.addErrback(lambda failure: failure.printTraceback(sys.stderr))  # a fault of ours
         done.addBoth(lambda _: reactor.stop())
@@ -270,8 +270,9 @@ def main() -> None:
     out = events_out()
 
     def tell(key: str, text: str) -> None:
-        out.write(json.dumps({key: text}) + "\n")
-        out.flush()
+        with suppress(BrokenPipeError):  # the command is gone; the end of standard input says so
+            out.write(json.dumps({key: text}) + "\n")
+            out.flush()
 
     run(lambda: answer(order, tell))
 
