@@ -113,13 +113,14 @@ class Meeting:
         other = "slave" if order.side == "master" else "master"
         send(hello(order.side, order.name))
         name = name_in(await self._next(HELLO), order.side)
+        label = order.label or name.replace("/", "-").lstrip(".")  # which names a file
         names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
-        self._refuse_known(name, other)
+        self._refuse_known(label, name, other)
         send(message(CONFIRM, confirmation(secret, names, order.side)))
         if not is_confirmed(await self._next(CONFIRM), secret, names, other):
             raise PairingError("the other host confirmed other names than these two")
         peer = Peer(
-            label=order.label or name,
+            label=label,
             name=name,
             own=order.name,
             role=other,  # type: ignore[arg-type]
@@ -139,9 +140,8 @@ class Meeting:
             raise
         return peer
 
-    def _refuse_known(self, name: str, role: str) -> None:
+    def _refuse_known(self, label: str, name: str, role: str) -> None:
         """A name stands for one key, so that a new pairing replaces nothing unseen."""
-        label = self._order.label or name
         try:
             known = next((p for p in self._store if p.label == label or (p.name, p.role) == (name, role)), None)
         except PeerError as error:

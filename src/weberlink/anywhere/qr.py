@@ -21,7 +21,7 @@ def drawing(text: str, columns: int, rows: int) -> list[str] | None:
     code = segno.make(text, error="l", micro=False)
     for quiet in QUIET:
         light = [[not dark for dark in row] for row in code.matrix_iter(border=quiet)]
-        light += [[False] * len(light[0])] * (len(light) % 2)
+        light += [[True] * len(light[0])] * (len(light) % 2)
         if len(light[0]) <= columns and len(light) // 2 <= rows:
             pairs = zip(light[::2], light[1::2], strict=True)
             return ["".join(map(_BLOCKS.__getitem__, zip(*pair, strict=True))) for pair in pairs]
