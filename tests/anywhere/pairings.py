@@ -29,7 +29,7 @@ from weberlink.anywhere.pairing import Meeting, events_out, reactor
 from weberlink.anywhere.pairing_order import PairingOrder
 from weberlink.anywhere.peers import Peer, PeerStore
 
-SHORT, LONG = 3.0, 30.0
+SHORT, LONG = 2.0, 30.0
 """Patience where a message never comes, and where all come [s]."""
 PHASES = ("pake", "version", "0", "1", "2")
 """Of a pairing: key exchange, its confirmation, hello, confirm, kept."""
@@ -52,7 +52,7 @@ class Host:
     async def meet(self, mailbox: str, code: str = "", patience_s: float = LONG, shown: Any = None) -> End:
         """Pair; calls `shown` back with the code."""
         order = PairingOrder(
-            self.side, self.name, str(self.store.folder), mailbox, code, "", max(10.0, patience_s), patience_s
+            self.side, self.name, str(self.store.folder), mailbox, code, "", 2 * patience_s, patience_s
         )
 
         def tell(key: str, text: str) -> None:

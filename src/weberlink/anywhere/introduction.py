@@ -100,8 +100,8 @@ def name_in(content: object, side: str) -> str:
     version, other, name = given.get("version"), given.get("side"), given.get("name", "")
     if version != VERSION:
         raise PairingError("the other host pairs by another version; install the same weberlink on both")
-    if other == side:
-        raise PairingError(f"the other host is a {side} too; one invites with slave, the other joins with master")
+    if other != ("slave" if side == "master" else "master"):
+        raise PairingError("both hosts are of the same side; one invites with slave, the other joins with master")
     try:
         return check_name(name)
     except ValueError as error:

@@ -154,6 +154,8 @@ class Meeting:
 
     async def _next(self, kind: str) -> Any:
         late = f"the other host stopped answering before its {kind!r}"
+        if kind == KEPT:
+            late += "; if it says that it paired, remove this host there (weberlink peers) before you pair again"
         return read(await self._soon(self._wormhole.get_message(), late), kind)
 
     async def _soon(self, result: Any, late: str) -> Any:
@@ -188,18 +190,14 @@ class Meeting:
 
     def _wording(self, error: Exception) -> str:
         """What magic-wormhole ended with, in one line of ours."""
-        mailbox = self._order.mailbox
+        mailbox, new = self._order.mailbox, "ask for" if self._order.code else "invite again for"
         match error:
-            case errors.WrongPasswordError() if self._order.code:
-                return f"a wrong code, or a message changed on the way: {self._code} is void; ask for a new one"
             case errors.WrongPasswordError():
-                return (
-                    f"a wrong code, or a message changed on the way: {self._code} is void; invite again for a new one"
-                )
+                return f"a wrong code, or a message changed on the way: {self._code} is void; {new} a new one"
             case errors.ServerConnectionError():
                 return f"the mailbox {mailbox} cannot be reached: {_one_line(error)}"
             case errors.ServerError() if _one_line(error) in ("crowded", "reclaimed"):
-                return f"the code {self._code} is used by two hosts already; invite again for a new one"
+                return f"the code {self._code} was used already; {new} a new one"
             case errors.ServerError() | errors.WelcomeError():
                 return f"the mailbox {mailbox} refused: {_one_line(error)}"
         return f"the mailbox {mailbox} sent what is no message of a pairing ({type(error).__name__})"

@@ -53,6 +53,8 @@ class Screen:
         if not self._console.is_terminal:
             return
         lines = drawing(text, self._console.width, self._console.height - LINES_BELOW)
+        if lines is None:
+            self.note("the QR code does not fit on this screen; make it larger, or type the code")
         for line in lines or ():
             self._console.print(Text(line, style="bright_white on black"), no_wrap=True, crop=False)
 
