@@ -127,6 +127,8 @@ class MaliciousMailbox:
             self._port = server.sockets[0].getsockname()[1]
             self._is_ready.set()
             await self._end.wait()
+            for connection in server.connections:
+                connection.transport.abort()
 
     async def _meet(self, client: ServerConnection) -> None:
         assert client.request is not None

@@ -29,8 +29,8 @@ from weberlink.anywhere.pairing import Meeting, events_out, reactor
 from weberlink.anywhere.pairing_order import PairingOrder
 from weberlink.anywhere.peers import Peer, PeerStore
 
-SHORT, LONG = 2.0, 30.0
-"""Patience where a message never comes, and where all come [s]."""
+LONG = 60.0
+"""Patience where all messages come [s]."""
 PHASES = ("pake", "version", "0", "1", "2")
 """Of a pairing: key exchange, its confirmation, hello, confirm, kept."""
 
@@ -73,10 +73,12 @@ class Rig:
 
     Args:
         folder: of all stores.
+        short: patience where a message never comes [s].
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, short: float = LONG) -> None:
         self._folder, self._hosts = folder, 0
+        self.short = short
 
     def host(self, side: str, name: str = "") -> Host:
         self._hosts += 1
@@ -189,40 +191,32 @@ async def timed(trial: Awaitable[dict[str, End]]) -> tuple[dict[str, End], float
     return await trial, perf_counter() - began
 
 
-async def attacks(of_messages: tuple[str, ...], at_once: int) -> dict[str, Any]:
-    """Run them, many at once."""
+async def attacks(names: tuple[str, ...], at_once: int, patience_s: float) -> dict[str, Any]:
+    """Run the trials of these names, many at once, after an honest pairing, whose messages are searched for secrets."""
     with MailboxServer() as server, MaliciousMailbox(server.url) as evil, TemporaryDirectory() as folder:
-        rig = Rig(Path(folder))
-        trials: dict[str, Awaitable[Any]] = {}
-        for rule in ("honest", "twice", "shuffled"):
-            trials[rule] = rig.pair(rig.host("slave"), rig.host("master"), evil.url(rule, 0))
-        for name in of_messages:
-            url = evil.url(name.replace(" ", "/"), 0)
-            trials[name] = rig.pair(rig.host("slave"), rig.host("master"), url, SHORT)
-        for phase in ("0", "1"):
-            url = evil.url(f"renumbered/{phase}/both", 0)
-            trials[f"renumbered {phase} both"] = rig.pair(rig.host("slave"), rig.host("master"), url, SHORT)
-        for rule in ("mute", "garbage", "unwelcome"):
-            trials[rule] = rig.pair(rig.host("slave"), rig.host("master"), evil.url(rule, 0), SHORT)
-        trials |= {
-            "crossed": crossed(rig, evil.url("crossed", 0)),
-            "recorded": recorded(rig, evil.url("recorded", 0)),
-            "wrong code": rig.pair(rig.host("slave"), rig.host("master"), server.url, typed=wrong),
-            "third party first": third_party_first(rig, server.url),
-            "code used twice": used_twice(rig, server.url),
-            "third party between": third_party_between(rig, evil.url("drop/pake/both", 0)),
-            "known already": known_already(rig, server.url),
-            "two slaves": rig.pair(rig.host("slave"), rig.host("slave"), server.url),
-            "server restarted": server_restarted(rig),
-        }
-        turns = DeferredSemaphore(at_once)
-        done = await gatherResults([turns.run(Deferred.fromCoroutine, timed(trial)) for trial in trials.values()])
-        ends = {name: found for name, (found, _) in zip(trials, done, strict=True)}
-        peer = ends["honest"]["slave"].peer
-        told = "".join(evil.trial(evil.url("honest", 0)).seen)
+        rig, turns = Rig(Path(folder), patience_s), DeferredSemaphore(at_once)
+        url = evil.url("honest", 0)
+        honest = await timed(rig.pair(rig.host("slave"), rig.host("master"), url))
+        trials = [turns.run(Deferred.fromCoroutine, timed(trial(rig, name, evil, server.url))) for name in names]
+        done = {"honest": honest} | dict(zip(names, await gatherResults(trials), strict=True))
+        peer = honest[0]["slave"].peer
+        assert peer is not None, honest
+        told = "".join(evil.trial(url).seen)
         secrets = [peer.key.hex(), peer.name, peer.name.encode().hex(), peer.own, "hello"]
-        times = dict(zip(trials, (took for _, took in done), strict=True))
-        return {"ends": ends, "times": times, "learnt": [secret for secret in secrets if secret in told]}
+        return {
+            "ends": {name: ends for name, (ends, _) in done.items()},
+            "times": {name: took for name, (_, took) in done.items()},
+            "learnt": [secret for secret in secrets if secret in told],
+        }
+
+
+async def trial(rig: Rig, name: str, evil: MaliciousMailbox, url: str) -> dict[str, End]:
+    """One trial, by its name: a rule of the mailbox, or a course of events."""
+    if name in COURSES:
+        course, is_evil = COURSES[name]
+        return await course(rig, evil.url(is_evil, name.replace(" ", "")) if is_evil else url)
+    slave, master, url = rig.host("slave"), rig.host("master"), evil.url(name.replace(" ", "/"), 0)
+    return await rig.pair(slave, master, url, LONG if name in HARMLESS else rig.short)
 
 
 async def crossed(rig: Rig, url: str) -> dict[str, End]:
@@ -230,12 +224,12 @@ async def crossed(rig: Rig, url: str) -> dict[str, End]:
     shown: list[Deferred[str]] = [Deferred(), Deferred()]
     invited, codes = [], []
     for one in shown:
-        invited.append(Deferred.fromCoroutine(rig.host("slave").meet(url, "", SHORT, one)))
+        invited.append(Deferred.fromCoroutine(rig.host("slave").meet(url, "", rig.short, one)))
         codes.append(await one)
         await deferLater(reactor, 0.3)  # so that each is connected before the next one
     joined = []
     for code in codes:
-        joined.append(Deferred.fromCoroutine(rig.host("master").meet(url, code, SHORT)))
+        joined.append(Deferred.fromCoroutine(rig.host("master").meet(url, code, rig.short)))
         await deferLater(reactor, 0.3)
     return dict(
         zip(("slave", "other slave", "master", "other master"), await gatherResults(invited + joined), strict=True)
@@ -256,7 +250,7 @@ async def third_party_first(rig: Rig, url: str) -> dict[str, End]:
     async def guess(code: str) -> None:
         thief.append(await rig.host("master", "thief").meet(url, wrong(code)))
 
-    ends = await rig.pair(rig.host("slave"), rig.host("master"), url, SHORT, between=guess)
+    ends = await rig.pair(rig.host("slave"), rig.host("master"), url, rig.short, between=guess)
     return ends | {"thief": thief[0]}
 
 
@@ -267,7 +261,7 @@ async def used_twice(rig: Rig, url: str) -> dict[str, End]:
         codes.append(code)
 
     ends = await rig.pair(rig.host("slave"), rig.host("master"), url, between=note)
-    return ends | {"second master": await rig.host("master").meet(url, codes[0], SHORT)}
+    return ends | {"second master": await rig.host("master").meet(url, codes[0], rig.short)}
 
 
 async def third_party_between(rig: Rig, url: str) -> dict[str, End]:
@@ -277,11 +271,11 @@ async def third_party_between(rig: Rig, url: str) -> dict[str, End]:
     async def soon(code: str) -> None:
         async def come() -> End:
             await deferLater(reactor, 1.0)
-            return await rig.host("master", "thief").meet(url, code, SHORT)
+            return await rig.host("master", "thief").meet(url, code, rig.short)
 
         late.append(Deferred.fromCoroutine(come()))
 
-    ends = await rig.pair(rig.host("slave"), rig.host("master"), url, 4.0, between=soon)
+    ends = await rig.pair(rig.host("slave"), rig.host("master"), url, 2 * rig.short, between=soon)
     return ends | {"thief": await late[0]}
 
 
@@ -295,7 +289,15 @@ async def known_already(rig: Rig, url: str) -> dict[str, End]:
     }
 
 
-async def server_restarted(rig: Rig) -> dict[str, End]:
+async def wrong_code(rig: Rig, url: str) -> dict[str, End]:
+    return await rig.pair(rig.host("slave"), rig.host("master"), url, typed=wrong)
+
+
+async def two_slaves(rig: Rig, url: str) -> dict[str, End]:
+    return await rig.pair(rig.host("slave"), rig.host("slave"), url)
+
+
+async def server_restarted(rig: Rig, _url: str) -> dict[str, End]:
     """The mailbox server ends, and starts again, while the code waits."""
     with MailboxServer() as server:
 
@@ -303,6 +305,22 @@ async def server_restarted(rig: Rig) -> dict[str, End]:
             await deferToThread(server.restart)
 
         return await rig.pair(rig.host("slave"), rig.host("master"), server.url, between=restart)
+
+
+COURSES: dict[str, tuple[Callable[[Rig, str], Awaitable[dict[str, End]]], str]] = {
+    "wrong code": (wrong_code, ""),
+    "third party first": (third_party_first, ""),
+    "third party between": (third_party_between, "drop/pake/both"),
+    "code used twice": (used_twice, ""),
+    "known already": (known_already, ""),
+    "two slaves": (two_slaves, ""),
+    "crossed": (crossed, "crossed"),
+    "recorded": (recorded, "recorded"),
+    "server restarted": (server_restarted, ""),
+}
+"""What happens, and the rule of the mailbox; "" for the real one."""
+HARMLESS = ("twice", "shuffled")
+OTHERS = (*HARMLESS, "renumbered 0 both", "renumbered 1 both", "mute", "garbage", "unwelcome", *COURSES)
 
 
 # --- the program
@@ -340,13 +358,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--number", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=random.randrange(10**6))
-    parser.add_argument("--at-once", type=int, default=8)
-    parser.add_argument("--attacks", choices=("few", "every"))
+    parser.add_argument("--at-once", type=int, default=16)
+    parser.add_argument("--attacks", help="few, every, or the names of some, with commas")
+    parser.add_argument("--patience", type=float, default=3.0)
     arguments = parser.parse_args()
     out = events_out()
     if arguments.attacks:
-        of_messages = {"few": FEW, "every": EVERY}[arguments.attacks]
-        found = as_json(in_reactor(lambda: attacks(of_messages, arguments.at_once)))
+        known = {"few": FEW + OTHERS, "every": EVERY + OTHERS}
+        names = known.get(arguments.attacks) or tuple(arguments.attacks.split(","))
+        found = as_json(in_reactor(lambda: attacks(names, arguments.at_once, arguments.patience)))
     else:
         found = in_reactor(lambda: many(arguments.number, arguments.seed, arguments.at_once))
     out.write(json.dumps(found, indent=1, ensure_ascii=False) + "\n")

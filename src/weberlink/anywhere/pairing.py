@@ -113,7 +113,7 @@ class Meeting:
         other = "slave" if order.side == "master" else "master"
         send(hello(order.side, order.name))
         name = name_in(await self._next(HELLO), order.side)
-        label = order.label or name.replace("/", "-").lstrip(".")  # which names a file
+        label = order.label or name.replace("/", "-").lstrip(".") or other  # it names a file
         names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
         self._refuse_known(label, name, other)
         send(message(CONFIRM, confirmation(secret, names, order.side)))
