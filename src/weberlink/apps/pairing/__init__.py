@@ -1,6 +1,21 @@
 """Pair two hosts by a code: `pair` for the commands `slave --invite` and `master --join`."""
 
-from weberlink.system.configuration import Configuration
+import json
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from weberlink.anywhere.peers import PeerError, PeerStore
+from weberlink.system.configuration import SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration.extras import need
+from weberlink.system.description import default_name
+
+if TYPE_CHECKING:
+    from weberlink.anywhere.pairing_order import PairingOrder
+
+FAREWELL_S = 5.0
+"""How long the pairing process may take to tell the other host that it ends."""
 
 
 def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
@@ -18,4 +33,73 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None) 
     Raises:
         ConfigurationError: there is no mailbox in the file, a package is missing, or the two did not pair; says why.
     """
-    raise NotImplementedError
+    from weberlink.apps.pairing.screen import Screen  # noqa: PLC0415 - after the imports of other commands
+
+    asked = "--join" if code else "--invite"
+    for package in ("wormhole", "segno"):
+        need(package, "anywhere", asked)
+    order = _order(configuration, side, code, label, asked)
+    screen = Screen(str(configuration.path), order)
+    screen.begin()
+    with _running(order) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            event = json.loads(line)
+            if "refused" in event:
+                raise ConfigurationError(f"{asked}: {event['refused']}")
+            if "paired" in event:
+                screen.note(f"paired with {event['paired']}; no code is needed from now on")
+                return str(event["paired"])
+            screen.show(event)
+    raise ConfigurationError(f"{asked}: the pairing process ended early (exit status {process.returncode})")
+
+
+def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> "PairingOrder":
+    from weberlink.anywhere.invitation import read  # noqa: PLC0415
+    from weberlink.anywhere.pairing_order import PairingOrder  # noqa: PLC0415
+
+    link = configuration.system.link
+    mailbox = link.mailbox
+    if code:
+        try:
+            code, mailbox = read(code, mailbox)
+        except ValueError as error:
+            raise ConfigurationError(f"{asked}: {error}") from None
+    if mailbox is None:
+        raise ConfigurationError(f"{asked}: needs link.mailbox, a mailbox server that both hosts reach (docs/relay.md)")
+    name = getattr(link.names, side) or default_name(side, link.listen)
+    store = PeerStore(link.peer_store)
+    try:
+        known = list(store)
+    except PeerError as error:
+        raise ConfigurationError(f"{asked}: {error}") from None
+    for peer in known:
+        if peer.label == label:
+            raise ConfigurationError(f"--peer: {label} is known already; leave {asked} out, or choose another name")
+        if side == SLAVE != peer.role and peer.own != name:  # a slave that waits for both could not be both
+            raise ConfigurationError(
+                f"{asked}: {peer.label} knows this host as {peer.own}, and not as {name}; "
+                f"add --set link.names.slave={json.dumps(peer.own)}"
+            )
+    return PairingOrder(side, name, str(store.folder), mailbox, code, label or "")
+
+
+@contextmanager
+def _running(order: "PairingOrder") -> Iterator[subprocess.Popen[str]]:
+    """The pairing process, which has ended at the end; the other host hears of it if it was early."""
+    from weberlink.anywhere.pairing_order import start_pairing  # noqa: PLC0415
+
+    process = start_pairing(order)
+    try:
+        yield process
+    finally:
+        assert process.stdin is not None
+        with suppress(OSError):
+            process.stdin.close()
+        try:
+            process.wait(FAREWELL_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        assert process.stdout is not None
+        process.stdout.close()

@@ -1,0 +1,113 @@
+"""What two hosts tell each other once a code has given them a common secret: names, consent, and a key of the pair.
+
+| message | content | sent |
+|---|---|---|
+| hello | version, side and name of the sender | first |
+| confirm | a tag over both names, by the secret | when the sender would keep the other |
+| kept | true | when the sender has stored the key |
+| refused | why the sender ends it | in place of any of them |
+
+Each is a JSON object of one key. All travel encrypted and numbered by the channel of the code, which is one of
+magic-wormhole. A host stores nothing before it has the confirmation of the other one, and takes it back without `kept`.
+"""
+
+import hmac
+import json
+from typing import Any, NamedTuple
+
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF
+
+from weberlink.anywhere.peers import KEY_BYTES
+from weberlink.protocol.handshake import check_name
+
+VERSION = 1
+HELLO, CONFIRM, KEPT, REFUSED = "hello", "confirm", "kept", "refused"
+_LONGEST_MESSAGE = 2048
+_LONGEST_REASON = 300
+
+
+class PairingError(Exception):
+    """The two hosts do not pair; the message is one line for the user."""
+
+
+class RefusedThereError(PairingError):
+    """The other host ended it."""
+
+
+class Names(NamedTuple):
+    """What the two ends of a pair call themselves."""
+
+    master: str
+    slave: str
+
+
+def pair_key(secret: bytes, names: Names) -> bytes:
+    """Key of the pair, `KEY_BYTES`, which depends on both names and on who is master (HKDF-SHA256, RFC 5869)."""
+    return _derive(secret, "key", names)
+
+
+def confirmation(secret: bytes, names: Names, side: str) -> str:
+    """Tag by which `side` confirms that it knows the secret and both names."""
+    return _derive(secret, f"confirmed by the {side}", names).hex()
+
+
+def is_confirmed(tag: object, secret: bytes, names: Names, side: str) -> bool:
+    """Whether the tag is that of `side`."""
+    expected = confirmation(secret, names, side)
+    return isinstance(tag, str) and hmac.compare_digest(tag.encode(), expected.encode())
+
+
+def message(kind: str, content: object) -> bytes:
+    """One message, as it is sent."""
+    return json.dumps({kind: content}).encode("ascii")
+
+
+def hello(side: str, name: str) -> bytes:
+    return message(HELLO, {"version": VERSION, "side": side, "name": name})
+
+
+def read(text: bytes, kind: str) -> Any:
+    """Content of a message of the other host.
+
+    Raises:
+        RefusedThereError: it is a refusal.
+        PairingError: it is no message of this kind.
+    """
+    try:
+        content = json.loads(text) if len(text) <= _LONGEST_MESSAGE else None
+    except ValueError:
+        content = None
+    if isinstance(content, dict) and isinstance(reason := content.get(REFUSED), str):
+        shown = "".join(letter for letter in reason if letter.isprintable())[:_LONGEST_REASON]
+        raise RefusedThereError(f"the other host refused: {shown}")
+    if not isinstance(content, dict) or kind not in content:
+        raise PairingError("the other host sent what is no message of a pairing")
+    return content[kind]
+
+
+def name_in(content: object, side: str) -> str:
+    """Name of the other host in the content of its hello.
+
+    Args:
+        content: as received.
+        side: of this host.
+
+    Raises:
+        PairingError: it is of another version, or of the same side, or its name cannot be used.
+    """
+    given = content if isinstance(content, dict) else {}
+    version, other, name = given.get("version"), given.get("side"), given.get("name", "")
+    if version != VERSION:
+        raise PairingError("the other host pairs by another version; install the same weberlink on both")
+    if other != ("slave" if side == "master" else "master"):
+        raise PairingError("both hosts are of the same side; one invites with slave, the other joins with master")
+    try:
+        return check_name(name)
+    except ValueError as error:
+        raise PairingError(f"the other host: {error}; set link.names there") from None
+
+
+def _derive(secret: bytes, purpose: str, names: Names) -> bytes:
+    info = json.dumps(["weberlink pairing", VERSION, purpose, names.master, names.slave]).encode("ascii")
+    return HKDF(SHA256(), KEY_BYTES, salt=None, info=info).derive(secret)

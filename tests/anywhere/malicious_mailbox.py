@@ -1,0 +1,194 @@
+"""A mailbox server that does what a rule says to the messages of two hosts, in front of a real one.
+
+The path of the URL is the rule, a word for its phase if it has one, and a token: `ws://127.0.0.1:PORT/drop/pake/slave/7`.
+Connections of one path are those of one trial, in order: first the slave, which invites, then the master.
+"""
+
+import asyncio
+import json
+import random
+import threading
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+
+Message = dict[str, Any]
+Rule = Callable[["Trial", str, Message], list[Message]]
+"""Takes the trial, who is to get the message, and it; returns what arrives instead, in order."""
+
+
+class Trial:
+    """What is known of the connections of one path."""
+
+    def __init__(self, words: list[str]) -> None:
+        self.words = words
+        self.sides: list[str] = []
+        self.mailboxes: dict[int, str] = {}
+        self.sent: list[Message] = []
+        self.held: dict[str, list[Message]] = defaultdict(list)
+        self.seen: list[str] = []
+
+    def concerns(self, to: str, message: Message) -> bool:
+        """Whether the rule is about this message: its phase, and who gets it ("both" for either)."""
+        return message["phase"] == self.words[1] and self.words[2] in (to, "both")
+
+
+def honest(trial: Trial, to: str, message: Message) -> list[Message]:
+    return [message]
+
+
+def drop(trial: Trial, to: str, message: Message) -> list[Message]:
+    return [] if trial.concerns(to, message) else [message]
+
+
+def twice(trial: Trial, to: str, message: Message) -> list[Message]:
+    return [message, message]
+
+
+def changed(trial: Trial, to: str, message: Message) -> list[Message]:
+    """The last bit of a message is another one."""
+    body = bytearray.fromhex(message["body"])
+    body[-1] ^= 1
+    return [message | {"body": body.hex()} if trial.concerns(to, message) else message]
+
+
+def renumbered(trial: Trial, to: str, message: Message) -> list[Message]:
+    """A message arrives again under the number of the next one, which is dropped."""
+    following = str(int(trial.words[1]) + 1)
+    if message["phase"] == following and trial.words[2] in (to, "both"):
+        return []
+    return [message, message | {"phase": following}] if trial.concerns(to, message) else [message]
+
+
+def reflected(trial: Trial, to: str, message: Message) -> list[Message]:
+    """A host gets its own message as that of the other one."""
+    if not trial.concerns(to, message):
+        return [message]
+    own = next((m for m in trial.sent if m["phase"] == message["phase"] and m["side"] != message["side"]), None)
+    return [] if own is None else [message | {"body": own["body"]}]
+
+
+def foreign(trial: Trial, to: str, message: Message) -> list[Message]:
+    """A message claims another sender."""
+    return [message | {"side": "0123456789"} if trial.concerns(to, message) else message]
+
+
+RULES: dict[str, Rule] = {
+    rule.__name__: rule
+    for rule in (honest, drop, twice, changed, renumbered, reflected, foreign)
+}  # fmt: skip
+ROLES = ("slave", "master")
+LATEST_S = 0.6
+"""How late a message may arrive by the rule \"shuffled\"."""
+
+
+class MaliciousMailbox:
+    """The server, in a thread of its own.
+
+    Args:
+        real: URL of the real mailbox server.
+    """
+
+    def __init__(self, real: str) -> None:
+        self._real = real
+        self.trials: dict[str, Trial] = {}
+        self._loop = asyncio.new_event_loop()
+        self._is_ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    def url(self, rule: str, token: object) -> str:
+        return f"ws://127.0.0.1:{self._port}/{rule}/{token}"
+
+    def trial(self, url: str) -> Trial:
+        return self.trials["/" + url.split("/", 3)[3]]
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        assert self._is_ready.wait(10)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._loop.call_soon_threadsafe(self._end.set)
+        self._thread.join(10)
+
+    def _serve(self) -> None:
+        self._loop.run_until_complete(self._main())
+        self._loop.close()
+
+    async def _main(self) -> None:
+        self._end = asyncio.Event()
+        async with serve(self._meet, "127.0.0.1", 0, close_timeout=0.1) as server:
+            self._port = server.sockets[0].getsockname()[1]
+            self._is_ready.set()
+            await self._end.wait()
+            for connection in server.connections:
+                connection.transport.abort()
+
+    async def _meet(self, client: ServerConnection) -> None:
+        assert client.request is not None
+        path = client.request.path
+        trial = self.trials.setdefault(path, Trial(path.strip("/").split("/")))
+        what = trial.words[0]
+        if what == "mute":
+            await client.wait_closed()
+        elif what == "garbage":
+            await client.send("{" * 500)
+            await client.wait_closed()
+        elif what == "unwelcome":
+            await client.send(json.dumps({"type": "welcome", "welcome": {"error": "no weberlink\x1b[2J here"}}))
+            await client.wait_closed()
+        else:
+            async with connect(self._real) as server:
+                bound = json.loads(await client.recv())  # the first message, which names the host's side
+                await server.send(json.dumps(bound))
+                if bound["side"] not in trial.sides:
+                    trial.sides.append(bound["side"])
+                up = asyncio.create_task(self._up(trial, client, server))
+                with suppress(ConnectionClosed):
+                    await self._down(trial, bound["side"], client, server)
+                up.cancel()
+
+    async def _up(self, trial: Trial, client: ServerConnection, server: ClientConnection) -> None:
+        """What a host sends; a third host of the rule "recorded" is given what the first one got."""
+        async for text in client:
+            trial.seen.append(str(text))
+            await server.send(text)
+            if json.loads(text)["type"] == "open" and trial.words[0] == "recorded" and len(trial.sides) == 3:
+                for old in trial.held["slave"]:
+                    await client.send(json.dumps(old))
+        await server.close()
+
+    async def _down(self, trial: Trial, own: str, client: ServerConnection, server: ClientConnection) -> None:
+        """What the server sends to the host of the side `own`."""
+        order = trial.sides.index(own)
+        async for text in server:
+            message = json.loads(text)
+            arriving = [message]
+            if message["type"] == "claimed":
+                trial.mailboxes[order] = message["mailbox"]
+                if trial.words[0] == "crossed" and order in (2, 3):
+                    message["mailbox"] = trial.mailboxes[3 - order]
+            elif message["type"] == "message" and message["side"] == own:
+                trial.sent.append(message)
+            elif message["type"] == "message":
+                to = ROLES[order % 2]
+                if trial.words[0] == "recorded":
+                    trial.held[to].append(message)
+                arriving = RULES.get(trial.words[0], honest)(trial, to, message)
+            if trial.words[0] == "shuffled" and message["type"] == "message":
+                self._loop.create_task(self._late(client, message))
+                continue
+            for one in arriving:
+                await client.send(json.dumps(one))
+
+    async def _late(self, client: ServerConnection, message: Message) -> None:
+        """Later messages may arrive before this one."""
+        await asyncio.sleep(random.uniform(0.0, LATEST_S))
+        with suppress(ConnectionClosed):
+            await client.send(json.dumps(message))
