@@ -1,7 +1,8 @@
 """Credentials of limited time for a relay, made from the secret that it shares with its users.
 
-A relay cannot be used without them, and those that somebody has overheard are soon worthless. The scheme is that of "A
-REST API For Access To TURN Services" (draft-uberti-behave-turn-rest-00, section 2.2), which coturn calls `use-auth-secret`.
+A relay cannot be used without them, and those that somebody has overheard are soon worthless. The scheme is that of
+"A REST API For Access To TURN Services" (draft-uberti-behave-turn-rest-00, section 2.2); coturn calls it
+`use-auth-secret`.
 """
 
 import base64
