@@ -2,8 +2,9 @@
 
 import socket
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
+from select import select
+from time import monotonic
 
 import pytest
 from aioice import stun
@@ -34,37 +35,44 @@ def udp(space: Namespace, interface: str = "") -> socket.socket:
     if interface:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode())
     made.bind(("0.0.0.0", 0))
-    made.settimeout(0.1)
+    made.settimeout(5.0)
     return made
 
 
-def mapped(asking: socket.socket, server: tuple[str, int] = SERVERS[0]) -> tuple[str, int]:
+def mapped(asking: socket.socket, server: tuple[str, int] = SERVERS[0], patience: float = 5.0) -> tuple[str, int]:
     """Address of a socket, as a STUN server sees it.
 
     Raises:
         TimeoutError: no answer.
     """
+    asking.settimeout(patience)
     request = stun.Message(stun.Method.BINDING, stun.Class.REQUEST)
     asking.sendto(bytes(request), server)
     while True:
         data, source = asking.recvfrom(2048)
         if source == server:
-            return stun.parse_message(data).attributes["XOR-MAPPED-ADDRESS"]
+            seen: tuple[str, int] = stun.parse_message(data).attributes["XOR-MAPPED-ADDRESS"]
+            return seen
 
 
-def punch(one: socket.socket, other: socket.socket) -> bool:
+def punch(one: socket.socket, other: socket.socket, patience: float) -> bool:
     """Whether two sockets reach each other: both send to where STUN saw the other, and answer to where they heard."""
-    addresses = mapped(one), mapped(other)
-    heard = set()
-    for _ in range(2):
-        one.sendto(b"ask", addresses[1])
-        other.sendto(b"ask", addresses[0])
-        for end in (one, other, one, other):
-            with suppress(TimeoutError):
-                data, source = end.recvfrom(100)
-                heard.add((end, data))
+    addresses = {one: mapped(other), other: mapped(one)}
+    heard: set[tuple[socket.socket, bytes]] = set()
+    deadline = monotonic() + patience
+    while len(heard) < 4 and monotonic() < deadline:
+        for end, address in addresses.items():
+            end.sendto(b"ask", address)
+        for end in select([one, other], [], [], 0.05)[0]:
+            data, source = end.recvfrom(100)
+            heard.add((end, data))
+            if data == b"ask":
                 end.sendto(b"answer", source)
     return {(one, b"answer"), (other, b"answer")} <= heard
+
+
+def hears(end: socket.socket, patience: float = 0.3) -> bool:
+    return bool(select([end], [], [], patience)[0])
 
 
 def test_host_without_nat_is_seen_as_it_is(homes: dict[str, tuple[Home, Home]]) -> None:
@@ -93,7 +101,7 @@ def test_symmetric_maps_each_destination_to_another_port(homes: dict[str, tuple[
 def test_blocked_passes_tcp_and_no_udp(internet: Internet) -> None:
     host = internet.home(BLOCKED)
     with udp(host.space) as asking, pytest.raises(TimeoutError):
-        mapped(asking)
+        mapped(asking, patience=0.3)
     with host.space.entered():
         socket.create_connection((SERVER, TURN_PORT), timeout=2.0).close()
 
@@ -113,15 +121,14 @@ def test_holes_are_punched_through_cones_only(
     homes: dict[str, tuple[Home, Home]], one: str, other: str, *, is_punched: bool
 ) -> None:
     with udp(homes[one][0].space) as a, udp(homes[other][1].space) as b:
-        assert punch(a, b) is is_punched
+        assert punch(a, b, 5.0 if is_punched else 0.4) is is_punched
 
 
 def test_stranger_does_not_enter_a_mapping(homes: dict[str, tuple[Home, Home]]) -> None:
     inside, outside = homes[CONE][0], homes[NONE][0]
     with udp(inside.space) as asking, udp(outside.space) as stranger:
         stranger.sendto(b"hello", mapped(asking))
-        with pytest.raises(TimeoutError):
-            asking.recv(100)
+        assert not hears(asking)
 
 
 def test_strangers_first_datagram_does_not_move_the_mapping(homes: dict[str, tuple[Home, Home]]) -> None:
@@ -148,9 +155,7 @@ def test_unused_mapping_times_out(internet: Internet) -> None:
     host.first.set_timeout(1)
     with udp(host.space) as asking:
         before = mapped(asking)
-        asking.settimeout(1.3)
-        with pytest.raises(TimeoutError):
-            asking.recv(100)
+        assert not hears(asking, 1.5)
         assert mapped(asking) != before
 
 
@@ -180,7 +185,7 @@ def test_silent_router_loses_datagrams_both_ways(internet: Internet) -> None:
         mapped(asking)
         host.first.set_silent(True)
         with pytest.raises(TimeoutError):
-            mapped(asking)
+            mapped(asking, patience=0.3)
         host.first.set_silent(False)
         assert mapped(asking)[0] == host.first.address
         host.first.readdress()
