@@ -56,19 +56,19 @@ def mapped(asking: socket.socket, server: tuple[str, int] = SERVERS[0], patience
 
 
 def punch(one: socket.socket, other: socket.socket, patience: float) -> bool:
-    """Whether two sockets reach each other: both send to where STUN saw the other, and answer to where they heard."""
+    """Whether two sockets reach each other: both send to where STUN saw the other, and answer."""
     addresses = {one: mapped(other), other: mapped(one)}
-    heard: set[tuple[socket.socket, bytes]] = set()
+    heard: set[socket.socket] = set()
     deadline = monotonic() + patience
-    while len(heard) < 4 and monotonic() < deadline:
+    while len(heard) < 2 and monotonic() < deadline:
         for end, address in addresses.items():
             end.sendto(b"ask", address)
         for end in select([one, other], [], [], 0.05)[0]:
             data, source = end.recvfrom(100)
-            heard.add((end, data))
+            heard.add(end)
             if data == b"ask":
                 end.sendto(b"answer", source)
-    return {(one, b"answer"), (other, b"answer")} <= heard
+    return len(heard) == 2
 
 
 def hears(end: socket.socket, patience: float = 0.3) -> bool:
