@@ -10,10 +10,12 @@ in a namespace find the public servers under the name `relay.example`. Two homes
 homes do. All ends with the block: processes in the namespaces, the namespaces and their files.
 """
 
+import os
 import socket
 import subprocess
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
 from types import TracebackType
 from typing import Self
@@ -28,7 +30,7 @@ host's own. Symmetric: one for each destination. Both pass inwards only what ans
 filtering). Blocked: a cone NAT that drops UDP. None: public addresses, no filter."""
 SECOND_SERVER = "203.0.113.2"
 """The relay has two addresses, so that kinds of NAT can be told apart (RFC 5780)."""
-CONFIGURATION = Path(__file__).parents[2] / "configs" / "relay" / "turnserver.conf"
+RELAY = Path(__file__).parents[2] / "configs" / "relay" / "relay.sh"
 TURN_PORT, MAILBOX_PORT = 3478, 4000
 SECRET = "secret-of-the-test-bed"
 FIRST, SECOND = "wifi", "phone"
@@ -176,26 +178,38 @@ class Home:
 
 
 class Relay:
-    """coturn with the shipped configuration, in a namespace.
+    """coturn as shipped (configs/relay), in a namespace, with `SECRET`.
 
     Args:
-        options: more of its options.
+        folder: for its secret and configuration.
+        options: more options of turnserver.
     """
 
-    def __init__(self, space: Namespace, options: tuple[str, ...] = ()) -> None:
+    def __init__(self, space: Namespace, folder: Path, options: tuple[str, ...] = ()) -> None:
         self._space = space
-        self._options = ("-c", str(CONFIGURATION), f"--static-auth-secret={SECRET}", *options)
+        self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
+        secret = folder / "turn.secret"
+        secret.touch(mode=0o600)
+        secret.write_text(SECRET)
+        addresses = (f"--listening-ip={SERVER}", f"--listening-ip={SECOND_SERVER}")
+        self._command = (*space.prefix, str(RELAY), str(secret), *addresses, *options)
+
+    @property
+    def log(self) -> str:
+        """What coturn wrote since its last start."""
+        return (self._folder / "log").read_text(errors="replace")
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
-        addresses = (f"--listening-ip={SERVER}", f"--listening-ip={SECOND_SERVER}", "--pidfile=/dev/null")
-        self._process = subprocess.Popen(
-            [*self._space.prefix, "turnserver", *self._options, *addresses],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.STDOUT,
-        )
+        with (self._folder / "log").open("wb") as log:
+            self._process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, "RUNTIME_DIRECTORY": str(self._folder)},
+            )
         with self._space.entered():
             asking = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         with asking:
@@ -208,7 +222,7 @@ class Relay:
                     asking.recv(2048)
                     return
         self.stop()
-        raise RuntimeError("the relay did not start")
+        raise RuntimeError(f"the relay did not start: {self.log}")
 
     def stop(self) -> None:
         """Kill it; all allocations are lost."""
@@ -229,7 +243,8 @@ class Internet:
         try:
             self.public = self._space("net")
             self.public.ip(
-                "link add net type bridge forward_delay 0",
+                # An address of its own: otherwise each new port may change it, and routers keep the old one for a while.
+                "link add net address 02:00:00:00:00:01 type bridge forward_delay 0",
                 f"addr add {SERVER}/24 dev net",
                 f"addr add {SECOND_SERVER}/24 dev net",
                 "link set net up",
@@ -253,7 +268,8 @@ class Internet:
 
     def start_relay(self, *options: str) -> Relay:
         """Start coturn at `SERVER`, with more options."""
-        relay = Relay(self.public, options)
+        folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="wl-relay-")))
+        relay = Relay(self.public, folder, options)
         self._stack.callback(relay.stop)
         relay.start()
         return relay
