@@ -16,7 +16,7 @@ from weberlink.anywhere.credentials import credentials
 
 pytestmark = needs_testbed
 Description = tuple[list[aioice.Candidate], str, str]
-QUOTA = 8
+QUOTA = 24
 """`user-quota` of the shipped file."""
 
 
@@ -101,7 +101,7 @@ def test_prolonged_expiry_is_refused(host: Home) -> None:
 )
 def test_peers_that_are_not_public_are_refused(host: Home, peer: str) -> None:
     async def ask() -> int:
-        asking = await client(*valid())
+        asking = await client(*valid(peer))
         await asking.connect()
         code = await refused(asking.channel_bind(0x4000, (peer, 7)))
         await asking.delete()
@@ -136,16 +136,15 @@ class Agent:
         self._host, self._is_controlling = host, is_controlling
         self.description: Future[Description] = Future()
 
-    def connect(self, other: "Agent") -> tuple[str, str]:
+    def connect(self, other: "Agent", relay: tuple[str, int] | None) -> tuple[str, str]:
         """Types of the local and the remote candidate of the path over which a message came."""
 
         async def work() -> tuple[str, str]:
             username, password = valid(f"agent{self._is_controlling}")
-            server = (SERVER, TURN_PORT)
             connection = aioice.Connection(
                 self._is_controlling,
-                stun_server=server,
-                turn_server=server,
+                stun_server=(SERVER, TURN_PORT),
+                turn_server=relay,
                 turn_username=username,
                 turn_password=password,
             )
@@ -173,10 +172,11 @@ class Agent:
     ("one", "other", "is_relayed"),
     [(NONE, SYMMETRIC, False), (CONE, CONE, False), (CONE, SYMMETRIC, True), (SYMMETRIC, SYMMETRIC, True)],
 )
-def test_ice_relays_only_where_no_hole_can_be_punched(
+def test_ice_needs_the_relay_only_where_no_hole_can_be_punched(
     internet: Internet, one: str, other: str, *, is_relayed: bool
 ) -> None:
     agents = Agent(internet.home(one), is_controlling=True), Agent(internet.home(other), is_controlling=False)
+    relay = (SERVER, TURN_PORT) if is_relayed else None
     with ThreadPoolExecutor(2) as threads:
-        found = list(threads.map(Agent.connect, agents, agents[::-1], timeout=30.0))
+        found = list(threads.map(Agent.connect, agents, agents[::-1], (relay, relay), timeout=10.0))
     assert ("relay" in {*found[0], *found[1]}) is is_relayed

@@ -192,7 +192,7 @@ class Relay:
         secret = folder / "turn.secret"
         secret.touch(mode=0o600)
         secret.write_text(SECRET)
-        addresses = (f"--listening-ip={SERVER}", f"--listening-ip={SECOND_SERVER}")
+        addresses = (f"--listening-ip={SERVER}", f"--listening-ip={SECOND_SERVER}", f"--relay-ip={SERVER}")
         self._command = (*space.prefix, str(RELAY), str(secret), *addresses, *options)
 
     @property
