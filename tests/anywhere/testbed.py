@@ -243,7 +243,7 @@ class Internet:
         try:
             self.public = self._space("net")
             self.public.ip(
-                # An address of its own: otherwise each new port may change it, and routers keep the old one for a while.
+                # An address of its own: otherwise a new port may change it, and routers keep the old one for a while.
                 "link add net address 02:00:00:00:00:01 type bridge forward_delay 0",
                 f"addr add {SERVER}/24 dev net",
                 f"addr add {SECOND_SERVER}/24 dev net",
