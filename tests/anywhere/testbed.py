@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import Self
 
 from tests.anywhere.mailbox_server import MailboxServer
-from tests.anywhere.namespaces import SERVER, Namespace
+from tests.anywhere.namespaces import SERVER, SERVER_NAME, Namespace
 
 NONE, CONE, SYMMETRIC, BLOCKED = "none", "cone", "symmetric", "blocked"
 NATS = (NONE, CONE, SYMMETRIC, BLOCKED)
@@ -32,6 +32,7 @@ SECOND_SERVER = "203.0.113.2"
 """The relay has two addresses, so that kinds of NAT can be told apart (RFC 5780)."""
 RELAY = Path(__file__).parents[2] / "configs" / "relay" / "relay.sh"
 TURN_PORT, MAILBOX_PORT = 3478, 4000
+MAILBOX_URL = f"ws://{SERVER_NAME}:{MAILBOX_PORT}/v1"
 SECRET = "secret-of-the-test-bed"
 FIRST, SECOND = "wifi", "phone"
 """Network interfaces of a host."""
