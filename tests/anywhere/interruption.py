@@ -1,0 +1,191 @@
+"""What hand and robot did while a path failed under a live session, and which promises of docs/safety.md were broken.
+
+Both daemons run on this machine, so their records have one clock. The bounds are those of `tests.safety.run`, which
+judges the same promises in virtual time; here a tick may be late, as the host is.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.anywhere.hosts import ENGAGED
+from tests.safety.run import CODING_M, STILL, WALL_M_S
+from tests.system.processes import Records
+from weberlink.system.configuration import Configuration
+from weberlink.telemetry.fault import Fault
+
+SILENCE, NOTHING, EITHER = "silence", "nothing", "either"
+STALL_S = 0.03
+"""By which a busy machine may delay a tick that reads what has arrived [s]."""
+
+
+@dataclass(frozen=True)
+class Interruption:
+    """Of one run.
+
+    Attributes:
+        contact_n: force on the hand in the last tick before the fault.
+        away_ms: how long hand or robot were without a session.
+        back_ms: from the end of the fault until both are in a session again; None if they are not.
+        force_ms: from the fault to the last tick with force on the hand before the session is back.
+        robot_ms: from the fault to the last tick in which the robot did anything but back off.
+        retreat_mm: how far it backed off.
+        step_n: largest change of force on the hand in a tick, from the fault on.
+        early_n: how far the force was above an even rise to its limit, once the session was back.
+        step_mm: largest step of the robot in a tick, once the session was back, less that of the hand.
+        faults: named by master and slave.
+        sessions: how often the master engaged again.
+    """
+
+    contact_n: float
+    away_ms: float
+    back_ms: float | None
+    force_ms: float
+    robot_ms: float
+    retreat_mm: float
+    step_n: float
+    early_n: float
+    step_mm: float
+    faults: tuple[tuple[str, ...], tuple[str, ...]]
+    sessions: int
+
+
+def measure(master: Records, slave: Records, failed: float, restored: float, loaded: Configuration) -> Interruption:
+    """The figures of a run.
+
+    Args:
+        failed: when the fault was complete [s], in a session.
+        restored: when it was over.
+    """
+    at, force = master["at"], np.linalg.norm(master["output"], axis=1)
+    after = at >= failed
+    away = np.concatenate([_outside(side, failed) for side in (master, slave)])
+    returns = [_return(side, restored) for side in (master, slave)]
+    back = None if None in returns else max(value for value in returns if value is not None)
+    return Interruption(
+        contact_n=float(force[~after][-1]),
+        away_ms=1e3 * (max(_lasted(side, failed) for side in (master, slave)) if len(away) else 0.0),
+        back_ms=None if back is None else 1e3 * max(0.0, back - restored),
+        force_ms=1e3 * _last(at, _first_time(master, failed) & (force > STILL), failed),
+        robot_ms=1e3 * _last(slave["at"], _first_time(slave, failed) & _goes_on(slave), failed),
+        retreat_mm=1e3 * _retreat(slave, failed),
+        step_n=float(np.abs(np.diff(force[after])).max()),
+        early_n=_early(master, force, failed, loaded),
+        step_mm=1e3 * _step(slave, master, failed),
+        faults=(_faults(master, failed), _faults(slave, failed)),
+        sessions=int((np.diff((master["state"][after] == ENGAGED).astype(np.int8)) == 1).sum()),
+    )
+
+
+def violated(found: Interruption, loaded: Configuration, effect: str) -> list[str]:
+    """The promises that a run has broken.
+
+    Args:
+        effect: what the fault must lead to: `SILENCE`, `NOTHING`, or `EITHER` of them.
+    """
+    system, limits = loaded.system, loaded.system.master.limits
+    tick = system.tick_period
+    most_ms = system.link.silence_ms + 1e3 * (tick + STALL_S)
+    broken = []
+    if effect == NOTHING and found.away_ms:
+        broken.append(f"no session for {found.away_ms:.0f} ms, and none of it was due")
+    if effect == SILENCE and not found.away_ms:
+        broken.append("the fault had no effect, so nothing was shown")
+    if found.back_ms is None:
+        broken.append("no session after the fault")
+    broken += [
+        f"{what} {value:.0f} ms after the fault, {most_ms:.0f} ms allowed"
+        for what, value in (("force was on the hand", found.force_ms), ("the robot went on", found.robot_ms))
+        if effect == SILENCE and value > most_ms
+    ]
+    assert loaded.device is not None
+    most_n = loaded.device.options.stiffness_n_m * WALL_M_S * tick  # type: ignore[attr-defined]
+    # A tick left out by the host changes the force by two ticks' worth.
+    if found.step_n > max(most_n, 2.0 * limits.force_n * tick / (1e-3 * limits.ramp_ms)):
+        broken.append(f"the force changed by {found.step_n:.2f} N in a tick, {most_n:.2f} N allowed")
+    if found.early_n > limits.force_n * tick / (1e-3 * limits.ramp_ms):
+        broken.append(f"the force came back {found.early_n:.2f} N above its ramp")
+    approach = 1e3 * (system.slave.limits.approach_speed_m_s * (tick + STALL_S) + CODING_M)
+    if found.step_mm > approach:
+        broken.append(f"the robot came back by {found.step_mm:.1f} mm in a tick, {approach:.1f} mm allowed")
+    if found.retreat_mm > 1e3 * system.slave.limits.retract_m + 0.1:
+        broken.append(f"the robot backed off by {found.retreat_mm:.1f} mm")
+    if effect == SILENCE and not all(found.faults):
+        broken.append("an end named no fault")
+    return broken
+
+
+def _first_time(records: Records, since: float) -> Any:
+    """Ticks from the fault until there is a session again; none if there was one all the time."""
+    at, outside = records["at"], _outside(records, since)
+    if not len(outside):
+        return np.zeros(len(at), np.bool_)
+    again = at[(at > outside[0]) & (records["state"] == ENGAGED)]
+    return (at >= since) & (at < (again[0] if len(again) else np.inf))
+
+
+def _alone(records: Records, since: float) -> Any:
+    """Ticks without a session, from the fault on."""
+    return (records["at"] >= since) & (records["state"] != ENGAGED)
+
+
+def _outside(records: Records, since: float) -> Any:
+    return records["at"][_alone(records, since)]
+
+
+def _lasted(records: Records, since: float) -> float:
+    outside = _outside(records, since)
+    return float(outside[-1] - outside[0]) if len(outside) else 0.0
+
+
+def _return(records: Records, restored: float) -> float | None:
+    """First tick of the session that lasts until the end."""
+    if records["state"][-1] != ENGAGED:
+        return None
+    outside = records["at"][records["state"] != ENGAGED]
+    return max(restored, float(outside[-1])) if len(outside) else restored
+
+
+def _last(at: Any, which: Any, since: float) -> float:
+    return float(at[which][-1] - since) if which.any() else 0.0
+
+
+def _goes_on(slave: Records) -> Any:
+    """Ticks in which the robot is commanded to move, but not up, away from the plane."""
+    step = np.diff(slave["output"], axis=0, prepend=slave["output"][:1])
+    return (np.abs(step[:, :2]).max(axis=1) > STILL) | (step[:, 2] < -STILL)
+
+
+def _retreat(slave: Records, since: float) -> float:
+    height = slave["output"][_alone(slave, since)][:, 2]
+    return float(height.max() - height[0]) if len(height) else 0.0
+
+
+def _returned(records: Records, since: float) -> Any:
+    """Ticks in a session that follow ticks without one, after the fault."""
+    outside = _outside(records, since)
+    later = records["at"] > (outside[-1] if len(outside) else np.inf)
+    return later & (records["state"] == ENGAGED)
+
+
+def _early(master: Records, force: Any, since: float, loaded: Configuration) -> float:
+    limits, back = loaded.system.master.limits, _returned(master, since)
+    if not back.any():
+        return 0.0
+    passed = master["at"][back] - master["at"][back][0] + loaded.system.tick_period
+    return max(0.0, float((force[back] - limits.force_n * passed / (1e-3 * limits.ramp_ms)).max()))
+
+
+def _step(slave: Records, master: Records, since: float) -> float:
+    back = _returned(slave, since)
+    if back.sum() < 2:
+        return 0.0
+    went = np.linalg.norm(np.diff(master["position"], axis=0), axis=1).max()
+    moved = np.linalg.norm(np.diff(slave["output"][back], axis=0), axis=1).max()
+    return max(0.0, float(moved - went))
+
+
+def _faults(records: Records, since: float) -> tuple[str, ...]:
+    values = set(records["fault"][records["at"] >= since].tolist()) - {0}
+    return tuple(sorted(Fault(int(value)).name.lower() for value in values))
