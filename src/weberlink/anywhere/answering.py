@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from weberlink.anywhere import ice
 from weberlink.anywhere.calling import CALL_S, CONNECT_S
-from weberlink.anywhere.networks import Networks, Watch
+from weberlink.anywhere.networks import Watch
 from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.paths import Paths
 from weberlink.anywhere.peers import Peer
@@ -45,7 +45,7 @@ class Answering:
 
     async def run(self) -> None:
         """Answer until cancelled."""
-        watch = Watch(self._on_networks, self._order.interfaces)
+        watch = Watch(self._waiter.renew, self._order.interfaces)
         try:
             await self._waiter.serve(self.answer)
         finally:
@@ -60,7 +60,11 @@ class Answering:
             return Busy(served or "")
         if (former := self._finding.pop(peer.name, None)) is not None:
             former.cancel()
-        attempts = await self._paths.prepare(min(self._order.paths, len(offer.paths)), controlling=False)
+        try:
+            attempts = await self._paths.prepare(min(self._order.paths, len(offer.paths)), controlling=False)
+        except ice.NoPath as problem:
+            self._paths.news(peer.name, f"{peer.label} called: {problem}")
+            return Answer(())
         task = asyncio.create_task(self._find(peer, attempts, offer.paths))
         self._finding[peer.name] = task
         return Answer(tuple(attempt.description for attempt in attempts))
@@ -77,9 +81,6 @@ class Answering:
         )
         if all(isinstance(result, ice.NoPath) for result in results):
             self._paths.news(peer.name, f"{peer.label} called, and no path to it was found")
-
-    def _on_networks(self, networks: Networks) -> None:  # noqa: ARG002 - the waiter looks for itself
-        self._waiter.renew()
 
     def _note(self, text: str) -> None:
         """The mailbox is the same for all."""

@@ -2,19 +2,19 @@
 
 import asyncio
 from contextlib import suppress
-from math import inf
+from itertools import count
 from time import monotonic
 
 from weberlink.anywhere import ice
-from weberlink.anywhere.networks import Networks, Watch
+from weberlink.anywhere.networks import Watch
 from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.paths import Paths, ServerNames
 from weberlink.anywhere.peers import Peer
 from weberlink.anywhere.rendezvous import Caller
-from weberlink.anywhere.signalling import Answer, Busy, Description, MailboxUnreachable, PeerAbsent
+from weberlink.anywhere.signalling import Busy, Description, MailboxUnreachable, PeerAbsent, SignallingError
 from weberlink.protocol.aio.hand_over import ENGAGED, SILENT, SessionState
 
-CALL_S = 5.0
+CALL_S = 6.0
 """For the answer of a slave that is there."""
 CONNECT_S = 6.0
 """For a path: a check that is lost is repeated after 0.5, 1.5 and 3.5 s."""
@@ -23,7 +23,7 @@ SILENCE_S = 0.2
 ABSENT_S, UNREACHABLE_S = 30.0, 10.0
 """How long, before the first path, a slave or the mailbox may be missing."""
 TRIES = 2
-"""Before the first path, without success, of which the first was no fault of blocked UDP."""
+"""Calls before the first path, where the second one may do better."""
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between calls that come to nothing; the last one again and again."""
 
@@ -48,6 +48,8 @@ class Calling:
         self._caller = caller
         self._paths = paths
         self._was_found = False
+        self._fruitless = 0
+        self._changed = asyncio.Event()
         self._was_engaged = False
         self._reason = asyncio.Event()
         self._silence: asyncio.TimerHandle | None = None
@@ -61,6 +63,7 @@ class Calling:
             self._silence = None
         if state.state == ENGAGED:
             self._was_engaged = True
+            self._fruitless = 0
         elif self._was_engaged:
             delay = SILENCE_S if state.state == SILENT else 0.0
             self._silence = asyncio.get_running_loop().call_later(delay, self._reason.set)
@@ -75,52 +78,68 @@ class Calling:
         finally:
             watch.close()
 
-    def _on_networks(self, networks: Networks) -> None:
-        if networks.of(self._order.interfaces):
-            self._reason.set()
+    def _on_networks(self) -> None:
+        self._reason.set()
+        self._changed.set()
 
     async def _wait_for_reason(self) -> None:
-        """Return when another path is needed; soon if the session did not come back on the last one."""
-        patience = iter(PAUSES_S)
+        """Return when another path is needed; also, at growing intervals, if the session does not come back."""
         while not self._reason.is_set():
-            pause = next(patience, PAUSES_S[-1]) + SILENCE_S if self._is_down else None
-            with suppress(TimeoutError):
+            pause = self._pause + SILENCE_S if self._is_down else None
+            try:
                 await asyncio.wait_for(self._reason.wait(), pause)
-            if self._is_down:
-                break
+            except TimeoutError:
+                if self._is_down:
+                    break
+        self._fruitless = self._fruitless + 1 if self._is_down else 0
 
     @property
     def _is_down(self) -> bool:
         return self._was_engaged and self._paths.sessions.get(self._peer.name) != ENGAGED
 
+    @property
+    def _pause(self) -> float:
+        return PAUSES_S[min(self._fruitless, len(PAUSES_S) - 1)]
+
     async def _find(self) -> bool:
         """Call until there is a path; False if there will be none."""
-        started, tries, last = monotonic(), 0, ""
-        while True:
+        started, last = monotonic(), ""
+        for tries in count(1):
             self._reason.clear()
-            limit, at_most = inf, 0
-            try:
-                await self._call()
-            except (Refused, _Blocked) as problem:
-                text, limit = str(problem), 0.0
-            except ice.NoPath as problem:
-                text, at_most = str(problem), TRIES
-            except PeerAbsent as problem:
-                text, limit = str(problem), ABSENT_S
-            except MailboxUnreachable as problem:
-                text, limit = str(problem), UNREACHABLE_S
-            else:
+            self._changed.clear()
+            problem = await self._call_until_change()
+            if problem is None:
                 self._was_found = True
+                self._reason.clear()  # what happened meanwhile was to the former path
                 return True
-            tries += 1
-            is_final = not self._was_found and (monotonic() - started >= limit or tries == at_most)
-            if is_final or text != last:
-                self._paths.news(self._peer.name, text, is_final=is_final)
+            is_final = not self._was_found and is_hopeless(problem, tries, monotonic() - started)
+            if is_final or str(problem) != last:
+                last = str(problem)
+                self._paths.news(self._peer.name, last, is_final=is_final)
             if is_final:
                 return False
-            last = text
+            self._fruitless += 1
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._reason.wait(), PAUSES_S[min(tries, len(PAUSES_S)) - 1])
+                await asyncio.wait_for(self._reason.wait(), self._pause)
+        raise AssertionError("count() does not end")
+
+    async def _call_until_change(self) -> Exception | None:
+        """Why a call came to nothing; it is given up, and another one begun, when the networks change."""
+        while True:
+            call = asyncio.create_task(self._call())
+            changed = asyncio.create_task(self._changed.wait())
+            try:
+                await asyncio.wait({call, changed}, return_when=asyncio.FIRST_COMPLETED)
+                if call.done():
+                    call.result()
+                    return None
+                self._changed.clear()
+            except FAILURES as problem:
+                return problem
+            finally:
+                call.cancel()
+                changed.cancel()
+                await asyncio.gather(call, changed, return_exceptions=True)
 
     async def _call(self) -> None:
         """Offer paths, and find those that the answer allows; the first is enough.
@@ -132,7 +151,7 @@ class Calling:
         left = list(attempts)
         try:
             offered = [attempt.description for attempt in attempts]
-            reply = await self._caller.call(offered, self._order.take_over, CALL_S)
+            reply = await self._caller.call(offered, self._order.take_over and not self._was_engaged, CALL_S)
             if isinstance(reply, Busy):
                 raise Refused(f"{self._peer.label} serves {reply.serves} now; --take-over replaces it")
             uses = [
@@ -148,15 +167,30 @@ class Calling:
                 raise result
         failed = [place for place, result in enumerate(results) if result is not None]
         if len(failed) == len(results):
-            raise self._reason_for(offered, reply)
+            raise why_none(self._peer.label, self._paths.servers, offered, reply.paths)
         if failed:
             self._paths.news(self._peer.name, f"{len(results) - len(failed)} of {len(results)} paths found")
 
-    def _reason_for(self, offered: list[Description], reply: Answer) -> ice.NoPath:
-        return why_none(self._peer.label, self._paths.servers, offered, reply.paths)
+
+FAILURES = (Refused, ice.NoPath, SignallingError)
 
 
-class _Blocked(ice.NoPath):
+def is_hopeless(problem: Exception, tries: int, seconds: float) -> bool:
+    """Whether to give up, before there ever was a path.
+
+    Args:
+        problem: why the last call came to nothing.
+        tries: calls so far.
+        seconds: since the first one.
+    """
+    if isinstance(problem, PeerAbsent):
+        return seconds >= ABSENT_S
+    if isinstance(problem, MailboxUnreachable):
+        return seconds >= UNREACHABLE_S
+    return isinstance(problem, Refused | Blocked) or tries >= TRIES
+
+
+class Blocked(ice.NoPath):
     """Another try would not help."""
 
 
@@ -164,13 +198,15 @@ def why_none(
     label: str, servers: ServerNames, offered: list[Description], answered: tuple[Description, ...]
 ) -> ice.NoPath:
     """Why no path to a peer was found, from what the servers told both ends."""
+    if not answered:
+        return Blocked(f"no path to {label}: it is not connected by the network interfaces that its file names")
     here, there = any(map(ice.reaches_server, offered)), any(map(ice.reaches_server, answered))
     if servers.asked and not here:
-        return _Blocked(f"no path to {label}: UDP is blocked between here and {servers.asked}")
+        return Blocked(f"no path to {label}: UDP is blocked between here and {servers.asked}")
     if servers.asked and not there:
-        return _Blocked(f"no path to {label}: UDP is blocked between {label} and its relay")
+        return Blocked(f"no path to {label}: UDP is blocked between {label} and its relay")
     if servers.relay and not any(map(ice.has_relay, offered)):
-        return _Blocked(f"no path to {label}: the relay {servers.relay} refuses; compare the secret with its own")
+        return Blocked(f"no path to {label}: the relay {servers.relay} refuses; compare the secret with its own")
     if not any(map(ice.has_relay, (*offered, *answered))):
-        return _Blocked(f"no path to {label}: the two NATs let nothing through, and there is no relay; set link.turn")
+        return Blocked(f"no path to {label}: the two NATs let nothing through, and there is no relay; set link.turn")
     return ice.NoPath(f"no path to {label}: nothing came through within {CONNECT_S:g} s, also by the relay")

@@ -75,25 +75,17 @@ class DaemonEnd:
         return None if received is None else received[0]
 
 
-async def find(
-    order: FinderOrder, end: socket, caller: type[Caller] = Caller, waiter: type[Waiter] = Waiter
-) -> None:
-    """Find paths until the daemon closes its end.
-
-    Args:
-        order: of the daemon.
-        end: of the socket to it.
-        caller, waiter: how a master and a slave reach each other before there is a path.
-    """
+async def find(order: FinderOrder, end: socket) -> None:
+    """Find paths until the daemon closes its end."""
     daemon = DaemonEnd(end)
     try:
         peers = _peers(order)
         paths = Paths(order, ServerNames(order, peers[0].own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            policy = Calling(order, peers[0], caller(peers[0], order.mailbox), paths)
+            policy = Calling(order, peers[0], Caller(peers[0], order.mailbox), paths)
         else:
-            policy = Answering(order, peers, lambda note: waiter(peers, order.mailbox, note), paths)
+            policy = Answering(order, peers, lambda note: Waiter(peers, order.mailbox, note), paths)
     except (PeerError, KeyFileError) as problem:
         daemon.tell(hand_over.PathNews(order.peers[0] if order.peers else "", str(problem), True))
         return
@@ -116,12 +108,12 @@ def _peers(order: FinderOrder) -> Sequence[Peer]:
     return [store.find(label) for label in order.peers]
 
 
-def main(arguments: Sequence[str], caller: type[Caller] = Caller, waiter: type[Waiter] = Waiter) -> None:
+def main(arguments: Sequence[str]) -> None:
     text, descriptor = arguments
     with socket(fileno=int(descriptor)) as end, asyncio.Runner(loop_factory=SocketLoop) as runner:
         end.setblocking(False)
         os.set_inheritable(end.fileno(), False)
-        runner.run(find(FinderOrder.from_json(text), end, caller, waiter))
+        runner.run(find(FinderOrder.from_json(text), end))
 
 
 if __name__ == "__main__":

@@ -86,14 +86,14 @@ class Watch:
     """Calls back when the networks of this host have changed.
 
     Args:
-        changed: called with the new networks.
+        changed: called then, if there is a network.
         interfaces: those that count; all if empty.
     """
 
-    def __init__(self, changed: Callable[[Networks], None], interfaces: Sequence[str] = ()) -> None:
+    def __init__(self, changed: Callable[[], None], interfaces: Sequence[str] = ()) -> None:
         self._changed = changed
         self._interfaces = interfaces
-        self.networks = look()
+        self._networks = self._look()
         self._settling: asyncio.TimerHandle | None = None
         self._loop = asyncio.get_running_loop()
         self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.NETLINK_ROUTE)
@@ -116,6 +116,10 @@ class Watch:
 
     def _settled(self) -> None:
         self._settling = None
-        before, self.networks = self.networks, look()
-        if (before.of(self._interfaces), before.outside) != (self.networks.of(self._interfaces), self.networks.outside):
-            self._changed(self.networks)
+        before, self._networks = self._networks, self._look()
+        if before != self._networks and self._networks.addresses:
+            self._changed()
+
+    def _look(self) -> Networks:
+        now = look()
+        return Networks(now.of(self._interfaces), now.outside)

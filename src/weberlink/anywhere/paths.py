@@ -19,6 +19,9 @@ GRACE_S = 2.0
 """A replaced path lives on so long: the peer may still send there."""
 CREDENTIALS_S = 24 * 3600.0
 """Lifetime of credentials for the relay; a session may be renewed by ICE for so long without new ones."""
+STAGGER_S = 0.05
+"""Between the places whose paths are replaced during a session: until both ends have taken a new path over, some
+milliseconds, it loses datagrams, which then arrive by the other one."""
 STUN_PORT = 3478
 
 
@@ -99,7 +102,11 @@ class Paths:
         self._tell(PathNews(peer, text, is_final))
 
     async def prepare(self, count: int, *, controlling: bool) -> list[ice.PathAttempt]:
-        """Begin to find so many paths: own addresses are known afterwards."""
+        """Begin to find so many paths: own addresses are known afterwards.
+
+        Raises:
+            NoPath: this host is not connected.
+        """
         servers = await self.servers.resolve()
         now = networks.look()
         attempts = [
@@ -115,13 +122,14 @@ class Paths:
 
     def _binding(self, now: networks.Networks, place: int, count: int) -> Binding:
         """One path uses all interfaces, each of several its own; with fewer interfaces than paths, they share."""
-        wanted = self._order.interfaces or (now.outside if count > 1 else ())
+        named = self._order.interfaces
+        wanted = named or (now.outside if count > 1 else ())
         present = [name for name in wanted if name in now.addresses.values()]
+        if not now.addresses or (named and not present):
+            raise ice.NoPath(f"{', '.join(named) or 'this host'} is not connected to a network")
         chosen = (present[place % len(present)],) if present and count > 1 else tuple(present)
-        if self._order.interfaces and not present:
-            return Binding({}, frozenset(), self._order.dscp)
         # An interface with a way outside must not be left by that of another one; others are for near hosts.
-        return Binding(now.of(chosen), frozenset((*now.outside, *self._order.interfaces)), self._order.dscp)
+        return Binding(now.of(chosen), frozenset((*now.outside, *named)), self._order.dscp)
 
     async def use(
         self,
@@ -138,6 +146,8 @@ class Paths:
         """
         try:
             found = await attempt.connect(remote, timeout)
+            if place and self.sessions.get(peer) == ENGAGED:
+                await asyncio.sleep(STAGGER_S * place)
         except BaseException:
             await attempt.close()
             raise

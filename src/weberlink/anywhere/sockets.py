@@ -131,7 +131,8 @@ class Binding:
                 local = self._way_to(family, remote), 0
             interface = self.addresses.get(local[0], "")
             if interface in self.bound:
-                made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
+                with suppress(PermissionError):  # before Linux 5.7 only for those who may make any datagram
+                    made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
             made.bind(local)
         except OSError:
             made.close()
