@@ -4,14 +4,17 @@ import asyncio
 from collections.abc import Callable, Sequence
 
 from weberlink.anywhere import ice
-from weberlink.anywhere.calling import CALL_S, CONNECT_S
+from weberlink.anywhere.calling import CALL_S, CONNECT_S, SILENCE_S
 from weberlink.anywhere.networks import Watch
 from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.paths import Paths
 from weberlink.anywhere.peers import Peer
 from weberlink.anywhere.rendezvous import Waiter
 from weberlink.anywhere.signalling import Answer, Busy, Description, Note, Offer
-from weberlink.protocol.aio.hand_over import GONE, SessionState
+from weberlink.protocol.aio.hand_over import ENGAGED, GONE, SessionState
+
+RENEWAL_GROWTH, LONGEST_RENEWAL_S = 5.0, 10.0
+"""While there is no session after one, the mailbox is connected anew after 0.2, 1, 5 and 25 s."""
 
 
 class Answering:
@@ -32,11 +35,27 @@ class Answering:
         self._names = [peer.name for peer in peers]
         self._waiter = make_waiter(self._note)
         self._finding: dict[str, asyncio.Task[None]] = {}
+        self._renewal: asyncio.TimerHandle | None = None
 
     def hear(self, state: SessionState) -> None:
         """Take the state of a session."""
         self._paths.sessions[state.peer] = state.state
         self._waiter.serves = self._served
+        if self._renewal is not None:
+            self._renewal.cancel()
+            self._renewal = None
+        if state.state != ENGAGED:
+            self._renew_later(SILENCE_S)
+
+    def _renew_later(self, delay: float) -> None:
+        """What cut the session may have cut the connection to the mailbox too, which is noticed later there."""
+
+        def renew() -> None:
+            self._waiter.renew()
+            if delay < LONGEST_RENEWAL_S:
+                self._renew_later(RENEWAL_GROWTH * delay)
+
+        self._renewal = asyncio.get_running_loop().call_later(delay, renew)
 
     @property
     def _served(self) -> str | None:

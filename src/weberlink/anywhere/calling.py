@@ -18,6 +18,8 @@ CALL_S = 6.0
 """For the answer of a slave that is there."""
 CONNECT_S = 6.0
 """For a path: a check that is lost is repeated after 0.5, 1.5 and 3.5 s."""
+NEAR_S = 2.0
+"""For a path in the same network, where no server can be reached."""
 SILENCE_S = 0.2
 """Of this length beyond the silence limit, a hole in the path is taken for its end."""
 ABSENT_S, UNREACHABLE_S = 30.0, 10.0
@@ -154,8 +156,10 @@ class Calling:
             reply = await self._caller.call(offered, self._order.take_over and not self._was_engaged, CALL_S)
             if isinstance(reply, Busy):
                 raise Refused(f"{self._peer.label} serves {reply.serves} now; --take-over replaces it")
+            far = all(any(map(ice.reaches_server, end)) for end in (offered, reply.paths))
+            patience = CONNECT_S if far or not self._paths.servers.asked else NEAR_S
             uses = [
-                self._paths.use(self._peer.name, place, attempt, remote, CONNECT_S)
+                self._paths.use(self._peer.name, place, attempt, remote, patience)
                 for place, (attempt, remote) in enumerate(zip(attempts, reply.paths, strict=False))
             ]
             del left[: len(uses)]

@@ -5,6 +5,7 @@ Everything that depends on the inside of aioice is in `_Connection` and `PathAtt
 
 import asyncio
 from contextlib import suppress
+from functools import partial
 from typing import NamedTuple
 
 import aioice
@@ -81,8 +82,11 @@ class PathAttempt:
         BINDING.set(self._binding)
         await self._connection.gather_candidates()
         for transport in self._binding.sockets:
-            if isinstance(transport.protocol, turn.TurnClientUdpProtocol):
-                transport.protocol.channel_refresh_time = PERMISSION_S
+            protocol: asyncio.DatagramProtocol | None = transport.protocol
+            if isinstance(protocol, turn.TurnClientUdpProtocol):
+                protocol.channel_refresh_time = PERMISSION_S
+                protocol = protocol.receiver
+            transport.held = partial(self._connection.accept, protocol)
         candidates = tuple(candidate.to_sdp() for candidate in self._connection.local_candidates)
         self.description = Description(self.description.username, self.description.password, candidates)
         return self.description
@@ -213,6 +217,17 @@ class _Connection(aioice.Connection):
         for pair in self._check_list:
             if pair.protocol is protocol and pair.remote_addr == addr:
                 self._repeat(pair)
+
+    def accept(self, protocol: asyncio.DatagramProtocol | None) -> None:
+        """Take the pair that the peer has nominated, and sends on: so our answer has reached it, by this pair."""
+        for pair in list(self._check_list):
+            is_this = pair.protocol is protocol and pair.remote_nominated
+            if is_this and pair.state == CandidatePair.State.IN_PROGRESS:
+                if pair.task is not None:
+                    pair.task.cancel()
+                pair.nominated = True
+                self.check_state(pair, CandidatePair.State.SUCCEEDED)
+                self.check_complete(pair)
 
     def _repeat(self, pair: CandidatePair) -> None:
         """Replace a check that was sent before by a new one, once; not one that waits for its turn."""

@@ -12,9 +12,15 @@ from contextlib import suppress
 from contextvars import ContextVar
 from typing import Any
 
+from weberlink.protocol.aio.hand_over import is_stun
 from weberlink.protocol.events import Address
 
+HOLD_S = 0.1
+"""How long the first datagram of a session waits in the kernel for the socket to be handed over."""
 _LONGEST = 65536
+_CHANNEL_HEADER = 4
+_SHORTEST = _CHANNEL_HEADER + 8
+"""Enough of a datagram to recognize a STUN message."""
 _SLICE = 64
 """Datagrams to read before other sockets have their turn."""
 
@@ -28,6 +34,9 @@ class OwnSocket(asyncio.DatagramTransport):
         remote: the only address to talk to; None for all. The socket itself is not connected, so that whoever takes it
             over may still choose.
         interface: by which it goes out, "" if unknown.
+
+    Attributes:
+        held: called when a datagram of the session is there, before the socket is handed over.
     """
 
     def __init__(
@@ -45,12 +54,15 @@ class OwnSocket(asyncio.DatagramTransport):
         self.interface = interface
         self._loop = loop
         self._is_closing = False
+        self.held: Callable[[], None] = lambda: None
+        self._may_hold = True
+        self._holding: asyncio.TimerHandle | None = None
         loop.add_reader(bound, self._read)
         protocol.connection_made(self)
 
     def hand_over(self) -> socket.socket:
         """Stop reading; the socket may still be written here."""
-        self._loop.remove_reader(self.socket)
+        self._stop_reading()
         return self.socket
 
     def deliver(self, data: bytes, source: Address) -> None:
@@ -75,16 +87,24 @@ class OwnSocket(asyncio.DatagramTransport):
     def close(self) -> None:
         if not self._is_closing:
             self._is_closing = True
-            self._loop.remove_reader(self.socket)
+            self._stop_reading()
             self.socket.close()
             self._loop.call_soon(self.protocol.connection_lost, None)
 
     def abort(self) -> None:
         self.close()
 
+    def _stop_reading(self) -> None:
+        self._loop.remove_reader(self.socket)
+        if self._holding is not None:
+            self._holding.cancel()
+
     def _read(self) -> None:
         for _ in range(_SLICE):
             try:
+                if self._may_hold and _is_of_session(self.socket.recv(_SHORTEST, socket.MSG_PEEK)):
+                    self._hold()
+                    return
                 data, source = self.socket.recvfrom(_LONGEST)
             except BlockingIOError:
                 return
@@ -94,6 +114,25 @@ class OwnSocket(asyncio.DatagramTransport):
             self.deliver(data, (source[0], source[1]))
             if self._is_closing:
                 return
+
+    def _hold(self) -> None:
+        """Leave datagrams of the session to who takes the socket over: the peer has its end of the path already.
+
+        Once, and not for long: the STUN message that completes this end may be behind them.
+        """
+        self._may_hold = False
+        self._loop.remove_reader(self.socket)
+        self._holding = self._loop.call_later(HOLD_S, self._resume)
+        self.held()
+
+    def _resume(self) -> None:
+        self._holding = None
+        self._loop.add_reader(self.socket, self._read)
+
+
+def _is_of_session(data: bytes) -> bool:
+    """Whether the beginning of a datagram is neither that of a STUN message, nor of one in a TURN channel."""
+    return not (is_stun(data) or is_stun(data[_CHANNEL_HEADER:]))
 
 
 class Binding:
