@@ -171,7 +171,7 @@ class Calling:
                 raise result
         failed = [place for place, result in enumerate(results) if result is not None]
         if len(failed) == len(results):
-            raise why_none(self._peer.label, self._paths.servers, offered, reply.paths)
+            raise await why_none(self._peer.label, self._paths.servers, offered, reply.paths)
         if failed:
             self._paths.news(self._peer.name, f"{len(results) - len(failed)} of {len(results)} paths found")
 
@@ -198,19 +198,23 @@ class Blocked(ice.NoPath):
     """Another try would not help."""
 
 
-def why_none(
+async def why_none(
     label: str, servers: ServerNames, offered: list[Description], answered: tuple[Description, ...]
 ) -> ice.NoPath:
     """Why no path to a peer was found, from what the servers told both ends."""
-    if not answered:
-        return Blocked(f"no path to {label}: it is not connected by the network interfaces that its file names")
     here, there = any(map(ice.reaches_server, offered)), any(map(ice.reaches_server, answered))
-    if servers.asked and not here:
-        return Blocked(f"no path to {label}: UDP is blocked between here and {servers.asked}")
-    if servers.asked and not there:
-        return Blocked(f"no path to {label}: UDP is blocked between {label} and its relay")
-    if servers.relay and not any(map(ice.has_relay, offered)):
-        return Blocked(f"no path to {label}: the relay {servers.relay} refuses; compare the secret with its own")
-    if not any(map(ice.has_relay, (*offered, *answered))):
-        return Blocked(f"no path to {label}: the two NATs let nothing through, and there is no relay; set link.turn")
-    return ice.NoPath(f"no path to {label}: nothing came through within {CONNECT_S:g} s, also by the relay")
+    if not answered:
+        reason = "it is not connected by the network interfaces that its file names"
+    elif servers.asked and not here and await servers.answers_tcp():
+        reason = f"UDP is blocked between here and {servers.asked}"
+    elif servers.asked and not here:
+        reason = f"{servers.asked} does not answer from here; it is down, or UDP is blocked"
+    elif servers.asked and not there:
+        reason = f"UDP is blocked between {label} and its relay"
+    elif servers.relay and not any(map(ice.has_relay, offered)):
+        reason = f"the relay {servers.relay} refuses; compare the secret of link.turn with that of the relay"
+    elif not any(map(ice.has_relay, (*offered, *answered))):
+        reason = "the two NATs let nothing through, and there is no relay; set link.turn"
+    else:
+        return ice.NoPath(f"no path to {label}: nothing came through within {CONNECT_S:g} s, also by the relay")
+    return Blocked(f"no path to {label}: {reason}")

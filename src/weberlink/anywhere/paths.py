@@ -22,7 +22,8 @@ CREDENTIALS_S = 24 * 3600.0
 STAGGER_S = 0.05
 """Between the places whose paths are replaced during a session: until both ends have taken a new path over, some
 milliseconds, it loses datagrams, which then arrive by the other one."""
-STUN_PORT = 3478
+TCP_S = 1.0
+"""For a TCP connection to a server that does not answer by UDP."""
 
 
 class ServerNames:
@@ -52,6 +53,16 @@ class ServerNames:
         """What people call the relay; "" if there is none."""
         return self._order.turn_name or (self._order.turn or "").rpartition(":")[0]
 
+    async def answers_tcp(self) -> bool:
+        """Whether the asked server takes a TCP connection; a relay does so at the same port (RFC 8656 section 3.1)."""
+        host, _, port = self.asked.rpartition(":")
+        try:
+            _, writer = await asyncio.wait_for(asyncio.open_connection(host.strip("[]"), int(port)), TCP_S)
+        except OSError:  # TimeoutError is one
+            return False
+        writer.close()
+        return True
+
     async def resolve(self) -> ice.Servers:
         """Their addresses now; a name that does not resolve is left out, as a server that does not answer."""
         stun, turn = await asyncio.gather(_resolve(self.asked), _resolve(self._order.turn or ""))
@@ -64,9 +75,7 @@ async def _resolve(server: str) -> Address | None:
     if not host:
         return None
     try:
-        found = await asyncio.get_running_loop().getaddrinfo(
-            host.strip("[]"), int(port or STUN_PORT), type=socket.SOCK_DGRAM
-        )
+        found = await asyncio.get_running_loop().getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_DGRAM)
     except OSError:
         return None
     chosen = min(found, key=lambda entry: entry[0] != socket.AF_INET)  # aioice asks a STUN server by IPv4 only
