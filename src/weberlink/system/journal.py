@@ -224,7 +224,7 @@ class Journal:
             self._summarise(side, known)
 
     def take_paths(self, side: str, paths: Sequence[Mapping[str, Any]]) -> None:
-        """Take the present paths of a side (`weberlink.system.paths`); those that differ are events of its newest record.
+        """Take the present paths of a side (`weberlink.system.paths`); another one is an event of its newest record.
 
         Before the first record of the side, nothing is taken: call it again.
         """

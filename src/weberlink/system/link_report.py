@@ -47,15 +47,14 @@ def _ways(ways: dict[str, Any]) -> Iterator[str]:
 
 def _paths(summary: dict[str, Any]) -> Iterator[str]:
     """The paths of each side; once where both say the same."""
-    told = {
-        side: [
-            ", ".join(part for part in (path_words(facts), dscp_words(facts, summary.get("dscp"))) if part)
-            for facts in paths
-        ]
-        for side, paths in sorted(summary.get("paths", {}).items())
-    }
-    if len(told) > 1 and len({tuple(lines) for lines in told.values()}) == 1:
+    asked, paths = summary.get("dscp"), summary.get("paths", {})
+    told = {side: [_path(facts, asked) for facts in of_side] for side, of_side in sorted(paths.items())}
+    if len({tuple(lines) for lines in told.values()}) == 1:
         yield from next(iter(told.values()))
         return
-    for side, lines in told.items():
-        yield from (f"{side}: {line}" for line in lines)
+    for side, of_side in sorted(paths.items()):
+        yield from (_path(facts, asked, side) for facts in of_side)
+
+
+def _path(facts: dict[str, Any], asked: int | None, of: str = "") -> str:
+    return ", ".join(part for part in (path_words(facts, of), dscp_words(facts, asked)) if part)

@@ -21,6 +21,7 @@ export const AS = {
   pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
   rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
   percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
+  percent2: (v) => (known(v) ? `${fixed(100 * v, 2)} %` : UNKNOWN),
   ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
   us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
   mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
