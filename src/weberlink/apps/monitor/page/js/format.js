@@ -22,6 +22,7 @@ export const AS = {
   rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
   percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
   percent2: (v) => (known(v) ? `${fixed(100 * v, 2)} %` : UNKNOWN),
+  milli: (v) => (known(v) ? three(v / 1000) : UNKNOWN),
   ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
   us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
   mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
