@@ -129,6 +129,11 @@ class Conversation:
         return 0.0 if self._session is None else self._session.clock.jitter
 
     @property
+    def loss_burst(self) -> float:
+        """Mean length of the runs of the peer's datagrams that were lost on the way here; 0 while unknown."""
+        return 0.0
+
+    @property
     def credit(self) -> int:
         """Cumulative count granted to the peer in every datagram; 0 when a session begins.
 

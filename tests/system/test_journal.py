@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from tests.system.processes import Program, document, until
 from weberlink.control.table import SCHEMES
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.journal import Journal
 from weberlink.system.log_file import LONGEST_LINE, LogFile
+from weberlink.system.paths import paths_of
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import RELEASED
@@ -68,6 +70,35 @@ def names(lines: list[dict[str, Any]]) -> list[str]:
 
 
 # --- what is told
+
+
+def test_paths_are_told_when_new_or_changed() -> None:
+    log = Log()
+    first, second = PathFacts(), PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+    for number, path in enumerate([first, first, first, second, second]):
+        log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
+        log.look(ticks(1500, first=1500 * number))
+    told = [json.loads(line) for line in log.lines]
+    assert names(told) == ["started", "path", "path"]
+    assert [(line["level"], line["text"]) for line in told[1:]] == [
+        ("info", "path: direct"),
+        ("warn", "path: relayed by relay.example over wlan0, 1 change"),
+    ]
+    assert told[2] | second._asdict() == told[2] and told[2]["tick"] == 4499
+
+
+def test_a_flapping_path_makes_one_line_a_second() -> None:
+    log = Log()
+    log.look(ticks(10))
+    for number in range(1, 300):
+        path = PathFacts(changes=number)
+        log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
+        log.look(ticks(10, first=10 * number))
+    log.look(ticks(1500, first=3000))
+    lines = [line for line in map(json.loads, log.lines) if line["event"] == "path"]
+    assert len(lines) <= 5
+    assert lines[-1]["changes"] == 299, "the last change is told"
+    assert sum(line.get("suppressed", 0) for line in lines) + len(lines) == 299
 
 
 def test_a_session_in_which_nothing_happens_has_a_beginning_figures_and_an_end() -> None:

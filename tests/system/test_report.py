@@ -6,11 +6,16 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tests.system.scoring.test_session import NONE, records
+from tests.system.scoring.test_session import NONE, RATE, records
 from tests.system.test_verdict import clean, figures
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
+from weberlink.system.paths import paths_of
 from weberlink.system.report import WIDTH, session_report, status_line
+from weberlink.system.scoring.session import SessionScore
 
+FINDING = PathFacts(route="", note="asking the mailbox")
+RELAYED = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
 LIVE = {"addresses": {"listen": "0.0.0.0:47000", "slave": "10.0.0.2:47000"}}
 
 
@@ -26,6 +31,16 @@ def line(side: str, state: State, **facts: Any) -> str:
     summary = figures(made, NONE) if side == "master" else figures(NONE, made)
     newest = {"master": None, "slave": None} | {side: made[-1]}
     return status_line(newest, summary | LIVE | {"peers": {side: None}} | facts)
+
+
+def read(facts: dict[str, Any]) -> dict[str, Any]:
+    """With the paths as the launcher reads them from a daemon."""
+    return facts | {
+        "paths": {
+            side: paths_of({"paths": [path._asdict() for path in paths]})
+            for side, paths in facts.get("paths", {}).items()
+        }
+    }
 
 
 def test_report_begins_with_the_verdict() -> None:
@@ -54,7 +69,12 @@ def test_report_without_a_tick_is_two_lines() -> None:
     [
         ("master", State.CONNECTING, {}, "calling 10.0.0.2:47000"),
         ("slave", State.LISTENING, {}, "listening on 0.0.0.0:47000"),
+        ("master", State.CONNECTING, {"paths": {"master": [FINDING]}}, "asking the mailbox"),
+        ("slave", State.LISTENING, {"paths": {"slave": [FINDING]}}, "asking the mailbox"),
+        ("master", State.CONNECTING, {"addresses": {}}, "connecting"),
         ("master", State.ENGAGED, {}, "engaged with 10.0.0.2:47000"),
+        ("master", State.ENGAGED, {"addresses": {}}, "engaged with the peer"),
+        ("master", State.ENGAGED, {"paths": {"master": [FINDING]}}, "engaged with 10.0.0.2:47000"),
         ("slave", State.ENGAGED, {"peers": {"slave": {"name": "ann@desk"}}}, "engaged with ann@desk"),
         ("slave", State.SILENT, {"peers": {"slave": {"name": "ann@desk"}}}, "ann@desk silent"),
         ("slave", State.ENGAGED, {"record_age_s": {"slave": 3.2}}, "no record of the slave for 3 s"),
@@ -62,7 +82,7 @@ def test_report_without_a_tick_is_two_lines() -> None:
     ],
 )
 def test_status_line_names_peer_address_and_age(side: str, state: State, facts: dict[str, Any], expected: str) -> None:
-    shown = line(side, state, **facts)
+    shown = line(side, state, **read(facts))
     assert expected in shown
     assert len(shown) < WIDTH
 
@@ -70,3 +90,41 @@ def test_status_line_names_peer_address_and_age(side: str, state: State, facts: 
 def test_status_line_shows_figures_in_session_only() -> None:
     assert "force" in line("master", State.ENGAGED)
     assert "force" not in line("master", State.CONNECTING)
+
+
+def reported(**paths: list[PathFacts]) -> str:
+    """The report of a session with 12 ms to the slave and 30 ms back, one datagram in ten lost on the way back."""
+    made = records(2000)
+    made["rtt_us"], made["one_way_us"], made["jitter_us"] = 42e3, 30e3, 3e3
+    made["datagrams_received"], made["datagrams_lost"] = 90, 10
+    made["outgoing_loss"], made["peer_burst"] = 0.0123, 1.5
+    score = SessionScore(RATE, ("zoh",))
+    score.add(made, NONE)
+    facts = {"outcome": "completed", "drops": {}, "dscp": 46, "ways": score.ways()} | read({"paths": paths})
+    return "\n".join(shown(score.summary() | facts))
+
+
+def test_report_tells_each_way_apart() -> None:
+    text = reported()
+    assert "round trip 42.00 ms (p99 42.00), jitter 3.00 ms (p99 3.00)\n" in text
+    assert "to the slave: 12.0" in text and "1.23 % lost, as that side reported" in text
+    assert "to the master: 29.9" in text and "10.00 % lost in runs of 1.5" in text
+    assert "path" not in text
+
+
+def test_report_names_paths_of_each_side() -> None:
+    words = "relayed by relay.example over wlan0, 1 change"
+    second = PathFacts(1, "punched", interface="usb0")
+    assert f"\npath: {words}\npath 2: punched over usb0\n" in reported(master=[RELAYED, second])
+    two = reported(master=[RELAYED], slave=[PathFacts()])
+    assert f"\npath of the master: {words}\npath of the slave: direct\n" in two
+    both = reported(master=[PathFacts()], slave=[PathFacts(remote="10.0.0.9:5000")])
+    assert both.count("path: direct\n") == 1, "both sides say the same"
+
+
+def test_report_without_a_path_says_what_was_tried() -> None:
+    made = records(5000)
+    made["state"] = State.CONNECTING.value
+    facts: dict[str, Any] = {"outcome": "terminated", "drops": {"master": {}}}
+    text = shown(figures(made, NONE) | facts | read({"paths": {"master": [FINDING]}}))[0]
+    assert text == "failed because the slave did not answer in 5.0 s: asking the mailbox"

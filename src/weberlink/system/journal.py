@@ -12,6 +12,7 @@ as in recordings.
 | `fault`, `recovered` | name of the `fault`; on recovery `lasted_s` |
 | `scheme` | active control scheme: `scheme`, `before` |
 | `settings` | live changes in force: `generation`, `weber` |
+| `path` | `place`, `route`, `via`, `interface`, `remote`, `changes`, `note` of a path that is new or another one |
 | `held`, `released` | the button of `master.engage`, while a session runs |
 | `missed` | `ticks`: missed deadlines since the last such line |
 | `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
@@ -21,7 +22,7 @@ as in recordings.
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from math import isfinite
@@ -32,6 +33,7 @@ import numpy as np
 
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
+from weberlink.system.paths import of_event
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import Records
 from weberlink.system.wording import words
@@ -122,6 +124,8 @@ class _Side:
         self.wall_offset_s = wall_offset_s
         self.interval = _Interval(first, float(first["at"]))
         self.kinds: dict[str, _Kind] = {}
+        self.paths: dict[int, Fields] = {}
+        """By place, as last told."""
         self._fault_at_s = float(first["at"])
 
     def events(self, records: Records) -> Iterator[_Event]:
@@ -218,6 +222,19 @@ class Journal:
         self._flush(side, known, at)
         if at - known.interval.since_s >= self._summary_s:
             self._summarise(side, known)
+
+    def take_paths(self, side: str, paths: Sequence[Mapping[str, Any]]) -> None:
+        """Take the present paths of a side (`weberlink.system.paths`); another one is an event of its newest record.
+
+        Before the first record of the side, nothing is taken: call it again.
+        """
+        known = self._sides.get(side)
+        for facts in paths if known is not None else ():
+            told = of_event(facts)
+            place = int(told["place"] or 0)
+            if known is not None and known.paths.get(place) != told:
+                known.paths[place] = told
+                self._offer(side, known, _Event(known.last, f"path {place}", "path", told))
 
     def flush(self) -> None:
         """Write the changes that wait for their second."""

@@ -35,6 +35,7 @@ from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.order import MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.paths import notable, paths_of
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
@@ -122,10 +123,9 @@ class Daemon:
         return self._reader.read()
 
     @property
-    def peer(self) -> dict[str, str] | None:
-        """What the side knows of its peer in words."""
-        described = description.read(self._ring)
-        return None if described is None else described.get("peer")
+    def described(self) -> dict[str, Any] | None:
+        """What the side says of itself now, among it of its peer and of its paths."""
+        return description.read(self._ring)
 
     def stop(self, number: Signals) -> None:
         if self.running:
@@ -195,6 +195,7 @@ class Session:
     _watch: Watch | None = None
     _key: Path | None = None
     _peers: dict[str, Any] = field(default_factory=dict)
+    _paths: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     _told: set[str] = field(default_factory=set)
     _tell_at: float = 0.0
 
@@ -313,10 +314,27 @@ class Session:
                 self.journal.look(side, records[side], daemon.wall_offset_s)
         if monotonic() >= self._tell_at:
             self._tell_at = monotonic() + TELL_S
-            self._peers = {side: daemon.peer for side, daemon in self.daemons.items()}
+            self._ask_daemons()
             self._tell()
         if self._watch is not None:
             self._watch(self.score.state, self._figures())
+
+    def _ask_daemons(self) -> None:
+        """Take what the sides know of their peers and paths, and log and mark paths that have changed."""
+        described = {side: daemon.described or {} for side, daemon in self.daemons.items()}
+        self._peers = {side: each.get("peer") for side, each in described.items()}
+        for side, each in sorted(described.items()):
+            self._take_paths(side, paths_of(each))
+
+    def _take_paths(self, side: str, paths: list[dict[str, Any]]) -> None:
+        if not paths:  # a daemon that has ended describes nothing: its last paths stay
+            return
+        before, self._paths[side] = self._paths.get(side, []), paths
+        if self.journal is not None:
+            self.journal.take_paths(side, paths)
+        if self._recorder is not None:
+            for text in notable(before, paths):
+                self._recorder.mark(f"{side}: {text}")
 
     def _figures(self) -> dict[str, Any]:
         """The figures so far, with what telemetry does not contain; `record_age_s` is the age of the newest record."""
@@ -326,7 +344,13 @@ class Session:
 
     def _facts(self, peers: dict[str, Any]) -> dict[str, Any]:
         link = self.configuration.system.link
-        return {"addresses": {"listen": link.listen, "slave": link.slave}, "peers": peers}
+        return {
+            # A path that is found has no address of the file.
+            "addresses": {} if link.path == "ice" else {"listen": link.listen, "slave": link.slave},
+            "peers": peers,
+            "paths": self._paths,
+            "dscp": link.dscp,
+        }
 
     def _recording(self) -> dict[str, Any]:
         """The state of the recorder, if there is one; its own summary once it has ended."""
@@ -355,8 +379,11 @@ class Session:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
         asked = summaries[self._first.side]["outcome"]
         peers = {side: summary["peer"] for side, summary in summaries.items()}
+        for side, summary in sorted(summaries.items()):
+            self._take_paths(side, paths_of(summary))
         return (
             self.score.summary()
+            | {"ways": self.score.ways()}
             | self._facts(peers)
             | {
                 "lookahead_ms": lookahead_ms(self.configuration.system),

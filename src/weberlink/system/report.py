@@ -14,7 +14,9 @@ from rich.text import Text
 
 from weberlink.protocol.states import State
 from weberlink.system.environment import footer
+from weberlink.system.link_report import link_lines
 from weberlink.system.order import MASTER
+from weberlink.system.paths import finding
 from weberlink.system.verdict import DEGRADED, FAILED_OUTCOME, FAILURE, GOOD, felt_channel, verdict
 from weberlink.telemetry.record import RELEASED
 
@@ -32,6 +34,7 @@ CHANNELS = (
 """Name, displayed unit, factor from SI to it, digits."""
 
 COLOURS = {GOOD: "green", DEGRADED: "yellow", FAILURE: "red"}
+_WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
 SHOWN_S = 1.0
 """Shorter times without a session are not shown: daemons do not start and end at the same moment [s]."""
 STALE_S = 1.0
@@ -96,6 +99,8 @@ def _state(side: str, record: Any, summary: dict[str, Any]) -> str:
     if state is State.ENGAGED and int(record["ramping"]) == RELEASED:
         return "button released"
     addresses = summary.get("addresses", {})
+    if state in _WITHOUT_SESSION and (note := finding(summary.get("paths", {}).get(side, ()))):
+        return note
     if state is State.CONNECTING and addresses:
         return f"calling {addresses['slave']}"
     if state is State.LISTENING and addresses:
@@ -103,7 +108,8 @@ def _state(side: str, record: Any, summary: dict[str, Any]) -> str:
     word = state.name.lower()
     if len(summary.get("peers", {})) != 1 or state not in (State.ENGAGED, State.SILENT):
         return word
-    name = (summary["peers"][side] or {}).get("name") or addresses["slave" if side == MASTER else "listen"]
+    known = addresses.get("slave" if side == MASTER else "listen", "the peer")
+    name = (summary["peers"][side] or {}).get("name") or known
     return f"{word} with {name}" if state is State.ENGAGED else f"{name} silent"
 
 
@@ -201,7 +207,7 @@ def _session(summary: dict[str, Any]) -> Iterator[str]:
         yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in felt["selected"].items())
     yield from _axes(summary)
     yield from _widened(summary)
-    yield from _delays(summary)
+    yield from link_lines(summary)
 
 
 def _felt_units(summary: dict[str, Any]) -> tuple[str, str, float, int]:
@@ -281,17 +287,6 @@ def _quality(force: dict[str, Any]) -> Iterator[str]:
         parts.append("jumps {} median, {} p99, {} max".format(*jumps))
     if parts:
         yield f"in JND: {'; '.join(parts)}"
-
-
-def _delays(summary: dict[str, Any]) -> Iterator[str]:
-    link = summary["link"]
-    if link["rtt_us"]["p50"] is not None:
-        yield (
-            f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
-            f"one way {link['one_way_us']['p50'] / 1e3:.2f} ms"
-        )
-    if any((late := summary.get("lookahead_ms", {})).values()):
-        yield "look-ahead, on top of the way: " + ", ".join(f"{name} {ms:g} ms" for name, ms in late.items())
 
 
 def _recording(facts: dict[str, Any]) -> str:

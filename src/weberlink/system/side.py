@@ -269,6 +269,10 @@ class Side:
         row.codec_us = self.codec_time * 1e6
         row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
         row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
+        row.jitter_us = nan if statistics.rtt is None else endpoint.jitter * 1e6
+        row.incoming_loss = statistics.incoming_loss
+        row.outgoing_loss = statistics.outgoing_loss
+        row.peer_burst = endpoint.loss_burst
         row.tank = port.control.tank
         if endpoint.state is not self._state:
             self._state = endpoint.state

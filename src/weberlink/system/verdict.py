@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.system.order import COMPLETED, EMERGENCY, FAILED, MASTER, SLAVE
+from weberlink.system.paths import finding
 
 GOOD, DEGRADED, FAILURE = "good", "degraded", "failed"
 FAILED_OUTCOME = "failed: "
@@ -166,7 +167,12 @@ def _never(summary: Mapping[str, Any], side: str, waited: float) -> Iterator[Cau
 
 
 def _unanswered(summary: Mapping[str, Any], text: str) -> str:
-    """With the address, and what a person can look at: a slave does not answer a call that proves no key."""
+    """With the address, and what a person can look at: a slave does not answer a call that proves no key.
+
+    Without a path to the slave, what is known of that instead.
+    """
+    if note := finding(summary.get("paths", {}).get(MASTER, ())):
+        return f"{text}: {note}"
     at = summary.get("addresses", {}).get("slave")
     return f"{text}{f' at {at}' if at else ''}: {_QUESTIONS}"
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.paths import path_words
 from weberlink.system.verdict import DEGRADED, GOOD
 
 INFO, WARN, ALARM = "info", "warn", "alarm"
@@ -75,6 +76,11 @@ def _settings(side: str, fields: Fields) -> Words:
     return Words(INFO, f"settings changed, change {fields['generation']}: Weber factor {fields['weber']:g}")
 
 
+def _path(side: str, fields: Fields) -> Words:
+    del side
+    return Words(WARN if fields["changes"] else INFO, path_words(fields))
+
+
 def _ended(side: str, fields: Fields) -> Words:
     del side
     outcome, judged = fields["outcome"], fields.get("verdict")
@@ -105,6 +111,7 @@ _EVENTS: dict[str, Callable[[str, Fields], Words]] = {
     "recovered": _recovered,
     "scheme": lambda _, fields: Words(INFO, f"control scheme {fields['scheme']}, before {fields['before']}"),
     "settings": _settings,
+    "path": _path,
     "held": lambda *_: Words(INFO, "button held: the robot follows"),
     "released": lambda *_: Words(WARN, "button released: the robot holds and the force is zero"),
     "missed": _counted(WARN, "tick missed its deadline", "ticks missed their deadlines"),

@@ -77,6 +77,16 @@ FIELDS = (
     Field("codec_us", "<f4", 1, "us", "part of the work spent encoding and decoding"),
     Field("rtt_us", "<f4", 1, "us", "round trip, newest estimate; NaN while unknown"),
     Field("one_way_us", "<f4", 1, "us", "from the peer to here, newest estimate; NaN while unknown"),
+    Field(
+        "jitter_us",
+        "<f4",
+        1,
+        "us",
+        "by how much few datagrams exceed their least delay, in the worse direction; NaN while unknown",
+    ),
+    Field("incoming_loss", "<f4", 1, "", "recent share of the peer's datagrams that never came, 0 to 1"),
+    Field("outgoing_loss", "<f4", 1, "", "the same of this side's datagrams, as the peer reported it"),
+    Field("peer_burst", "<f4", 1, "", "mean run of the peer's datagrams that were lost; 0 while unknown"),
     Field("tank", "<f4", 1, "J", "energy that this side may still spend; 0 without passivity control"),
     Field(
         "surface", "<f4", 3, "1 | m", "unit normal of the fitted plane, centre of the fitted sphere; NaN without either"

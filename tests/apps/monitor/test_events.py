@@ -5,6 +5,7 @@ import pytest
 from tests.apps.monitor.feeds import WALL_OFFSET_S, HandFeed, records
 from weberlink.apps.monitor.events import MOST_EVENTS, EventLog, events_message
 from weberlink.apps.monitor.session import WatchedSession
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.wording import FAULTS, INFO, STATES, Words, fault_words
 from weberlink.telemetry.fault import Fault
@@ -90,3 +91,28 @@ def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
     level, text = alarms["slave_tripped"]
     assert level == "failed" and text.startswith("slave: the contact force passed its limit")
     assert alarms["missed_ticks"][0] == "degraded" and "9.1 %" in alarms["missed_ticks"][1]
+
+
+def test_changed_path_is_an_event_and_in_figures() -> None:
+    feed = HandFeed("master")
+    session = WatchedSession("7", feed)
+    assert feed.description is not None
+    finding = PathFacts(route="", note="asking the mailbox")
+    found = PathFacts(0, "punched", "", "wlan0", "203.0.113.9:40112", 0)
+    relayed = PathFacts(0, "relayed", "relay.example", "usb0", "198.51.100.7:3478", 1)
+    told = []
+    for number, path in enumerate([finding, found, found, relayed]):
+        feed.description = {**feed.description, "paths": [path._asdict()]}
+        feed.put(records(1100, first=1100 * number))
+        session.look()
+        told.append(session.figures())
+    assert [figures["finding"] for figures in told] == ["asking the mailbox", "", "", ""]
+    assert told[-1]["figures"]["paths"]["master"][0]["via"] == "relay.example"
+    (shown,) = told[-1]["paths"]
+    assert (shown["side"], shown["words"]) == ("master", "relayed by relay.example over usb0")
+    events = [(event.level, event.text) for event in session.log.events if event.text.startswith("path")]
+    assert events == [
+        ("info", "path: asking the mailbox"),
+        ("info", "path: punched over wlan0"),
+        ("warn", "path: relayed by relay.example over usb0, 1 change"),
+    ]

@@ -8,6 +8,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from tests.apps.monitor.feeds import HandFeed, description, records
 from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
 from weberlink.apps.monitor.session import WatchedSession
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 
@@ -60,6 +61,38 @@ def test_metrics_have_names_units_and_labels() -> None:
         assert family.documentation
     of_master = {name for name, *labels in values if ("side", "master") in labels}
     assert of_master == {"weberlink_ticks_total"}, "a side without records has no values"
+
+
+def test_paths_have_route_relay_interface_and_changes() -> None:
+    feed = HandFeed("master")
+    relayed = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 3)
+    assert feed.description is not None
+    feed.description |= {"paths": [relayed._asdict() | {"dscp": 0}, PathFacts(1, "", note="finding")._asdict()]}
+    session = WatchedSession("7", feed)
+    made = records(100)
+    made["jitter_us"], made["incoming_loss"], made["outgoing_loss"], made["peer_burst"] = 2500.0, 0.25, 0.5, 1.5
+    feed.put(made)
+    session.look()
+    text, _ = exposition(lambda: [session])()
+    families = {family.name: family for family in text_string_to_metric_families(text.decode())}
+    side = {"session": "7", "side": "master"}
+    (info,) = families["weberlink_path_info"].samples
+    assert info.value == 1
+    assert info.labels == side | {
+        "place": "0", "route": "relayed", "via": "relay.example", "interface": "wlan0", "remote": "198.51.100.7:3478"
+    }  # fmt: skip
+    changes = {sample.labels["place"]: sample.value for sample in families["weberlink_path_changes"].samples}
+    assert changes == {"0": 3, "1": 0}
+    (dscp,) = families["weberlink_path_dscp"].samples
+    assert (dscp.labels, dscp.value) == (side | {"place": "0"}, 0)
+    for name, value in {
+        "jitter_seconds": 2.5e-3,
+        "incoming_loss_ratio": 0.25,
+        "outgoing_loss_ratio": 0.5,
+        "incoming_burst_datagrams": 1.5,
+    }.items():
+        (sample,) = families[f"weberlink_{name}"].samples
+        assert (sample.labels, sample.value) == (side, pytest.approx(value))
 
 
 @pytest.mark.parametrize(

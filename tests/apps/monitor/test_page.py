@@ -214,7 +214,7 @@ def test_figures_equal_the_report_exactly(page: Browser, server: ScriptedServer)
     page.wait(lambda: page.data("force-packets") == "24", "the figures")
     shown = page.run(
         "return [...document.querySelectorAll('[data-figure]')]"
-        ".map(e => [e.dataset.figure, e.dataset.value, e.innerText])"
+        ".map(e => [e.dataset.figure, e.dataset.value, e.textContent])"
     )
     assert len(shown) > 25
     for path, exact, text in shown:
@@ -495,3 +495,58 @@ def test_page_works_without_webgl(tmp_path: Path) -> None:
         assert "WebGL" in page.text("scene")
         assert page.pixels("#panel-force canvas") > 5
         clean(page, server)
+
+
+LINK: Message = {
+    "ways_now": {
+        "jitter_us": 3700.0,
+        "to_slave": {"one_way_us": 16_240.0, "loss": 0.034, "burst": None},
+        "to_master": {"one_way_us": 17_310.0, "loss": 0.012, "burst": 1.5},
+    },
+    "paths": [
+        {"side": "master", "place": 0, "route": "relayed", "words": "relayed by relay.example over wlan0", "changes": 1,
+         "remote": "198.51.100.7:3478", "class": "DSCP 46 came as 0"},
+        {"side": "master", "place": 1, "route": "relayed", "words": "relayed by relay.example over usb0", "changes": 0,
+         "remote": "198.51.100.7:3478", "class": ""},
+    ],
+    "finding": "",
+}  # fmt: skip
+WAYS: Message = {
+    "jitter_us": {"p50": 3600.0, "p99": 5800.0},
+    "to_slave": {"one_way_us": {"p50": 16_600.0, "p99": 17_900.0}, "loss": 0.0191, "burst": None},
+    "to_master": {"one_way_us": {"p50": 16_500.0, "p99": 18_100.0}, "loss": 0.021, "burst": 1.3},
+}
+
+
+@pytest.mark.parametrize("width", [1400, 375])
+def test_link_panel_shows_ways_and_paths(page: Browser, server: ScriptedServer, width: int) -> None:
+    page.size(width, 900)
+    try:
+        visit(page, server, session.hello(), *told(), session.figures(REPORT | {"ways": WAYS}, **LINK), anew=True)
+        page.wait(lambda: page.text("route") == "relayed", "the route")
+        page.run("document.getElementById('page-link').click()")
+        page.wait(lambda: "16.2" in page.text("way-to-slave"), "the panel")
+        rows = [" ".join(row.split()) for row in page.text("panel-link").splitlines()]
+        assert "to slave 16.2 16.6 17.9 3.4 % 1.91 % \N{EN DASH}" in " ".join(rows)
+        assert "to master 17.3 16.5 18.1 1.2 % 2.10 % 1.3" in " ".join(rows)
+        assert rows[-2:] == [
+            "master relayed by relay.example over wlan0, to 198.51.100.7:3478, 1 change, DSCP 46 came as 0",
+            "master, path 2 relayed by relay.example over usb0, to 198.51.100.7:3478",
+        ]
+        assert page.number("jitter") == 3700.0
+        wide = "return document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+        assert page.run(wide), "nothing sticks out"
+        clean(page, server)
+    finally:
+        page.run("document.getElementById('page-figures').click()")
+        page.size(1400, 900)
+
+
+def test_search_for_a_path_is_told_beside_the_state(page: Browser, server: ScriptedServer) -> None:
+    rows = [session.samples("master", 0.0, 2.0, state=2)]
+    finding = {"paths": [], "finding": "asking the mailbox"}
+    visit(page, server, session.hello(present=["master"]), *rows, session.figures(REPORT, **finding), anew=True)
+    page.wait(lambda: page.text("state-detail") == "asking the mailbox", "the note")
+    server.say(session.figures(REPORT, paths=[], finding=""))
+    page.wait(lambda: page.text("state-detail") == "master only", "the path")
+    clean(page, server)

@@ -54,6 +54,10 @@ class EventLog:
             self._wall_offset_s = wall_offset_s
             self._journal.look(side, records, wall_offset_s)
 
+    def take_paths(self, side: str, paths: list[dict[str, Any]]) -> None:
+        """Take the present paths of a side; see `Journal.take_paths`."""
+        self._journal.take_paths(side, paths)
+
     def flush(self) -> None:
         """Tell changes that still wait for their second, at the end of a session."""
         self._journal.flush()

@@ -37,8 +37,22 @@ COUNTERS = {
 GAUGES = {
     "round_trip_seconds": ("rtt_us", 1e-6, "Round trip to the peer, newest estimate."),
     "one_way_delay_seconds": ("one_way_us", 1e-6, "Delay from the peer to this side, newest estimate."),
+    "jitter_seconds": (
+        "jitter_us",
+        1e-6,
+        "By how much few datagrams exceed their least delay, in the worse direction.",
+    ),
+    "incoming_loss_ratio": ("incoming_loss", 1.0, "Recent share of the peer's datagrams that never came."),
+    "outgoing_loss_ratio": ("outgoing_loss", 1.0, "The same of this side's datagrams, as the peer reported it."),
+    "incoming_burst_datagrams": (
+        "peer_burst",
+        1.0,
+        "Mean run of the peer's datagrams that were lost; 0 while unknown.",
+    ),
     "tank_joules": ("tank", 1.0, "Energy that passivity control may still spend."),
 }
+PATH_INFO = ("route", "via", "interface", "remote")
+"""Labels of a path."""
 QUANTILES = {"0.5": "p50", "0.99": "p99", "0.999": "p99_9"}
 CHANNELS = (
     "force",
@@ -83,6 +97,7 @@ class SessionCollector:
         yield _family(CounterMetricFamily, "ticks", "Ticks of a side.", SIDE, ticks)
         yield from _records(newest)
         yield from _states(sessions, newest)
+        yield from _paths(sessions)
         yield from _timing(summaries)
         yield from _summaries(summaries)
         for name, meaning, value in (
@@ -147,6 +162,24 @@ def _states(sessions: list[WatchedSession], newest: Newest) -> Iterator[Metric]:
         for fault, count in counts.items()
     )
     yield _family(CounterMetricFamily, "faults", "How often a fault began.", (*SIDE, "fault"), faults)
+
+
+def _paths(sessions: Iterable[WatchedSession]) -> Iterator[Metric]:
+    """The paths of each side that has found one; `place` numbers them from 0."""
+    found = [
+        (session.name, side, str(facts["place"]), facts)
+        for session in sessions
+        for side, paths in session.paths.items()
+        for facts in paths
+    ]
+    place = (*SIDE, "place")
+    infos = ((*of, *(facts[name] for name in PATH_INFO), 1) for *of, facts in found if facts["route"])
+    meaning = "1 for the path in use: direct, punched through a NAT, or relayed by `via`."
+    yield _family(GaugeMetricFamily, "path_info", meaning, (*place, *PATH_INFO), infos)
+    changes = ((*of, facts["changes"]) for *of, facts in found)
+    yield _family(CounterMetricFamily, "path_changes", "How often a path was replaced by another one.", place, changes)
+    dscp = ((*of, facts["dscp"]) for *of, facts in found if facts["dscp"] is not None)
+    yield _family(GaugeMetricFamily, "path_dscp", "Class of service (DSCP) with which datagrams came.", place, dscp)
 
 
 def _timing(summaries: Mapping[str, Any]) -> Iterator[Metric]:

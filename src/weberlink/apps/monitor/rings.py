@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from weberlink.system.configuration import SIDES
+from weberlink.system.description import path_beside
 from weberlink.system.description import read as read_description
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE, RingReader
@@ -57,14 +58,16 @@ class Feed(Protocol):
     rate_hz: float
     began: float
     """When its writer began, on the clock of its records [s]."""
-    description: dict[str, Any] | None
-    """See `weberlink.system.description`; None if unknown."""
     ring: Path | None
     """The ring of a daemon on this host, which accepts live changes."""
     wall_offset_s: float | None
     """From the clock of the records to the wall clock [s]; None if unknown."""
     in_order: bool | None
     """Whether its writer ended in order; None while it runs, or if unknown."""
+
+    @property
+    def description(self) -> dict[str, Any] | None:
+        """See `weberlink.system.description`; None if unknown. Another object when there is news."""
 
     @property
     def written(self) -> int:
@@ -97,8 +100,10 @@ class RingFeed:
         self.side = self._reader.side
         self.rate_hz = self._reader.rate_hz
         self.began = self._reader.started_monotonic_s
-        self.description = read_description(path)
+        self.description: dict[str, Any] | None = None
+        self._described_by: tuple[int, int] | None = None
         self.ring: Path | None = path
+        self._look_at_description()
         self.wall_offset_s: float | None = self._reader.started_wall_s - self.began
         self.in_order: bool | None = None
         self.drained = False
@@ -123,7 +128,21 @@ class RingFeed:
         self.drained = not alive
         if self.drained:
             self.in_order = self._reader.ended_in_order
+        else:
+            self._look_at_description()
         return records
+
+    def _look_at_description(self) -> None:
+        """Read the description if its file was replaced; once it is gone, the last one stays."""
+        path = path_beside(self._reader.path)
+        try:
+            status = path.lstat()
+        except OSError:
+            return
+        replaced = status.st_ino, status.st_mtime_ns
+        if replaced != self._described_by:
+            self._described_by = replaced
+            self.description = read_description(self._reader.path) or self.description
 
     def close(self) -> None:
         self._reader.close()

@@ -30,6 +30,7 @@ COLUMNS = {
     "work_us": 1,
     "rtt_us": 1,
     "one_way_us": 1,
+    "jitter_us": 1,
     "ticks_missed": None,
     "datagrams_sent": None,
     "updates_sent": None,

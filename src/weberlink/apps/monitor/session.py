@@ -17,8 +17,10 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.paths import dscp_words, finding, paths_of, route_words
 from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.scoring.ways import ways_now
 from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
 from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault
@@ -59,6 +61,9 @@ class _WatchedSide:
         self.last: Any = None
         self.has_ended = False
         """Whether its end was told."""
+        self.paths: list[dict[str, Any]] = []
+        """As its description says."""
+        self._described: dict[str, Any] | None = None
         self._wall_offset_s = feed.wall_offset_s
 
     def wall_offset_s(self, newest_at: float) -> float:
@@ -70,6 +75,9 @@ class _WatchedSide:
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
         records = self.feed.read()
+        if self.feed.description is not self._described:
+            self._described = self.feed.description
+            self.paths = paths_of(self._described)
         if len(records):
             fault = records["fault"].astype(np.int64)
             before = 0 if self.last is None else int(self.last["fault"])
@@ -206,6 +214,11 @@ class WatchedSession:
                 paces[channel] = self._sides[side].gripper_pace if side in self._sides else Pace()
         return paces
 
+    @property
+    def paths(self) -> dict[str, list[dict[str, Any]]]:
+        """The paths of each side that knows its own, as of `weberlink.system.paths`."""
+        return {name: side.paths for name, side in sorted(self._sides.items()) if side.paths}
+
     def close(self) -> None:
         for side in self._sides.values():
             side.feed.close()
@@ -218,6 +231,8 @@ class WatchedSession:
             if len(records):
                 self._unscored[name].append(records)
                 self.log.look(name, records, self._sides[name].wall_offset_s(float(records["at"][-1])))
+        for name, side in sorted(self._sides.items()):
+            self.log.take_paths(name, side.paths)
         self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
             self._count()
@@ -258,7 +273,7 @@ class WatchedSession:
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
-        pace, figures = self.pace, self.score.summary()
+        pace, figures = self.pace, self.score.summary() | {"ways": self.score.ways(), "paths": self.paths}
         told: dict[str, Any] = {
             "type": "figures",
             "session": self.name,
@@ -275,6 +290,13 @@ class WatchedSession:
                 for name, side in sorted(self._sides.items())
             },
             "button": self._button,
+            "ways_now": ways_now(self.last),
+            "paths": [
+                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, self._dscp)}
+                for name, paths in self.paths.items()
+                for facts in paths
+            ],
+            "finding": finding([facts for paths in self.paths.values() for facts in paths]),
         }
         return told | self._settings
 
@@ -289,6 +311,12 @@ class WatchedSession:
     def _causes(self, figures: dict[str, Any]) -> tuple[Cause, ...]:
         """What the report would say against the session so far."""
         return verdict(figures | {"faults": self.faults}).causes
+
+    @property
+    def _dscp(self) -> int | None:
+        """The class of service that the datagrams ask for; None if unknown."""
+        asked = self.description.get("system", {}).get("link", {}).get("dscp")
+        return asked if isinstance(asked, int) else None
 
     @property
     def _button(self) -> str | None:

@@ -55,6 +55,12 @@ class Distribution:
             return 0.0
         return min(self._largest, SMALLEST_US * float(np.exp((bin_ - 0.5) * _LOG_STEP)))
 
+    def p50_p99(self) -> dict[str, float | None]:
+        """Median and 99th percentile [us]; None if nothing was added."""
+        if not self.count:
+            return {"p50": None, "p99": None}
+        return {"p50": self.percentile(50.0), "p99": self.percentile(99.0)}
+
     def summary(self) -> dict[str, float]:
         """The reported percentiles, and the largest duration [us]."""
         return {name: self.percentile(p) for name, p in _PERCENTILES.items()} | {"max": self.max}

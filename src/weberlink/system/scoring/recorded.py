@@ -30,8 +30,14 @@ TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
 CONFIGURATION = "configuration"
 """The fact with the configuration, as YAML."""
-ADDED = tuple(field.name for field in FIELDS if field.name.startswith(("joint_", "gripper_")))
-"""Fields that recordings made before arms lack; they are 0 in a Cartesian session."""
+ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))} | {
+    "jitter_us": np.nan,
+    "incoming_loss": np.nan,
+    "outgoing_loss": np.nan,
+    "peer_burst": 0.0,
+}
+"""Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
+those of the link "unknown"."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -83,6 +89,7 @@ class RecordedSession:
             score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
             begin = self._next(until)
         return score.summary() | {
+            "ways": score.ways(),
             "drops": {side: _drops(records) for side, records in self.sides.items()},
         }
 
@@ -177,12 +184,14 @@ def _predictors(recording: Recording) -> str:
 
 
 def _with_added_fields(records: Records) -> Records:
-    """Records of an earlier release with the fields that have been added since, which are 0."""
-    lacks = set(ADDED) - set(records.dtype.names or ())
+    """Records of an earlier release with the fields that have been added since."""
+    lacks = [name for name in ADDED if name not in (records.dtype.names or ())]
     if not lacks:
         return records
     kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
-    filled = np.zeros(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in ADDED if name in lacks)]))
+    filled = np.empty(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in lacks)]))
+    for name in lacks:
+        filled[name] = ADDED[name]
     for name, _ in kept:
         filled[name] = records[name]
     return filled

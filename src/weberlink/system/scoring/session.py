@@ -29,6 +29,7 @@ from weberlink.system.scoring.connection import ConnectionScore
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Series
 from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics
+from weberlink.system.scoring.ways import WaysScore
 from weberlink.telemetry.fault import Fault
 
 __all__ = ["Records", "SessionScore", "nearest_ticks"]
@@ -177,13 +178,15 @@ class SessionScore:
         self._work: list[Series] = [np.empty(0), np.empty(0)]
         """Work at the port of each side, up to each of the waiting records [J]."""
         self._link_energy = LinkEnergy()
+        self._ways = WaysScore()
         self._first: float | None = None
         self._until = 0.0
 
     def add(self, master: Records, slave: Records) -> None:
         """Take the next records of both sides, each in order of time; either may be empty or run ahead."""
-        for index, records in enumerate((master, slave)):
+        for index, (side, records) in enumerate((("master", master), ("slave", slave))):
             self._sides[index].add(records)
+            self._ways.add(side, records)
             if len(records):
                 waiting = self._waiting[index]
                 joined = np.concatenate([waiting, records]) if len(waiting) else records.copy()
@@ -217,8 +220,8 @@ class SessionScore:
             "ticks": {"master": master.timing(self._period), "slave": slave.timing(self._period)},
             **{name: {} for name in (*self._from_slave, *self._from_master)},
             "link": {
-                "rtt_us": _percentiles(heard.rtt),
-                "one_way_us": _percentiles(heard.one_way),
+                "rtt_us": heard.rtt.p50_p99(),
+                "one_way_us": heard.one_way.p50_p99(),
                 "sent": master.counter("datagrams_sent") + slave.counter("datagrams_sent"),
                 "received": master.counter("datagrams_received") + slave.counter("datagrams_received"),
                 "lost": master.counter("datagrams_lost") + slave.counter("datagrams_lost"),
@@ -253,6 +256,10 @@ class SessionScore:
         for name, channel in self._from_master.items():
             summary[name] = _packets(master, slave, duration, name) | channel.summary()
         return summary
+
+    def ways(self) -> dict[str, Any]:
+        """The figures of the link, each way apart: see `WaysScore.summary`."""
+        return self._ways.summary()
 
     def _violation_floor(self) -> float | None:
         """Sends per tick times latency in ticks: an update is felt at least one tick after its send."""
@@ -346,7 +353,3 @@ def _packets(sender: _SideScore, receiver: _SideScore, duration: float, channel:
         "reduction_all": 1.0 - datagrams / seen.engaged if seen.engaged else None,
         "bytes_per_s": sender.counter("bytes_sent") / duration if sender.ticks and duration else None,
     }
-
-
-def _percentiles(histogram: Distribution) -> dict[str, float | None]:
-    return none_for_nan({"p50": histogram.percentile(50.0), "p99": histogram.percentile(99.0)})

@@ -1,6 +1,7 @@
 """Both ends of the telemetry link in this process, over loopback, on rings written by the test."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
@@ -25,6 +26,8 @@ from weberlink.apps.monitor.remote.sharing import MOST_CALLERS, MOST_UNPROVEN, S
 from weberlink.apps.monitor.remote.stream import MessageStream, accept, close, connect, telemetry_terms
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.system.description import path_beside
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.ring import RingWriter
 
@@ -140,6 +143,32 @@ def test_shared_session_has_the_figures_of_its_rings(robot: Host, operator: Host
 
     run(test())
     assert "127.0.0.1 connected" in robot.said
+
+
+def test_changed_path_reaches_the_viewing_host(robot: Host, operator: Host) -> None:
+    def describe(ring: RingWriter, **path: object) -> None:
+        """As a daemon does: the file is replaced at once."""
+        beside = path_beside(ring.path)
+        draft = beside.with_suffix(".draft")
+        draft.write_text(json.dumps(description("slave") | {"paths": [PathFacts(**path)._asdict()]}), encoding="utf-8")
+        draft.replace(beside)
+
+    async def test() -> None:
+        ring = robot.ring(7, "slave")
+        describe(ring)
+        write(ring, records(100))
+        async with robot.sharing() as port, operator.looking(port) as watch:
+            await until(lambda: ticks(watch.newest, "slave") == 100)
+            session = watch.newest
+            assert session is not None and session.paths["slave"][0]["route"] == "direct"
+            describe(ring, route="relayed", via="relay.example", changes=1)
+            await until(lambda: session.paths["slave"][0]["route"] == "relayed")
+            write(ring, records(1100, first=100))
+            await until(lambda: ticks(session, "slave") == 1200)
+            await until(lambda: session.log.events[-1].text == "path: relayed by relay.example, 1 change")
+            assert watch.newest is session, "the same session goes on"
+
+    run(test())
 
 
 def test_wrong_key_is_one_line_and_sees_nothing(robot: Host, operator: Host) -> None:

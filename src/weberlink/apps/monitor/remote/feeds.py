@@ -116,7 +116,6 @@ class RemoteFeed:
         self.side = introduction.side
         self.rate_hz = introduction.rate_hz
         self.began = introduction.began
-        self.description = introduction.description
         self.over = False
         """Whether this feed takes no more records."""
         self.drained = False
@@ -125,6 +124,10 @@ class RemoteFeed:
         self._waiting: deque[Records] = deque()
         self._count = 0
         self._dropped = 0
+
+    @property
+    def description(self) -> dict[str, Any] | None:
+        return self._source.introduction.description
 
     @property
     def written(self) -> int:

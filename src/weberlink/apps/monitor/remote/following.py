@@ -139,7 +139,8 @@ class Following:
         self._introduced.add(new.side)
         known = self._sides.get(new.side)
         if known is not None and (known.introduction.session, known.introduction.began) == (new.session, new.began):
-            return  # after a reconnection
+            known.introduction = new  # after a reconnection, or with news in the description
+            return
         if known is not None or any(side.introduction.session != new.session for side in self._sides.values()):
             self._drop()
         self._sides[new.side] = RemoteSide(new)

@@ -86,7 +86,7 @@ class JoinedFeed:
     in_order: bool | None = None
 
     def __init__(self, feed: Feed, clock: "MasterClock", master: "JoinedFeed | None") -> None:
-        self.side, self.rate_hz, self.description = feed.side, feed.rate_hz, feed.description
+        self.side, self.rate_hz = feed.side, feed.rate_hz
         self.began: float = feed.began if master is None else master.began
         self.written = 0
         self.drained = False
@@ -95,6 +95,10 @@ class JoinedFeed:
         self._feed = feed
         self._clock = clock
         self._master = master
+
+    @property
+    def description(self) -> dict[str, Any] | None:
+        return self._feed.description
 
     @property
     def lost(self) -> int:

@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 from weberlink.apps.monitor.access import Admission, origin
 from weberlink.apps.monitor.remote.messages import (
@@ -158,6 +159,8 @@ class RingMessages:
         self._where = where
         self._only = only
         self._feeds: dict[str, RingFeed] = {}
+        self._described: dict[str, dict[str, Any] | None] = {}
+        """By side, as it was introduced."""
         self._session: str | None = None
         self._opener = RingOpener()
         self._find_at = 0.0
@@ -177,6 +180,8 @@ class RingMessages:
 
     def _read(self, side: str, feed: RingFeed) -> Messages:
         records = feed.read()
+        if feed.description is not self._described.get(side):
+            yield self._introduce(feed)
         for at in range(0, len(records), RECORDS_AT_ONCE):
             block = RecordBlock(side, feed.written, feed.lost, records[at : at + RECORDS_AT_ONCE])
             yield LinkMessage.RECORDS, pack_records(block)
@@ -200,5 +205,11 @@ class RingMessages:
         if feed is not None:
             self._feeds[ring.side] = feed
             self._session = ring.session
-            introduction = SideIntroduction(ring.session, ring.side, feed.rate_hz, feed.began, feed.description)
-            yield LinkMessage.BEGIN, pack_introduction(introduction)
+            yield self._introduce(feed)
+
+    def _introduce(self, feed: RingFeed) -> tuple[LinkMessage, bytes]:
+        """Introduce a side, or what its description says now."""
+        assert self._session is not None
+        self._described[feed.side] = feed.description
+        introduction = SideIntroduction(self._session, feed.side, feed.rate_hz, feed.began, feed.description)
+        return LinkMessage.BEGIN, pack_introduction(introduction)

@@ -68,11 +68,8 @@ export class Chart {
   prefer(side) {
     const { alone } = this.panel;
     if (!alone) return;
-    const rings =
-      side === alone.ring ? [alone.ring, alone.rates] : [this.panel.sources()[0].ring, this.panel.sources()[1].ring];
-    this.sources.forEach((source, k) => {
-      source.ring = this.store.rings[rings[k]];
-    });
+    for (const [k, { ring }] of this.panel.sources().entries())
+      this.sources[k].ring = this.store.rings[side === alone ? alone : ring];
   }
 
   #options() {

@@ -58,6 +58,8 @@ export class Headline {
     if (store.ended) return ["ended", "these are the final figures"];
     if (!store.hello?.session) return ["no session", "waiting for a session to begin"];
     if (!states.length) return ["connecting", "waiting for the first tick"];
+    const finding = store.figures?.finding;
+    if (finding && !states.includes("engaged")) return [states[0], finding];
     const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
     const sides = new Set(states);
     if (sides.has("released")) return ["released", "hold the button to engage"];
@@ -124,9 +126,10 @@ function counts(faults) {
 // The figures of what the operator feels.
 const felt = (figures) => figures?.force ?? figures?.joint_torque;
 
-// Fills every element that names a figure of the report; `felt` stands for the channel that the operator feels.
+// Fills every element that names a figure of the report; `felt` stands for the channel that the operator feels, `now` for
+// the newest measurements of the link.
 export function fillFigures(message) {
-  const figures = message?.figures && { ...message.figures, felt: felt(message.figures) };
+  const figures = message?.figures && { ...message.figures, felt: felt(message.figures), now: message.ways_now };
   for (const place of document.querySelectorAll("[data-figure]")) {
     const value = place.dataset.figure.split(".").reduce((inner, key) => inner?.[key], figures);
     show(place, AS[place.dataset.as](value), value);

@@ -11,6 +11,7 @@ import { Headline, fillFigures } from "./headline.js";
 import { HISTORY } from "./history.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
+import { Paths } from "./paths.js";
 import { Recording } from "./record.js";
 import { Replay } from "./replay.js";
 import { Room } from "./room.js";
@@ -43,6 +44,7 @@ const recording = new Recording(store, ask);
 const replay = new Replay(store, ask);
 const events = new EventLog();
 const alarms = new Alarms();
+const paths = new Paths();
 const picture = new PictureView();
 const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
 const inSight = new Set(); // the charts and the scene that are in the window: only these are drawn
@@ -55,6 +57,7 @@ const TAKE = {
   figures(message) {
     fillFigures(message);
     alarms.show(message.alarms);
+    paths.show(message.paths);
     if (message.ended) emergency.ended();
     if (message.settings || message.ended) refresh();
   },
@@ -110,6 +113,7 @@ function renew() {
   recording.clear();
   events.clear();
   alarms.show();
+  paths.show();
 }
 
 function refresh() {

@@ -196,7 +196,7 @@ export const PANELS = [
     name: "delay",
     title: "Delay",
     unit: "ms",
-    help: "Round trip, one way, and jitter: the standard deviation of the one-way time over the last second.",
+    help: "Round trip, one way, and jitter: by how much few datagrams exceed their least delay, in the worse direction.",
     empty: "no round trip measured yet",
     sources: () => [
       {
@@ -204,16 +204,11 @@ export const PANELS = [
         series: [
           { name: "round trip", colour: "master", width: 1.75, of: column("rtt_us", 1e-3), unit: "ms" },
           { name: "one way", colour: "third", width: 1.5, of: column("one_way_us", 1e-3), unit: "ms" },
-        ],
-      },
-      {
-        ring: "masterRates",
-        series: [
           { name: "jitter", colour: "quiet", width: 1.25, dash: [4, 3], of: column("jitter_us", 1e-3), unit: "ms" },
         ],
       },
     ],
-    alone: { ring: "slave", rates: "slaveRates" },
+    alone: "slave",
     range: () => upward(0.5),
     axis: (v) => `${v} ms`,
   },

@@ -9,7 +9,7 @@ const BACK_S = 0.3; // by which the time of a replay must be behind the newest r
 const RATE_SPAN_S = 1;
 const RATE_STEP_S = 0.1;
 const NEAR_S = 1.5; // largest time between a change and the first record with it
-const COUNTED = ["updates_sent", "datagrams_sent", "one_way_us", "lateness_us", "work_us"];
+const COUNTED = ["updates_sent", "datagrams_sent", "lateness_us", "work_us"];
 
 export class Store {
   constructor() {
@@ -140,14 +140,13 @@ export class Store {
   }
 
   // Every 0.1 s: packets and datagrams per second over the last second, from the counters, which omitted rows do not
-  // change; jitter over the same second; the slowest tick of the last 0.1 s.
+  // change; the slowest tick of the last 0.1 s.
   #rates(ring, rates) {
     const { t } = ring.columns;
     if (!COUNTED.every((name) => ring.has(name))) return;
     const {
       updates_sent: updates,
       datagrams_sent: datagrams,
-      one_way_us: oneWay,
       lateness_us: late,
       work_us: work,
       gripper_updates_sent: gripper,
@@ -162,7 +161,6 @@ export class Store {
         updates: [(updates[end] - updates[begin]) / span],
         datagrams: [(datagrams[end] - datagrams[begin]) / span],
         gripper: [gripper ? (gripper[end] - gripper[begin]) / span : NaN],
-        jitter_us: [deviation(oneWay, begin, end)],
         late_us: [largest(late, ring.at(time - RATE_STEP_S), end)],
         work_us: [largest(work, ring.at(time - RATE_STEP_S), end)],
       });
@@ -215,19 +213,4 @@ function largest(values, begin, end) {
   let found = NaN;
   for (let i = begin; i <= end; i += 1) if (values[i] === values[i] && !(values[i] <= found)) found = values[i];
   return found;
-}
-
-function deviation(values, begin, end) {
-  let count = 0;
-  let mean = 0;
-  let squares = 0;
-  for (let i = begin; i <= end; i += 1) {
-    const value = values[i];
-    if (value !== value) continue;
-    count += 1;
-    const before = value - mean;
-    mean += before / count;
-    squares += before * (value - mean);
-  }
-  return count > 1 ? Math.sqrt(squares / (count - 1)) : NaN;
 }
