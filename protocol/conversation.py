@@ -129,6 +129,11 @@ class Conversation:
         return 0.0 if self._session is None else self._session.clock.jitter
 
     @property
+    def loss_burst(self) -> float:
+        """Mean length of the recent runs of lost datagrams of the peer; 0 while none is known."""
+        return self.statistics.incoming_burst
+
+    @property
     def credit(self) -> int:
         """Cumulative count granted to the peer in every datagram; 0 when a session begins.
 
