@@ -130,8 +130,8 @@ class Conversation:
 
     @property
     def loss_burst(self) -> float:
-        """Mean length of the runs of the peer's datagrams that were lost on the way here; 0 while unknown."""
-        return 0.0
+        """Mean length of the recent runs of lost datagrams of the peer; 0 while none is known."""
+        return self.statistics.incoming_burst
 
     @property
     def credit(self) -> int:

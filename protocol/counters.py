@@ -1,4 +1,4 @@
-"""Counters that travel truncated: expand them, reject repeated ones, and measure loss from the gaps between them."""
+"""Counters that travel truncated: expand them, reject repeated ones, and measure loss and bursts from their gaps."""
 
 from typing import Final
 
@@ -18,6 +18,8 @@ LOSS_PATIENCE: Final = 3
 _LOSS_MEMORY: Final = 256
 _LOSS_MASK: Final = (1 << _LOSS_MEMORY) - 1
 _LOSS_RATES = (1 / 32, 1 / 1024)
+_LEAST_MEASURED = 1e-6
+"""Average below which the losses are too long ago to say how long their bursts were."""
 
 
 def expand(truncated: int, bits: int, near: int) -> int:
@@ -70,8 +72,9 @@ class LossMeter:
     """Counts missing sequence numbers and estimates the present loss rate.
 
     Two exponential averages over the sequence, one over about 32 numbers and one over about 1024; the larger counts, so
-    the estimate rises within a burst and still remembers one loss in a thousand. A number that arrives after it was
-    judged missing is subtracted again from the count and, since the averages are linear, exactly from both of them.
+    the estimate rises within a burst and still remembers one loss in a thousand. The bursts of about 1024 numbers are
+    averaged too. A number that arrives after it was judged missing is subtracted again from the count and, since the
+    averages are linear, exactly from all of them.
 
     Attributes:
         lost: numbers judged missing so far.
@@ -83,11 +86,17 @@ class LossMeter:
         self._seen = _LOSS_MASK  # numbers before the first one do not count as lost
         self._fast = 0.0
         self._slow = 0.0
+        self._begun = 0.0  # the slow average of the numbers with which a burst begins
 
     @property
     def fraction(self) -> float:
         """Share of recent datagrams that were lost, 0..1."""
         return self._fast if self._fast > self._slow else self._slow
+
+    @property
+    def burst(self) -> float:
+        """Mean length of the recent bursts, at least 1; 0 while none is known."""
+        return max(1.0, self._slow / self._begun) if self._begun > _LEAST_MEASURED else 0.0
 
     def record(self, sequence: int) -> int:
         """Record a number for the first time; returns the change of `lost`."""
@@ -105,19 +114,24 @@ class LossMeter:
         if step == 1 and self._seen >> (LOSS_PATIENCE - 1) & 1:  # nearly always
             self._fast *= 1.0 - _LOSS_RATES[0]
             self._slow *= 1.0 - _LOSS_RATES[1]
+            self._begun *= 1.0 - _LOSS_RATES[1]
             self._seen = ((self._seen << 1) | 1) & _LOSS_MASK
             return
         for index in range(LOSS_PATIENCE - 1, max(LOSS_PATIENCE - 1 - step, -1), -1):
-            self._judge(1, missing=not self._seen >> index & 1)
+            self._judge(1, missing=not self._seen >> index & 1, begins=bool(self._seen >> index + 1 & 1))
         if step > LOSS_PATIENCE:
-            self._judge(step - LOSS_PATIENCE, missing=True)
+            self._judge(step - LOSS_PATIENCE, missing=True, begins=True)
         self._seen = ((self._seen << step) | 1) & _LOSS_MASK if step < _LOSS_MEMORY else 1
 
-    def _judge(self, count: int, *, missing: bool) -> None:
+    def _judge(self, count: int, *, missing: bool, begins: bool) -> None:
+        """Judge the next `count` numbers; `begins` if the one before them was not missing."""
         target = 1.0 if missing else 0.0
         self.lost += count if missing else 0
         self._fast = target + (self._fast - target) * (1.0 - _LOSS_RATES[0]) ** count
         self._slow = target + (self._slow - target) * (1.0 - _LOSS_RATES[1]) ** count
+        self._begun *= (1.0 - _LOSS_RATES[1]) ** count
+        if missing and begins:
+            self._begun += _weight(count - 1)
 
     def _fill(self, behind: int) -> None:
         if behind >= _LOSS_MEMORY or self._seen >> behind & 1:
@@ -127,7 +141,22 @@ class LossMeter:
         if since >= 0:
             self.lost -= 1
             self._fast = max(0.0, self._fast - _LOSS_RATES[0] * (1.0 - _LOSS_RATES[0]) ** since)
-            self._slow = max(0.0, self._slow - _LOSS_RATES[1] * (1.0 - _LOSS_RATES[1]) ** since)
+            self._slow = max(0.0, self._slow - _weight(since))
+            self._split(behind, since)
+
+    def _split(self, behind: int, since: int) -> None:
+        """Correct the bursts for a number that was judged missing, and has arrived."""
+        begun = self._begun
+        if self._seen >> behind + 1 & 1:
+            begun -= _weight(since)
+        if since > 0 and not self._seen >> behind - 1 & 1:
+            begun += _weight(since - 1)
+        self._begun = max(0.0, begun)
+
+
+def _weight(since: int) -> float:
+    """What a number that was judged that many numbers ago has in a slow average."""
+    return _LOSS_RATES[1] * (1.0 - _LOSS_RATES[1]) ** since
 
 
 class Credit:

@@ -26,7 +26,7 @@ from weberlink.protocol.security import Security
 from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = 4
 PADDED_HELLO = 512
 """A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES = 8

@@ -44,6 +44,10 @@ class Statistics:
     """Recent loss of the peer's datagrams, 0..1."""
     outgoing_loss: float = 0.0
     """Recent loss of our datagrams, as the peer measured it, 0..1."""
+    incoming_burst: float = 0.0
+    """Mean length of the recent runs of lost datagrams of the peer; 0 while none is known."""
+    outgoing_burst: float = 0.0
+    """The same of our datagrams, as the peer measured it."""
 
 
 class Mailbox:

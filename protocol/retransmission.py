@@ -13,26 +13,126 @@ from weberlink.update import Update
 
 SHORTEST_PACE: Final = 0.005
 LONGEST_PACE: Final = 0.1
-EARLY_PER_S: Final = 6.0
-"""Updates sent again without evidence of a loss, on average; as many may follow each other after a pause."""
 _EVEN_REPEATS: Final = 3
 _REMEMBERED: Final = 8
 
-LOSSY: Final = 0.001
-"""Measured loss above which a link counts as lossy."""
-MOST_COPIES: Final = 3
+MOST_COPIES: Final = 6
 RESIDUAL: Final = 0.02
 """Share of updates that may stay lost although they were sent again early."""
 
+LEAST_EARLY_PER_S: Final = 6.0
+MOST_EARLY_PER_S: Final = 150.0
+"""Updates sent again without evidence of a loss, on average, over all streams of an end: on a link that may be
+congested, and on one that is known not to be."""
+RAISE: Final = 4.0
+"""Factor by which the allowance of early repeats grows in a step."""
+STEP_S: Final = 1.0
+STEP_SENT: Final = 50
+"""Least time [s] and number of datagrams in which the loss is counted for a step."""
+GROWTH: Final = 1.5
+GROWTH_SLACK: Final = 0.08
+"""The loss has grown with the repeats where it exceeds `GROWTH` times the loss without them plus this slack."""
+SHORTEST_HOLD: Final = 2.0
+LONGEST_HOLD: Final = 64.0
+"""How long the allowance stays low after the loss has grown [s]; doubled each time."""
 
-def copies_needed(loss: float) -> int:
+
+def lost_again(loss: float, burst: float) -> float:
+    """Chance that the datagram after a lost one is lost too, 0..1.
+
+    A run of losses ends with each datagram with the chance 1 / burst (Gilbert 1960). Shorter runs than independent
+    losses make do not count.
+
+    Args:
+        loss: share of datagrams that are lost, 0..1.
+        burst: mean length of a run of them, at least 1; 0 if unknown.
+    """
+    return max(loss, 1.0 - 1.0 / burst) if burst > 1.0 else loss
+
+
+def copies_needed(loss: float, burst: float = 0.0) -> int:
     """How often to send an update again before there is evidence of a loss, so that at most `RESIDUAL` are lost.
 
-    0 to `MOST_COPIES`; 0 where the link does not count as lossy.
+    0 to `MOST_COPIES`.
+
+    Args:
+        loss, burst: as for `lost_again`.
     """
-    if loss <= LOSSY:
+    if loss <= RESIDUAL:
         return 0
-    return MOST_COPIES if loss >= 1.0 else max(0, min(MOST_COPIES, ceil(log(RESIDUAL) / log(loss) - 1e-9) - 1))
+    again = lost_again(loss, burst)
+    return MOST_COPIES if again >= 1.0 else min(MOST_COPIES, ceil(log(RESIDUAL / loss) / log(again) - 1e-9))
+
+
+class Allowance:
+    """How many early repeats an end may send.
+
+    A bucket of tokens that is filled at a rate. The rate begins at its least and grows step by step on a lossy link, as
+    long as the loss does not grow with it. If it does, the repeats themselves may be what fills the link: the rate
+    falls to its least at once, the loss is measured anew, and the rate is raised again later, each time after twice as
+    long.
+
+    So in T seconds there are at most `MOST_EARLY_PER_S` (1 + T) early repeats.
+
+    Attributes:
+        rate: [1/s].
+    """
+
+    def __init__(self) -> None:
+        self.rate = LEAST_EARLY_PER_S
+        self._tokens = LEAST_EARLY_PER_S
+        self._filled_at = -inf
+        self._alone: float | None = None  # loss while the rate is at its least
+        self._together: float | None = None  # loss since it is higher
+        self._lost = self._sent = 0
+        self._begun_at = -inf
+        self._hold = SHORTEST_HOLD
+        self._held_until = -inf
+
+    def left(self, now: float) -> int:
+        """Early repeats that may be sent now."""
+        passed = now - self._filled_at
+        tokens = self._tokens + self.rate * (passed if passed < 1.0 else 1.0)
+        self._tokens = tokens if tokens < self.rate else self.rate
+        self._filled_at = now
+        return int(self._tokens)
+
+    def pay(self, now: float) -> None:
+        """An early repeat is sent."""
+        self.left(now)
+        self._tokens -= 1.0
+
+    def adapt(self, lost: int, sent: int, now: float) -> None:
+        """Count the losses.
+
+        Args:
+            lost: datagrams that the peer has found missing since the last call; negative for late ones that came.
+            sent: datagrams that were sent so far.
+            now: [s].
+        """
+        if self._begun_at == -inf:
+            self._begun_at, self._sent = now, sent
+            return
+        self._lost += lost
+        count = sent - self._sent
+        if now < self._begun_at + STEP_S or count < STEP_SENT:
+            return
+        self._step(min(1.0, max(0, self._lost) / count), now)
+        self._lost, self._sent, self._begun_at = 0, sent, now
+
+    def _step(self, loss: float, now: float) -> None:
+        if self.rate == LEAST_EARLY_PER_S:
+            self._alone = loss if self._alone is None else 0.5 * (self._alone + loss)
+            if now >= self._held_until and self._alone > RESIDUAL:
+                self.rate, self._together = RAISE * LEAST_EARLY_PER_S, None
+            return
+        self._together = loss if self._together is None else 0.5 * (self._together + loss)
+        if self._together > GROWTH * (self._alone or 0.0) + GROWTH_SLACK:
+            self.rate, self._alone = LEAST_EARLY_PER_S, None
+            self._held_until = now + self._hold
+            self._hold = min(LONGEST_HOLD, 2.0 * self._hold)
+        elif self._together > RESIDUAL:
+            self.rate = min(MOST_EARLY_PER_S, RAISE * self.rate)
 
 
 class Retransmission:
@@ -43,26 +143,29 @@ class Retransmission:
     transmissions of the same update: 5 ms or the round trip if that is longer, doubled with each repeat after the
     third, at most 100 ms (or the round trip).
 
-    On a lossy link an update is also sent again before there can be evidence, a few times, 5 ms apart so that one short
-    burst does not take all. These early repeats serve rare updates, which no newer one would replace soon: they are
-    paid from an allowance of `EARLY_PER_S`, which a dense stream exhausts.
+    On a lossy link an update is also sent again before there can be evidence, as often as loss and bursts call for
+    (`copies_needed`), 5 ms apart so that one short burst does not take all, until it is acknowledged or a newer one
+    replaces it. These early repeats are paid from an `Allowance`.
 
-    So in T seconds one update is repeated at most 10 + T / 0.1 times, and early repeats of all updates number at most
-    6 + 6 T.
+    So in T seconds one update is repeated at most 13 + T / 0.1 times.
 
     Attributes:
         sent_at: when the update was last sent [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, allowance: Allowance) -> None:
+        """Begin with nothing to repeat.
+
+        Args:
+            allowance: of early repeats, shared by the streams of an end.
+        """
+        self._allowance = allowance
         self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
         self._begun_at = -inf
         self.sent_at = -inf
         self._count = 0
         self._evidence = False
         self._early = 0
-        self._allowance = EARLY_PER_S
-        self._allowed_at = -inf
 
     @property
     def is_pending(self) -> bool:
@@ -83,26 +186,18 @@ class Retransmission:
         self._count = 0
         self._begun_at = self.sent_at = now
         self._evidence = False
-        self._allow(now)
-        self._early = min(copies, int(self._allowance)) if copies else 0
+        self._early = min(copies, self._allowance.left(now)) if copies else 0
 
     def repeated(self, sequence: int, now: float) -> None:
         """The update was sent again in the datagram of that number."""
         self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
         if self._early:
             self._early -= 1
-            self._allow(now)
-            self._allowance -= 1.0
+            self._allowance.pay(now)
         else:
             self._count += 1
         self.sent_at = now
         self._evidence = False
-
-    def _allow(self, now: float) -> None:
-        passed = now - self._allowed_at
-        allowance = self._allowance + EARLY_PER_S * (passed if passed < 1.0 else 1.0)
-        self._allowance = allowance if allowance < EARLY_PER_S else EARLY_PER_S
-        self._allowed_at = now
 
     def acknowledge(self, ack: int) -> bool:
         """Take the acknowledgement of any datagram; True if the update has arrived."""
@@ -149,10 +244,10 @@ class OutgoingStream:
         is_forgotten: whether the peer has said that it no longer holds the newest update.
     """
 
-    def __init__(self, layout: UpdateLayout) -> None:
+    def __init__(self, layout: UpdateLayout, allowance: Allowance) -> None:
         self.layout = layout
         self.update: Update | None = None
-        self.retransmission = Retransmission()
+        self.retransmission = Retransmission(allowance)
         self.is_forgotten = False
         self._last_ack = 0
         self._acknowledged_by = -1

@@ -8,11 +8,14 @@ from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.negotiation import ParameterNegotiation
-from weberlink.protocol.retransmission import OutgoingStream, copies_needed
+from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed, lost_again
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
+    BURST_UNITS,
     CHANGE_TICK_BITS,
+    LOSS_UNITS,
+    LOST_MASK,
     PHASE,
     TICK_BITS,
     DirectionLayout,
@@ -116,7 +119,9 @@ class Sender:
         """
         self._protection = protection
         self._outgoing = parameters.outgoing
-        self._streams = tuple(OutgoingStream(layout) for layout in parameters.outgoing.updates)
+        self._allowance = Allowance()
+        self._lost = 0
+        self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in parameters.outgoing.updates)
         self._statistics = statistics
         self._clock = clock
         self._credit = credit
@@ -149,9 +154,10 @@ class Sender:
         own.is_forgotten = False
         own.update = update
         sequence, datagram = self._seal_update(own, update, now)
-        own.retransmission.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
+        statistics = self._statistics
+        own.retransmission.begin(sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
         self.said_encoding = True
-        self._statistics.updates_sent[stream] += 1
+        statistics.updates_sent[stream] += 1
         return datagram
 
     def _send_repeat(self, stream: OutgoingStream, now: float) -> bytes:
@@ -191,8 +197,14 @@ class Sender:
     def _report(self) -> Report:
         minimum, latest, late = self._clock.report()
         self._reported = minimum, late, self._loss.fraction
+        self._statistics.incoming_burst = self._loss.burst
         return Report(
-            round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
+            round(minimum * 1e6),
+            round(latest * 1e6),
+            round(late * 1e6),
+            round(min(self._loss.fraction, 1.0) * LOSS_UNITS),
+            round(self._statistics.incoming_burst * BURST_UNITS),
+            self._loss.lost & LOST_MASK,
         )
 
     def _has_changed(self) -> bool:
@@ -228,6 +240,20 @@ class Sender:
             is_answer=change.is_answer,
         )
         return self._seal(sequence, clear, now)
+
+    def adapt(self, lost: int, now: float) -> None:
+        """Follow the present measurements of the link; the peer has reported that so many were lost, low bits."""
+        self._allowance.adapt(int16(lost - self._lost), self._next_sequence, now)
+        self._lost = lost
+        statistics, clock = self._statistics, self._clock
+        outgoing, incoming = statistics.outgoing_loss, self._loss.fraction
+        self.heartbeats.adapt(
+            outgoing,
+            incoming,
+            inf if clock.rtt is None else clock.rtt,
+            clock.jitter,
+            (lost_again(outgoing, statistics.outgoing_burst), lost_again(incoming, self._loss.burst)),
+        )
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
         """Envelope of the next datagram, which leaves now, and its number in full."""

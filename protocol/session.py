@@ -23,8 +23,10 @@ from weberlink.protocol.security import Protection
 from weberlink.protocol.sending import Parameters, Sender
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
+    BURST_UNITS,
     CHANGE_TICK_BITS,
     HEARTBEAT_CREDIT_BITS,
+    LOSS_UNITS,
     PHASE,
     TICK_BITS,
     UPDATE_CREDIT_BITS,
@@ -190,7 +192,7 @@ class Session:
             self.sender.acknowledged(sequence, ack, departure, stream, is_newest=self.is_newest)
         if isinstance(content, ByeContent):
             return PeerClosed(content.reason)
-        if isinstance(content, HeartbeatContent) and not self._take_report(sequence, content.report):
+        if isinstance(content, HeartbeatContent) and not self._take_report(sequence, content.report, now):
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(sequence, head, content, departure, now)
         # A late credit is still true, because the count only grows.
@@ -212,17 +214,17 @@ class Session:
         if now - self._marked_at >= self._silence:
             self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
-    def _take_report(self, sequence: int, report: Report | None) -> bool:
+    def _take_report(self, sequence: int, report: Report | None, now: float) -> bool:
         """Read the peer's measurements, if a heartbeat has any; False if they cannot be true."""
         if report is None or sequence < self._newest_report:
             return True
         if not self.clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
             return False
         self._newest_report = sequence
-        loss = report.loss_65535 / 65_535
-        self._statistics.outgoing_loss = loss
-        rtt = self.clock.rtt
-        self.sender.heartbeats.adapt(loss, self._loss.fraction, inf if rtt is None else rtt, self.clock.jitter)
+        statistics = self._statistics
+        statistics.outgoing_loss = report.loss_65535 / LOSS_UNITS
+        statistics.outgoing_burst = report.burst_256 / BURST_UNITS
+        self.sender.adapt(report.lost, now)
         return True
 
     def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:

@@ -24,10 +24,12 @@ byte. What a table gives in bytes begins at a whole byte, and its length follows
 | parameters | data | 0-48 bytes | parameters of the model; the predictor knows their length |
 | heartbeat | ticks | 16 bits | sum of the ticks of the sender's newest updates of all streams, low bits |
 | heartbeat_credit | count | 32 bits | low bits of the sender's credit; where the session carries it |
-| report | minimum | 64 bits | least raw delay of the other direction lately, in us, two's complement |
-| report | latest | 32 bits | raw delay of the latest datagram above the least, in us |
-| report | late | 32 bits | raw delay above the least that few datagrams exceed, in us |
+| report | minimum | 48 bits | least raw delay of the other direction lately, in us, two's complement |
+| report | latest | 24 bits | raw delay of the latest datagram above the least, in us |
+| report | late | 24 bits | raw delay above the least that few datagrams exceed, in us |
 | report | loss | 16 bits | share of datagrams of the other direction that never came, in 1/65535 |
+| report | burst | 16 bits | mean length of the runs of datagrams that never came, in 1/256; 0 for unknown |
+| report | lost | 16 bits | number of the datagrams of the other direction that never came, low bits |
 | bye | reason | 0-64 bytes | why, UTF-8 |
 | change | tick | 32 bits | sender's tick at which to make the change, low bits; 0 in an answer |
 | change | body | 1-200 bytes | what is to change, or the answer: 1 for yes, 0 and why not |
@@ -107,7 +109,15 @@ _ACK: Final = 1 << ACKNOWLEDGEMENT_BITS
 _ACK_BITS: Final = 1 + ACKNOWLEDGEMENT_BITS
 _ECHO_MASK: Final = (1 << ECHO_BITS) - 1
 _LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
-_REPORT_WIDTHS = (64, 32, 32, 16)
+_REPORT_WIDTHS = (48, 24, 24, 16, 16, 16)
+_LONGEST_EXCESS: Final = (1 << _REPORT_WIDTHS[1]) - 1
+_MINIMUM_SIGN = 1 << _REPORT_WIDTHS[0] - 1
+_MINIMUM_MASK = (1 << _REPORT_WIDTHS[0]) - 1
+LOSS_UNITS: Final = 65_535
+BURST_UNITS: Final = 256
+"""A loss of 1, and a burst of one datagram, in the units of the wire."""
+_LONGEST_BURST: Final = 0xFFFF
+LOST_MASK: Final = 0xFFFF
 
 
 class Kind(IntEnum):
@@ -166,6 +176,8 @@ class Report(NamedTuple):
     latest_us: int
     late_us: int
     loss_65535: int
+    burst_256: int
+    lost: int
 
 
 class UpdateContent(NamedTuple):
@@ -248,11 +260,12 @@ def pack_heartbeat(
         string = string << HEARTBEAT_CREDIT_BITS | credit & _U32_MAX
     if report is not None:
         delays = (
-            report.minimum_us & 0xFFFF_FFFF_FFFF_FFFF,
-            min(report.latest_us, _U32_MAX),
-            min(report.late_us, _U32_MAX),
+            report.minimum_us & _MINIMUM_MASK,
+            min(report.latest_us, _LONGEST_EXCESS),
+            min(report.late_us, _LONGEST_EXCESS),
         )
-        for number, width in zip((*delays, report.loss_65535), _REPORT_WIDTHS, strict=True):
+        losses = report.loss_65535, min(report.burst_256, _LONGEST_BURST), report.lost
+        for number, width in zip((*delays, *losses), _REPORT_WIDTHS, strict=True):
             string = string << width | number
     return to_bytes(string)
 
@@ -513,8 +526,8 @@ class DirectionLayout:
             for width in _REPORT_WIDTHS:
                 number, left = take(bits, left, width)
                 numbers.append(number)
-            minimum, latest, late, loss = numbers
-            report = Report((minimum ^ 1 << 63) - (1 << 63), latest, late, loss)
+            minimum, latest, late, loss, burst, lost = numbers
+            report = Report((minimum ^ _MINIMUM_SIGN) - _MINIMUM_SIGN, latest, late, loss, burst, lost)
         end(bits, left)
         return HeartbeatContent(ticks, credit, report)
 

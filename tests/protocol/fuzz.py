@@ -126,6 +126,8 @@ def check(endpoint: Endpoint) -> None:
     assert len(endpoint.datagrams_to_send()) <= 64
     assert 0.0 <= statistics.incoming_loss <= 1.0
     assert 0.0 <= statistics.outgoing_loss <= 1.0
+    for burst in (statistics.incoming_burst, statistics.outgoing_burst):
+        assert 0.0 <= burst < 256.0
     assert statistics.rtt is None or 0.0 <= statistics.rtt < 1e6
 
 

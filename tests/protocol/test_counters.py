@@ -1,5 +1,6 @@
 """Truncated counters: expansion, replay window, loss meter."""
 
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.protocol.counters import LOSS_PATIENCE, REPLAY_WINDOW, LossMeter, ReplayWindow, expand, expand_counter
+from weberlink.protocol.emulation import EmulatedLink, Emulation
 
 
 @given(st.integers(-(2**40), 2**40), st.integers(-(2**23) + 1, 2**23 - 1))
@@ -104,6 +106,36 @@ def test_burst_is_noticed_and_single_loss_remembered() -> None:
     assert made.fraction > 0.4
     single = meter([*range(100), *range(101, 600)])
     assert 1e-4 < single.fraction < 2e-3
+
+
+@given(st.integers(0, 2**32), st.sampled_from([1, 2, 40]))
+def test_burst_is_the_mean_length_of_the_gaps(seed: int, reach: int) -> None:
+    """Whatever the order of arrival; up to the weights, which differ little over 150 numbers."""
+    random = Random(seed)
+    received = [-1, 0, *(number for number in range(1, 150) if random.random() < 0.7), 150]
+    order = sorted(received[1:], key=lambda number: number + random.random() * reach)
+    made = meter([-1, *order, *range(151, 152 + reach + LOSS_PATIENCE)])
+    lengths = [after - before - 1 for before, after in pairwise(received) if after - before > 1]
+    assert made.lost == sum(lengths)
+    assert made.burst == pytest.approx(sum(lengths) / len(lengths), rel=0.08)
+
+
+@pytest.mark.parametrize("burst", [1.0, 3.0, 8.0])
+def test_burst_of_a_lossy_link_is_measured(burst: float) -> None:
+    link = EmulatedLink[int](Emulation(loss=0.1, burst=burst), Random(4).random)
+    made, measured = LossMeter(), []
+    for number in range(20_000):
+        link.send(b"", number, 0.0)
+        for _, arrived in link.receive(0.0):
+            made.record(arrived)
+            measured.append(made.burst)
+    late = measured[4000:]
+    # Independent losses follow each other too: a run of them has 1 / (1 - loss) numbers.
+    assert sum(late) / len(late) == pytest.approx(burst if burst > 1.0 else 1.0 / 0.9, rel=0.15)
+
+
+def test_burst_is_unknown_without_loss() -> None:
+    assert meter(list(range(100))).burst == 0.0
 
 
 def test_very_long_gap_stays_in_range() -> None:

@@ -1,22 +1,28 @@
+from collections.abc import Callable
 from math import inf
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.protocol.retransmission import (
-    EARLY_PER_S,
+    GROWTH,
+    GROWTH_SLACK,
+    LEAST_EARLY_PER_S,
+    LONGEST_HOLD,
     LONGEST_PACE,
-    LOSSY,
     MOST_COPIES,
+    MOST_EARLY_PER_S,
     RESIDUAL,
     SHORTEST_PACE,
+    Allowance,
     Retransmission,
     copies_needed,
+    lost_again,
 )
 
 
 def test_nothing_is_due_without_a_pending_update() -> None:
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     assert retransmission.due_at(0.01, 0.1) == inf
     retransmission.begin(7, 1.0)
     assert retransmission.is_pending
@@ -26,7 +32,7 @@ def test_nothing_is_due_without_a_pending_update() -> None:
 
 
 def test_evidence_brings_the_repeat_forward() -> None:
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     retransmission.begin(7, 1.0)
     assert retransmission.due_at(0.01, 0.1) == 1.1
     retransmission.miss()
@@ -35,7 +41,7 @@ def test_evidence_brings_the_repeat_forward() -> None:
 
 
 def test_acknowledgement_of_any_repeat_counts_but_no_older_one() -> None:
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     retransmission.begin(6, 0.9)
     retransmission.begin(7 + 2**16, 1.0)
     retransmission.repeated(9 + 2**16, 1.1)
@@ -45,7 +51,7 @@ def test_acknowledgement_of_any_repeat_counts_but_no_older_one() -> None:
 
 @given(st.floats(0.0, 1.0), st.floats(0.01, 30.0))
 def test_repeats_keep_to_their_bound_without_acknowledgements(rtt: float, duration: float) -> None:
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     retransmission.begin(0, 0.0)
     now, count = 0.0, 0
     while True:
@@ -65,7 +71,7 @@ STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "ack
 @given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2))
 def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
     """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock."""
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     now, number, begun_at, repeats = 0.0, 0, 0.0, 0
     for wait, what in steps:
         now += wait
@@ -80,26 +86,86 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
             assert now >= retransmission.sent_at + SHORTEST_PACE
             number, repeats = number + 1, repeats + 1
             retransmission.repeated(number, now)
-        assert repeats <= 10 + (now - begun_at) / LONGEST_PACE
+        assert repeats <= 13 + (now - begun_at) / LONGEST_PACE
 
 
-@given(STEPS, st.integers(0, MOST_COPIES))
-def test_early_repeats_are_bounded_by_their_allowance(steps: list[tuple[float, str]], copies: int) -> None:
-    retransmission = Retransmission()
+REPORTS = st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-5, 400)), max_size=60)
+
+
+@given(STEPS, st.integers(0, MOST_COPIES), REPORTS)
+def test_early_repeats_are_bounded_by_their_allowance(
+    steps: list[tuple[float, str]], copies: int, reports: list[tuple[float, int]]
+) -> None:
+    """Of all streams together, whatever the peer reports."""
+    allowance = Allowance()
+    streams = [Retransmission(allowance), Retransmission(allowance)]
     now, number, repeats = 0.0, 0, 0
-    for wait, what in steps:
+    for place, (wait, what) in enumerate(steps):
         now += wait
+        if place < len(reports):
+            allowance.adapt(reports[place][1], 60 * place, now)
         if what == "update":
             number += 1
-            retransmission.begin(number, now, copies)
-        while retransmission.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
-            number, repeats = number + 1, repeats + 1
-            retransmission.repeated(number, now)
-    assert repeats <= EARLY_PER_S * (1.0 + now) + 1e-9
+            streams[place % 2].begin(number, now, copies)
+        for stream in streams:
+            while stream.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
+                number, repeats = number + 1, repeats + 1
+                stream.repeated(number, now)
+    assert repeats <= MOST_EARLY_PER_S * (1.0 + now) + 1e-9
+
+
+@given(REPORTS)
+def test_allowance_stays_in_its_range(reports: list[tuple[float, int]]) -> None:
+    allowance, now, sent = Allowance(), 0.0, 0
+    for wait, lost in reports:
+        now, sent = now + wait, sent + 100
+        allowance.adapt(lost, sent, now)
+        assert LEAST_EARLY_PER_S <= allowance.rate <= MOST_EARLY_PER_S
+        assert 0 <= allowance.left(now) <= allowance.rate
+
+
+def rates(loss: Callable[[int, float], float], seconds: int) -> list[float]:
+    """Rates of an allowance on a link with that loss, by second and rate; 200 datagrams and one report a second."""
+    allowance, found = Allowance(), []
+    for second in range(seconds):
+        allowance.adapt(round(200 * loss(second, allowance.rate)), 200 * second, float(second))
+        found.append(allowance.rate)
+    return found
+
+
+@given(st.floats(RESIDUAL + 0.01, 1.0))
+def test_allowance_is_raised_where_the_loss_does_not_grow(loss: float) -> None:
+    assert rates(lambda second, rate: loss, 10)[-1] == MOST_EARLY_PER_S
+
+
+def test_allowance_stays_low_without_loss() -> None:
+    assert set(rates(lambda second, rate: 0.0, 100)) == {LEAST_EARLY_PER_S}
+
+
+@given(st.floats(RESIDUAL + 0.01, 0.2), st.floats(0.02, 0.3))
+def test_allowance_stays_low_where_the_loss_grows_with_it(alone: float, growth: float) -> None:
+    """The attempts become rare, and each is short."""
+    together = GROWTH * alone + GROWTH_SLACK + growth
+    found = rates(lambda second, rate: together if rate > LEAST_EARLY_PER_S else alone, 1000)
+    high = [rate for rate in found if rate > LEAST_EARLY_PER_S]
+    assert 0 < len(high) <= 1000.0 / LONGEST_HOLD + 8
+    assert max(high) <= 4.0 * LEAST_EARLY_PER_S
+
+
+def test_allowance_recovers_when_the_loss_itself_has_changed() -> None:
+    found = rates(lambda second, rate: 0.03 if second < 20 else 0.3, 40)
+    assert found[19] == MOST_EARLY_PER_S
+    assert LEAST_EARLY_PER_S in found[20:]
+    assert found[39] == MOST_EARLY_PER_S
+
+
+@given(st.floats(0.0, 1.0), st.floats(1.0, 100.0))
+def test_loss_after_a_loss_is_no_rarer(loss: float, burst: float) -> None:
+    assert lost_again(loss, 0.0) == lost_again(loss, 1.0) == loss <= lost_again(loss, burst) <= 1.0
 
 
 def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
-    retransmission = Retransmission()
+    retransmission = Retransmission(Allowance())
     retransmission.begin(7, 1.0, copies=2)
     assert retransmission.due_at(0.3, 9.0) == 1.0 + SHORTEST_PACE
     retransmission.repeated(8, 1.005)
@@ -113,9 +179,9 @@ def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
     assert retransmission.due_at(0.3, 9.0) > 9.0
 
 
-@given(st.floats(0.0, 1.0))
-def test_copies_leave_little_lost(loss: float) -> None:
-    copies = copies_needed(loss)
+@given(st.floats(0.0, 1.0), st.just(0.0) | st.floats(1.0, 50.0))
+def test_copies_leave_little_lost(loss: float, burst: float) -> None:
+    copies, again = copies_needed(loss, burst), lost_again(loss, burst)
     assert 0 <= copies <= MOST_COPIES
-    assert loss <= LOSSY or copies == MOST_COPIES or loss ** (1 + copies) <= RESIDUAL * (1.0 + 1e-6)
-    assert copies == 0 or loss**copies > RESIDUAL * (1.0 - 1e-6)
+    assert copies == MOST_COPIES or loss * again**copies <= RESIDUAL * (1.0 + 1e-6)
+    assert copies == 0 or loss * again ** (copies - 1) > RESIDUAL * (1.0 - 1e-6)

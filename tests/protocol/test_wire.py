@@ -91,7 +91,7 @@ def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries
             assert bounds == limits[plain[0] & 0xF]
             assert bounds[ends] == (len(plain), max(len(paired), len(parametric)))[ends]
         credit = 9 if carries_credit else None
-        pulse = wire.pack_heartbeat(envelopes[ends], 5, Report(0, 0, 0, 0) if ends else None, credit)
+        pulse = wire.pack_heartbeat(envelopes[ends], 5, Report(0, 0, 0, 0, 0, 0) if ends else None, credit)
         assert len(pulse) == size("heartbeat", *["heartbeat_credit"] * carries_credit, *["report"] * ends)
         assert limits[pulse[0] & 0xF][ends] == len(pulse)
         bye = wire.pack_bye(envelopes[ends], "x" * 100 * ends)
@@ -170,9 +170,11 @@ def test_an_update_survives_the_wire(
     st.none()
     | st.builds(
         Report,
-        st.integers(-(2**63), 2**63 - 1),
-        st.integers(0, 2**32 - 1),
-        st.integers(0, 2**32 - 1),
+        st.integers(-(2**47), 2**47 - 1),
+        st.integers(0, 2**24 - 1),
+        st.integers(0, 2**24 - 1),
+        st.integers(0, 2**16 - 1),
+        st.integers(0, 2**16 - 1),
         st.integers(0, 2**16 - 1),
     ),
     CREDITS,
@@ -193,9 +195,9 @@ def test_a_heartbeat_survives_the_wire(
 
 
 def test_a_report_saturates() -> None:
-    data = wire.pack_heartbeat((5, 6, 7, (None,)), 0, Report(0, 2**40, 2**40, 0))
+    data = wire.pack_heartbeat((5, 6, 7, (None,)), 0, Report(0, 2**40, 2**40, 0, 2**20, 7))
     _, content = DirectionLayout([forms(3)]).read(data[0], data[CLEAR_BYTES:])
-    assert content == HeartbeatContent(0, None, Report(0, 2**32 - 1, 2**32 - 1, 0))
+    assert content == HeartbeatContent(0, None, Report(0, 2**24 - 1, 2**24 - 1, 0, 2**16 - 1, 7))
 
 
 @given(ENVELOPES, st.text(), st.binary(min_size=1, max_size=300), st.integers(0, 2**32 - 1), st.integers(0, 7))
