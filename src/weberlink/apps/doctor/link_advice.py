@@ -27,10 +27,11 @@ Delays = Sequence[tuple[float, float, float]]
 
 def recommend(figures: LinkFigures, delays: Delays, system: System) -> Iterator[Finding]:
     """Judge the settings of a file by a measurement."""
+    course = scheme_course(delays)
     yield silence(figures, system)
-    yield from scheme(figures, delays, system)
-    yield playout(figures, system)
-    yield from lookahead(figures, system)
+    yield from scheme(figures, course, system)
+    yield playout(figures, course[-1], system)
+    yield from lookahead(course[-1], system)
 
 
 # --- silence limit
@@ -48,8 +49,8 @@ def silence(figures: LinkFigures, system: System) -> Finding:
     if needed_ms > 1e3 * LONGEST_SILENCE:
         return problem(f"no silence limit is long enough: {why}", "use another network", check)
     if limit_ms >= needed_ms:
-        return ok(f"{limit_ms:g} ms are enough: {why}", check)
-    found = f"{limit_ms:g} ms are too short: {why}; on both hosts:"
+        return ok(f"silence limit: {limit_ms:g} ms are enough: {why}", check)
+    found = f"silence limit: {limit_ms:g} ms are too short: {why}; on both hosts:"
     is_met = figures.silences == 0 and needs.longest < 1e-3 * limit_ms
     return (advice if is_met else problem)(found, f"--set link.silence_ms={needed_ms}", check)
 
@@ -81,7 +82,7 @@ def _least_silence(figures: LinkFigures, tick_period: float) -> float:
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
-        schedule.adapt(figures.to_slave.loss, figures.to_master.loss, figures.rtt_s[1], figures.jitter_s)
+        schedule.adapt(figures.to_slave.loss, figures.to_master.loss, figures.rtt_s[1], figures.jitter_s[1])
         if schedule.reach > 2.0 * LEAST_SHARE * limit:  # else it would need more heartbeats than it may send
             return limit
     return 2.0 * LONGEST_SILENCE
@@ -107,10 +108,9 @@ def scheme_course(delays: Delays) -> list[int]:
     return course
 
 
-def scheme(figures: LinkFigures, delays: Delays, system: System) -> Iterator[Finding]:
-    """Whether the control scheme suits the delay."""
+def scheme(figures: LinkFigures, course: Sequence[int], system: System) -> Iterator[Finding]:
+    """Whether the control scheme suits the delay, for which `auto` went through those of `course`."""
     check, configured = "control scheme", system.control.scheme
-    course = scheme_course(delays)
     fitting, allowed = ORDER[course[-1]], allowed_schemes(system)
     wanted = next(name for name in reversed(ORDER[: course[-1] + 1]) if name in allowed)
     why = _why(figures, course)
@@ -118,13 +118,17 @@ def scheme(figures: LinkFigures, delays: Delays, system: System) -> Iterator[Fin
     if wanted != fitting:
         why += f", which calls for {fitting}; but with {_what_limits(system)} there is only {' or '.join(allowed)}"
     if configured not in ORDER or (is_changing and AUTO not in allowed):
-        yield ok(f"{configured}; auto would now choose {fitting}: {why}", check)
+        yield ok(f"control scheme {configured}; auto would now choose {fitting}: {why}", check)
     elif is_changing:
-        yield advice(f"{configured}, but the delay changes: {why}; on both hosts:", "--set control.scheme=auto", check)
+        yield advice(
+            f"control scheme {configured}, but the delay changes: {why}; on both hosts:",
+            "--set control.scheme=auto",
+            check,
+        )
     elif configured == wanted:
-        yield ok(f"{configured}: {why}", check)
+        yield ok(f"control scheme {configured}: {why}", check)
     else:
-        found = f"{configured}, but {wanted} suits: {why}; on both hosts:"
+        found = f"control scheme {configured}, but {wanted} suits: {why}; on both hosts:"
         yield advice(found, f"--set control.scheme={wanted}", check)
     if wanted == ORDER[MMT] and not fits_a_surface(system):
         found = f"{system.codec.force.predictor} fits no surface, which mmt needs; on both hosts:"
@@ -143,72 +147,60 @@ def _what_limits(system: System) -> str:
 
 
 def _why(figures: LinkFigures, course: Sequence[int]) -> str:
-    trip, jitter = 1e3 * figures.rtt_s[1], 1e3 * figures.jitter_s
+    trip, jitter = 1e3 * figures.rtt_s[1], 1e3 * figures.jitter_s[0]
     limits = f"{1e3 * RISING[NONE]:g} ms (none) and {1e3 * RISING[TDPA]:g} ms (tdpa)"
-    text = f"round trip {trip:.1f} ms, jitter up to {jitter:.1f} ms; the limits are {limits}"
+    text = f"round trip {trip:.1f} ms, jitter {jitter:.1f} ms; the limits are {limits}"
     return text if len(course) <= 2 else f"{text}; auto went {', '.join(ORDER[each] for each in course)}"
 
 
 # --- play-out and look-ahead
 
 
-def playout(figures: LinkFigures, system: System) -> Finding:
-    """How long samples must wait so that 99 % of the jitter is not felt, and whether that pays."""
+def playout(figures: LinkFigures, fitting: int, system: System) -> Finding:
+    """How long samples must wait so that 99 % of the jitter is not felt, and whether that pays.
+
+    Args:
+        fitting: the scheme for this link, as an index of `ORDER`.
+    """
     check, configured = "play-out", system.link.playout_ms
     late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
-    found = f"1 % of the datagrams are more than {late_ms:.1f} ms late"
+    found = f"play-out {configured:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"
+    needed = float(ceil(late_ms))
     if late_ms < 1e3 * system.tick_period:
-        if configured == 0.0:
-            return ok(f"none: {found}, less than a tick", check)
-        return advice(f"{configured:g} ms: {found}, less than a tick", "--set link.playout_ms=0", check)
-    needed, trip = float(ceil(late_ms)), figures.rtt_s[1]
-    delay = trip + 2e-3 * needed
-    before, after = suiting(trip + figures.jitter_s), suiting(delay)
+        found += ", less than a tick"
+        return advice(found, "--set link.playout_ms=0", check) if configured > 0.0 else ok(found, check)
     if configured >= needed:
-        return ok(f"{configured:g} ms: {found}", check)
-    if needed > LONGEST_PLAYOUT_MS or after > before or after == MMT:
-        reason = (
-            "no play-out is long enough"
-            if needed > LONGEST_PLAYOUT_MS
-            else "mmt feels no jitter of the force"
-            if before == MMT
-            else f"{needed:g} ms both ways would make the delay {1e3 * delay:.0f} ms, which calls for {ORDER[after]}"
-        )
-        return ok(f"{configured:g} ms: {found}, but {reason}", check)
-    return advice(
-        f"{configured:g} ms: {found}; with play-out the delay becomes {1e3 * delay:.0f} ms, still for {ORDER[after]}",
-        f"--set link.playout_ms={needed:g}",
-        check,
-    )
+        return ok(found, check)
+    delay = figures.rtt_s[1] + 2e-3 * needed
+    after = sum(delay > limit for limit in RISING)
+    if fitting == MMT:
+        return ok(f"{found}; the local model of mmt hides that", check)
+    if needed > LONGEST_PLAYOUT_MS or after > fitting:
+        return ok(f"{found}; to hide that would make a delay of {1e3 * delay:.0f} ms, for {ORDER[after]}", check)
+    found += f"; hidden, the delay is {1e3 * delay:.0f} ms, still for {ORDER[fitting]}"
+    return advice(found, f"--set link.playout_ms={needed:g}", check)
 
 
-def lookahead(figures: LinkFigures, system: System) -> Iterator[Finding]:
-    """Whether the look-ahead of the file suits the scheme for this delay (docs/prediction.md)."""
+def lookahead(fitting: int, system: System) -> Iterator[Finding]:
+    """Whether the look-ahead of the file suits the scheme for this link (docs/prediction.md)."""
     check = "look-ahead"
     if system.codec.joints is not None:
         return
-    fitting = suiting(figures.rtt_s[1] + figures.jitter_s)
     used = {name: getattr(system.codec, name).lookahead_ms for name in ("force", "position")}
     needless = [
         name for name, ms in used.items() if ms > 0.0 and (fitting == NONE or (fitting, name) == (MMT, "force"))
     ]
     for name in needless:
-        reason = "it saves no updates with mmt" if fitting == MMT else "it would be most of the delay of this link"
-        yield advice(f"{name} {used[name]:g} ms: {reason}; on both hosts:", f"--set codec.{name}.lookahead_ms=0", check)
-    if needless:
-        return
-    text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items() if ms > 0.0) or "none"
-    yield ok(f"{text}: {_LOOKAHEAD_NOTES[fitting]}", check)
+        found = f"look-ahead of {name} {used[name]:g} ms: {_LOOKAHEAD_NOTES[fitting]}; on both hosts:"
+        yield advice(found, f"--set codec.{name}.lookahead_ms=0", check)
+    if not needless:
+        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items() if ms > 0.0) or "0 ms"
+        yield ok(f"look-ahead {text}: {_LOOKAHEAD_NOTES[fitting]}", check)
 
 
 _LOOKAHEAD_NOTES = (
-    "at this delay it would be felt",
-    "with tdpa 10 ms of it save about a third of the few updates of predictor adaptive (docs/prediction.md)",
-    "the local model of mmt needs few updates",
+    "with none it is one more delay, and nothing controls it",
+    "with tdpa, 10 ms save about a third of the few updates of predictor adaptive",
+    "with mmt it saves no updates",
 )
 """By scheme, in the order of `ORDER`."""
-
-
-def suiting(delay: float) -> int:
-    """The scheme for a delay that rises [s], as an index of `ORDER`."""
-    return sum(delay > limit for limit in RISING)

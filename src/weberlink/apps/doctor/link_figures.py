@@ -54,7 +54,7 @@ class LinkFigures:
         seconds: from the first question to the last.
         rtt_s: round trip [s]: its least, 50 %, 99 %, largest.
         to_slave, to_master: each direction.
-        jitter_s: the largest that the endpoint measured [s], which `control.scheme: auto` decides by.
+        jitter_s: as the endpoint measured it [s]: 50 % and 99 % of the time at most this.
         loop_age_s: largest loop age [s], which the silence limit bounds (`weberlink.protocol.liveness`).
         silences: how often the session fell silent.
     """
@@ -65,7 +65,7 @@ class LinkFigures:
     rtt_s: tuple[float, float, float, float]
     to_slave: Way
     to_master: Way
-    jitter_s: float
+    jitter_s: tuple[float, float]
     loop_age_s: float
     silences: int
 
@@ -78,7 +78,7 @@ class LinkFigures:
             "answers": self.answers,
             "seconds": self.seconds,
             "rtt_ms": {"min": least, "p50": median, "p99": late, "max": most},
-            "jitter_ms": 1e3 * self.jitter_s,
+            "jitter_ms": {"p50": 1e3 * self.jitter_s[0], "p99": 1e3 * self.jitter_s[1]},
             "loop_age_ms": 1e3 * self.loop_age_s,
             "silences": self.silences,
             "to_slave": _way_document(self.to_slave),
@@ -111,6 +111,7 @@ def figures(samples: LinkSamples) -> LinkFigures:
     ]
     if not timed:
         raise ValueError("the slave answered no question")
+    jitters = [jitter for _, _, jitter in samples.delays] or [0.0]
     trips = [trip for trip, _ in timed]
     inward = [delay for _, delay in timed]
     outward = [max(0.0, trip - delay) for trip, delay in timed]
@@ -121,7 +122,7 @@ def figures(samples: LinkSamples) -> LinkFigures:
         rtt_s=(min(trips), nearest_rank(trips, 0.5), nearest_rank(trips, 0.99), max(trips)),
         to_slave=_way(outward, lost_questions(len(asked), samples.heard), len(asked)),
         to_master=_way(inward, *lost_answers(samples.heard)),
-        jitter_s=max((jitter for _, _, jitter in samples.delays), default=0.0),
+        jitter_s=(nearest_rank(jitters, 0.5), nearest_rank(jitters, 0.99)),
         loop_age_s=loop_age(asked, samples.heard),
         silences=samples.silences,
     )

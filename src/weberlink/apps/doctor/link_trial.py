@@ -31,6 +31,8 @@ from weberlink.system.configuration.model import split_address
 
 PERIOD_S = 0.005
 """Between two questions: as dense as the updates of a busy session."""
+LEAST_PAUSE_S = 0.001
+"""Resolution of the timers of uvloop."""
 WARM_UP_S = 1.0
 """From the session's beginning to the first question, in which the ends map their clocks."""
 ANSWER_S = 5.0
@@ -96,7 +98,7 @@ class Measurement:
         self._give_up_at = now + patience
         self._patience = patience
         self._first_at: float | None = None
-        self._asks = 0
+        self._due = now
         self.delays: list[tuple[float, float, float]] = []
         self.silences = 0
         self.failure: str | None = None
@@ -104,26 +106,25 @@ class Measurement:
         endpoint.report_encoding(now, is_encoding=False)
         endpoint.connect(now)
 
-    def service(self, now: float) -> None:
-        """Do what is due; as often as every `PERIOD_S`."""
+    def service(self, now: float) -> float:
+        """Do what is due; returns when to be called again [s]."""
         endpoint = self._endpoint
         self._hear()
         endpoint.report_encoding(now, is_encoding=False)
-        if self.is_done:
-            return
-        if self._first_at is None:
+        if self._first_at is None and not self.is_done:
             self._wait(now)
-            return
-        if endpoint.rtt is not None:
-            self.delays.append((now, endpoint.rtt, endpoint.jitter))
+        if self._first_at is None or self.is_done:
+            return now + PERIOD_S
         last_at = self._first_at + self._seconds
-        while self._first_at + self._asks * PERIOD_S <= min(now, last_at):
-            # What this process was too late for is left out: questions in a heap would measure its own stall.
-            passed = int((now - self._first_at) / PERIOD_S)
-            self._asks = max(self._asks, passed) + 1
-            endpoint.ask(now)
         if now > last_at + self._settling():
             self.finish(now)
+        elif self._due <= min(now, last_at):
+            endpoint.ask(now)
+            if endpoint.rtt is not None:
+                self.delays.append((now, endpoint.rtt, endpoint.jitter))
+            # What this process was too late for is left out: questions in a heap would measure its own stall.
+            self._due = max(self._due + PERIOD_S, now)
+        return max(self._due, now + LEAST_PAUSE_S)
 
     def finish(self, now: float, failure: str | None = None) -> None:
         """Leave the session."""
@@ -139,7 +140,7 @@ class Measurement:
     def _wait(self, now: float) -> None:
         endpoint = self._endpoint
         if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
-            self._first_at = now + WARM_UP_S
+            self._due = self._first_at = now + WARM_UP_S
         elif now > self._give_up_at:
             why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file?"
             if DropReason.UNPROVEN in endpoint.statistics.dropped:
@@ -165,13 +166,11 @@ async def measure(measurement: Measurement, shell: UdpShell) -> None:
     """
     await shell.open(asyncio.get_running_loop())
     try:
-        due = monotonic()
         while not measurement.is_done:
             now = monotonic()
             shell.service(now)
-            measurement.service(now)
+            due = measurement.service(now)
             shell.flush(now)
-            due = max(due + PERIOD_S, now)
             await asyncio.sleep(due - now)
     finally:
         shell.close()
