@@ -28,7 +28,7 @@ import uvloop
 from benchmarks.arrangement import BenchError, Rights, child, rights_of, serve, tell
 from weberlink.geometry.vector import Vector
 from weberlink.protocol.aio.queue import ReceiveQueue
-from weberlink.protocol.aio.udp import PEER_SHARE
+from weberlink.protocol.aio.sockets import PEER_SHARE
 from weberlink.protocol.events import Address, UpdateLost, UpdateReceived
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Incoming, Outgoing, Protection, Security

@@ -97,6 +97,7 @@ class PathFacts(NamedTuple):
         remote: address of the peer or of the relay, host:port.
         changes: how often this path was replaced by another one.
         note: what is being done while there is no path, or why there will be none.
+        dscp: class of service with which datagrams of the peer arrive (RFC 2474); None while unknown.
     """
 
     place: int = 0
@@ -106,6 +107,12 @@ class PathFacts(NamedTuple):
     remote: str = ""
     changes: int = 0
     note: str = ""
+    dscp: int | None = None
+
+
+def address_of(name: str) -> Address:
+    """The address of a peer on whatever paths are found to it; names it in an endpoint."""
+    return name, 0
 
 
 def pair() -> tuple[socket.socket, socket.socket]:

@@ -7,9 +7,10 @@ there when its buffer is full.
 import asyncio
 import select
 import socket
+import sys
 from collections.abc import Callable
 from math import inf
-from typing import Final
+from typing import Any, Final
 
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
@@ -18,6 +19,11 @@ SLICE_S: Final = 2e-4
 """Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
 MOST_S: Final = 2e-3
 """Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
+SAMPLE_S: Final = 1.0
+"""Time between two looks at the class of service with which datagrams arrive [s]."""
+_LONGEST_READ: Final = LONGEST_DATAGRAM + 5
+"""More than the longest datagram in the header of a relay [bytes]."""
+_ANCILLARY_BYTES: Final = socket.CMSG_SPACE(4)
 
 Take = Callable[[bytes, Address, float], None]
 
@@ -76,6 +82,7 @@ class ReceiveQueue:
         take: Take,
         on_datagrams: Callable[[], None],
         share: float,
+        on_dscp: Callable[[int], None] | None = None,
     ) -> None:
         """Listen.
 
@@ -84,6 +91,7 @@ class ReceiveQueue:
             take: receives each datagram, its sender and the time.
             on_datagrams: called after the loop was woken by the socket and datagrams were taken.
             share: of a processor that reading may cost, in (0, 1].
+            on_dscp: told now and then with which class of service datagrams arrive (RFC 2474).
         """
         self.socket = bound
         self.is_open = True
@@ -93,7 +101,11 @@ class ReceiveQueue:
         self._on_datagrams = on_datagrams
         self._budget = WorkBudget(share, MOST_S, now())
         self._resume: asyncio.TimerHandle | None = None
-        self._receive = bound.recvfrom
+        self._receive: Callable[[int], tuple[bytes, Any]] = bound.recvfrom
+        self._on_dscp = on_dscp
+        self._sample_at = inf
+        if on_dscp is not None and _ask_for_class(bound):
+            self._sample_at = -inf
         waiting = select.poll()
         waiting.register(bound.fileno(), select.POLLIN)
         self._waiting = waiting.poll
@@ -117,7 +129,7 @@ class ReceiveQueue:
         began = now = -inf
         while self.is_open:
             try:
-                data, source = self._receive(LONGEST_DATAGRAM + 1)
+                data, source = self._receive(_LONGEST_READ)
             except BlockingIOError:
                 break
             except OSError:  # such as an ICMP error of an earlier send
@@ -131,9 +143,20 @@ class ReceiveQueue:
         if began == -inf:
             return False
         self._budget.spend(now - began, now)
+        if now >= self._sample_at:
+            self._receive = self._sample
         if self.is_open and self._budget.left(now) < 0.0:
             self._pause()
         return True
+
+    def _sample(self, longest: int) -> tuple[bytes, Any]:
+        """Receive one datagram, and look at its class of service."""
+        data, ancillary, _, source = self.socket.recvmsg(longest, _ANCILLARY_BYTES)
+        self._receive, self._sample_at = self.socket.recvfrom, self._now() + SAMPLE_S
+        for _level, _kind, value in ancillary:  # IPv4 gives one octet, IPv6 an integer
+            if self._on_dscp is not None:
+                self._on_dscp(int.from_bytes(value, sys.byteorder) >> 2)
+        return data, source
 
     def _pause(self) -> None:
         self._forget(self.socket.fileno())
@@ -158,3 +181,16 @@ class ReceiveQueue:
         if not self._loop.is_closed():
             self._forget(self.socket.fileno())
         self.socket.close()
+
+
+def _ask_for_class(bound: socket.socket) -> bool:
+    """Have the class of service delivered with each datagram; whether the system does."""
+    is_ipv6 = bound.family == socket.AF_INET6
+    try:
+        if is_ipv6:
+            bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS, 1)
+        else:
+            bound.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
+    except OSError:
+        return False
+    return True

@@ -10,7 +10,7 @@ import pytest
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.queue import MOST_S
-from weberlink.protocol.aio.udp import PEER_SHARE
+from weberlink.protocol.aio.sockets import PEER_SHARE
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,

@@ -7,16 +7,17 @@ import json
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
+from subprocess import TimeoutExpired
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from weberlink.protocol.aio.hand_over import address_of
 from weberlink.protocol.aio.udp import UdpShell
-from weberlink.protocol.endpoint import Endpoint
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
@@ -30,10 +31,15 @@ from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 if TYPE_CHECKING:
+    from socket import socket
+
+    from weberlink.system.composition.acquaintance import Acquaintance
     from weberlink.system.live_link import LiveLink
 
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
+FINDER_ENDS_S = 2.0
+"""Time that the process that finds paths has to end, after which it is killed [s]."""
 
 
 class StartError(Exception):
@@ -72,36 +78,43 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic()  # the first tick is that of the first deadline after opening
-    side = _build(order, configuration, epoch)
-    # After the imports of the side: with real-time rights they would hold up the other side.
-    grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
-    link = _emulated_link(order.side, system, epoch)
-    udp = _transport(order.side, system, side.endpoint, link)
-    transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
-    capacity = int(RING_SECONDS * system.rate_hz)
-    described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
-    described.publish()
-    try:
-        ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)
+    known = _known(order, configuration)
+    side = _build(order, configuration, epoch, known)
+    with ExitStack() as stack:
+        # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
+        finder = None if system.link.path == "direct" else stack.enter_context(_finder(order, configuration, known))
+        # After the imports of the side: with real-time rights they would hold up the other side.
+        grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
+        link = _emulated_link(order.side, system, epoch)
+        udp = _transport(order.side, system, side, link, finder)
+        transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
+        capacity = int(RING_SECONDS * system.rate_hz)
+        described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
+        described.publish(paths=udp.paths)
+        stack.callback(described.remove)
         try:
-            run_ = _drive(side, transport, configuration, order, epoch, ring, described)
-        finally:
+            ring = RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity)
             # Launcher and recorder may be slow to start: the launcher removes the file when both have read it.
-            ring.close(unlink=os.getppid() != order.parent)
-    except Stopped as stopped:
-        return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
-    finally:
-        described.remove()
-    return _summary(run_, side, grants)
+            stack.callback(lambda: ring.close(unlink=os.getppid() != order.parent))
+            run_ = _drive(side, udp, transport, configuration, order, epoch, ring, described)
+        except Stopped as stopped:
+            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    return _summary(run_, side, udp, grants)
 
 
-def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
+def _known(order: DaemonOrder, configuration: Configuration) -> "Acquaintance | None":
+    """The known peers, where the file asks for them."""
+    if configuration.system.link.security != "peers":
+        return None
+    from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - see above
+
+    return acquaintance(configuration, order.side)
+
+
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known: "Acquaintance | None") -> Side:
     link = configuration.system.link
     name, expects = description.default_name(order.side, link.listen), ""
-    if link.security == "peers":
-        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
-
-        known = acquaintance(configuration, order.side)
+    if known is not None:
         name, expects = known.own, known.expects
     common: dict[str, Any] = {
         "security": build_security(configuration),
@@ -114,10 +127,34 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Si
     if order.side == MASTER:
         from weberlink.system.composition.master import build_master  # noqa: PLC0415
 
-        return build_master(configuration, peer=split_address(link.slave), **common)
+        peer = split_address(link.slave) if link.path == "direct" else address_of(expects)
+        return build_master(configuration, peer=peer, **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
     return build_slave(configuration, shows=True, **common)
+
+
+@contextmanager
+def _finder(order: DaemonOrder, configuration: Configuration, known: "Acquaintance | None") -> "Iterator[socket]":
+    """The socket to the process that finds paths, which has ended when this is left.
+
+    Raises:
+        ConfigurationError: a package that it needs is not installed.
+    """
+    from weberlink.anywhere.order import start_finder  # noqa: PLC0415 - see above
+    from weberlink.system.composition.acquaintance import finder_order  # noqa: PLC0415
+
+    assert known is not None  # path ice needs security: peers
+    process, end = start_finder(finder_order(configuration, order.side, known.peers, take_over=order.take_over))
+    try:
+        yield end
+    finally:
+        end.close()
+        try:
+            process.wait(FINDER_ENDS_S)
+        except TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
@@ -134,15 +171,21 @@ def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None"
     return LiveLink(faults, build_link(faults, uniform, epoch), fixed)
 
 
-def _transport(name: str, system: System, endpoint: Endpoint, link: "LiveLink | None") -> UdpShell:
-    emulated = None if link is None else link.link
-    if name == MASTER:
-        return UdpShell(endpoint, now=monotonic, link=emulated)
-    return UdpShell(endpoint, now=monotonic, listen=split_address(system.link.listen), link=emulated)
+def _transport(name: str, system: System, side: Side, link: "LiveLink | None", finder: "socket | None") -> UdpShell:
+    return UdpShell(
+        side.endpoint,
+        now=monotonic,
+        listen=("", 0) if name == MASTER else split_address(system.link.listen),
+        link=None if link is None else link.link,
+        dscp=system.link.dscp,
+        finder=finder,
+        on_no_path=lambda why: side.give_up(monotonic(), why),
+    )
 
 
 def _drive(
     side: Side,
+    udp: UdpShell,
     transport: Transport,
     configuration: Configuration,
     order: DaemonOrder,
@@ -152,17 +195,17 @@ def _drive(
 ) -> Run:
     missed = 0
     last_index: int | None = None
-    peer = side.peer
+    peer, paths = side.peer, udp.paths
 
     def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, last_index, peer
+        nonlocal missed, last_index, peer, paths
         missed += 0 if last_index is None else index - last_index - 1
         last_index = index
         ring.write(side.values((now - deadline) * 1e6, work_us, missed))
-        if side.peer is not peer:
-            peer = side.peer
+        if side.peer is not peer or udp.paths is not paths:
+            peer, paths = side.peer, udp.paths
             with suppress(OSError):  # no space in memory; telemetry has its own already
-                described.publish(peer._asdict())
+                described.publish(peer._asdict(), paths)
 
     system = configuration.system
     try:
@@ -205,13 +248,14 @@ def _interruptible() -> Iterator[None]:
             signal(number, handler)
 
 
-def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
+def _summary(run_: Run, side: Side, udp: UdpShell, grants: Grants) -> dict[str, Any]:
     return {
         "outcome": side.outcome or run_.outcome,
         "failed": side.failure is not None or not run_.orderly,
         "faults": side.faults,
         "drops": side.drops,
         "peer": side.peer._asdict(),
+        "paths": [path._asdict() for path in udp.paths],
         "realtime": grants.as_dict(),
         "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }

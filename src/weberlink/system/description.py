@@ -1,11 +1,13 @@
 """The description of a running daemon: a small file beside its ring, for observers.
 
-It holds the configuration, the names of numbers in the telemetry, and what the side knows of its peer. It is written
+It holds the configuration, the names of numbers in the telemetry, what the side knows of its peer, and the paths to it.
+It is written
 before the ring appears and removed after it, so that every ring has a description.
 """
 
 import json
 import os
+from collections.abc import Iterable
 from getpass import getuser
 from pathlib import Path
 from socket import gethostname
@@ -15,6 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.joints import Joints
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, motion_bank
@@ -25,6 +28,9 @@ from weberlink.telemetry.runtime_directory import open_file
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""
+SECRETS: dict[str, Any] = {
+    "link": {"key_file": True, "peer_store": True, "turn": {"secret_file": True, "credentials_file": True}}
+}
 
 
 def path_beside(ring: str | Path) -> Path:
@@ -41,7 +47,7 @@ class HasAngleRange(Protocol):
 
 
 def describe(configuration: Configuration, side: str, port: Port | None = None) -> dict[str, Any]:
-    """Describe the daemon in this process; the path of the key is left out.
+    """Describe the daemon in this process; the paths of keys and secrets are left out.
 
     Args:
         configuration: of the session.
@@ -56,7 +62,7 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
         "file": str(configuration.path.absolute()),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
-        "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
+        "system": system.model_dump(mode="json", exclude=SECRETS),
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
@@ -82,16 +88,18 @@ class Description:
         self._path = path_beside(ring)
         self._text = json.dumps(described)
 
-    def publish(self, peer: dict[str, str] | None = None) -> None:
+    def publish(self, peer: dict[str, str] | None = None, paths: Iterable[PathFacts] = ()) -> None:
         """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
 
         Args:
             peer: what the side knows of its peer (`weberlink.system.side.PeerFacts`).
+            paths: those in use.
         """
+        news = json.dumps({"peer": peer, "paths": [path._asdict() for path in paths]})
         fd, draft = mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
         try:
             with os.fdopen(fd, "wb") as file:
-                file.write(f'{self._text[:-1]}, "peer": {json.dumps(peer)}}}'.encode())
+                file.write(f"{self._text[:-1]}, {news[1:]}".encode())
             Path(draft).replace(self._path)
         except BaseException:
             Path(draft).unlink(missing_ok=True)

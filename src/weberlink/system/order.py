@@ -50,4 +50,12 @@ class DaemonOrder:
 
 def failure(outcome: str) -> dict[str, Any]:
     """The summary of a daemon without a first tick, or one that could not report its end."""
-    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "peer": None, "realtime": None}
+    return {
+        "outcome": outcome,
+        "failed": True,
+        "faults": {},
+        "drops": {},
+        "peer": None,
+        "paths": [],
+        "realtime": None,
+    }

@@ -224,12 +224,16 @@ class Side:
             self.port.release(retreat=False)
             self._leave(now, reason)
 
+    def give_up(self, now: float, why: str) -> None:
+        """Leave as `stop` does, and end the run as failed: there will be no session."""
+        self.failure = self.failure or why
+        self.stop(now, why)
+
     def emergency(self, now: float) -> None:
         """Zero force or hold at once, without a fade; leave in the next tick. The run ends as failed."""
-        self.failure = self.failure or EMERGENCY
         self.port.restart()  # closes the gate of the force
         self.port.halt(now)
-        self.stop(now, EMERGENCY)
+        self.give_up(now, EMERGENCY)
 
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force or hold, and leave, at once; no tick follows."""

@@ -1,12 +1,17 @@
-"""Whom a side knows, from the file and the store of peers: names and keys."""
+"""Whom a side knows, from the file and the store of peers: names and keys, and the order to find a path to them."""
 
 from typing import NamedTuple
 
+from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.peers import Peer, PeerError, PeerStore
 from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration.extras import need
+from weberlink.system.configuration.model import split_address
+
+FINDER_PACKAGES = ("aioice", "websockets")
 
 
 class Acquaintance(NamedTuple):
@@ -59,3 +64,30 @@ def acquaintance(configuration: Configuration, side: str) -> Acquaintance:
         PresharedKey(peers[0].key) if side == MASTER else Keyring({peer.name: peer.key for peer in peers})
     )
     return Acquaintance(security, names.pop(), peers)
+
+
+def finder_order(configuration: Configuration, side: str, peers: tuple[Peer, ...], *, take_over: bool) -> FinderOrder:
+    """What the process that finds paths is to do for a side.
+
+    Raises:
+        ConfigurationError: a package that it needs is not installed.
+    """
+    for package in FINDER_PACKAGES:
+        need(package, "anywhere", "link.path: ice")
+    link = configuration.system.link
+    turn = link.turn
+    return FinderOrder(
+        side=side,
+        peers=tuple(peer.label for peer in peers),
+        store=str(PeerStore(link.peer_store).folder),
+        mailbox=link.mailbox or "",
+        stun=link.stun,
+        turn=None if turn is None else turn.server,
+        turn_name="" if turn is None else turn.name or split_address(turn.server)[0],
+        turn_secret_file=None if turn is None or turn.secret_file is None else str(turn.secret_file),
+        turn_credentials_file=None if turn is None or turn.credentials_file is None else str(turn.credentials_file),
+        paths=link.paths,
+        interfaces=link.interfaces,
+        dscp=link.dscp,
+        take_over=take_over,
+    )
