@@ -8,19 +8,26 @@ import asyncio
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
+from socket import socket
+from subprocess import TimeoutExpired
 from time import monotonic, time_ns
 from typing import Any
 
 import uvloop
 
 from weberlink.apps.doctor.link_figures import LinkSamples
+from weberlink.apps.doctor.link_measurement import ANSWER_S, WARM_UP_S, Measurement
 from weberlink.apps.doctor.trial import run_child
-from weberlink.protocol import DropReason, PeerClosed, PeerSilent, Refused, Role, State
+from weberlink.protocol import Role
+from weberlink.protocol.aio.hand_over import address_of
 from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.emulation import EmulatedLink
+from weberlink.protocol.events import Address
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
 from weberlink.system import description
@@ -29,17 +36,10 @@ from weberlink.system.composition.link import Identity, build_endpoint, build_li
 from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, System, load
 from weberlink.system.configuration.model import split_address
 
-PERIOD_S = 0.005
-"""Between two questions: as dense as the updates of a busy session."""
-LEAST_PAUSE_S = 0.001
-"""Resolution of the timers of uvloop."""
-WARM_UP_S = 1.0
-"""From the session's beginning to the first question, in which the ends map their clocks."""
-ANSWER_S = 5.0
-"""Longest time until the slave answers a call."""
 PATH_S = 40.0
 """Longest time until a path is found."""
-FAREWELL = "measured"
+ENDS_S = 2.0
+"""Time for the process that finds paths to end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,82 +82,6 @@ def run_link_trial(request: LinkRequest) -> LinkTrial:
     return run_child(__name__, request, LinkTrial, request.seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
 
 
-class Measurement:
-    """What a master without a device does: call, wait, ask, and wait for the last answers.
-
-    Args:
-        endpoint: not yet connected.
-        now: [s].
-        seconds: for how long to ask.
-        patience: longest time until the session [s].
-    """
-
-    def __init__(self, endpoint: ProbingEndpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
-        self._endpoint = endpoint
-        self._seconds = seconds
-        self._give_up_at = now + patience
-        self._patience = patience
-        self._first_at: float | None = None
-        self._due = now
-        self.delays: list[tuple[float, float, float]] = []
-        self.silences = 0
-        self.failure: str | None = None
-        self.is_done = False
-        endpoint.report_encoding(now, is_encoding=False)
-        endpoint.connect(now)
-
-    def service(self, now: float) -> float:
-        """Do what is due; returns when to be called again [s]."""
-        endpoint = self._endpoint
-        self._hear()
-        endpoint.report_encoding(now, is_encoding=False)
-        if self._first_at is None and not self.is_done:
-            self._wait(now)
-        if self._first_at is None or self.is_done:
-            return now + PERIOD_S
-        last_at = self._first_at + self._seconds
-        if now > last_at + self._settling():
-            self.finish(now)
-        elif self._due <= min(now, last_at):
-            endpoint.ask(now)
-            if endpoint.rtt is not None:
-                self.delays.append((now, endpoint.rtt, endpoint.jitter))
-            # What this process was too late for is left out: questions in a heap would measure its own stall.
-            self._due = max(self._due + PERIOD_S, now)
-        return max(self._due, now + LEAST_PAUSE_S)
-
-    def finish(self, now: float, failure: str | None = None) -> None:
-        """Leave the session."""
-        self.failure = self.failure or failure
-        self.is_done = True
-        if self._endpoint.state is not State.CLOSED:
-            self._endpoint.close(now, FAREWELL)
-
-    def _settling(self) -> float:
-        """How long to wait for the last answers."""
-        return max(0.1, 2.0 * ((self._endpoint.rtt or 0.0) + self._endpoint.jitter))
-
-    def _wait(self, now: float) -> None:
-        endpoint = self._endpoint
-        if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
-            self._due = self._first_at = now + WARM_UP_S
-        elif now > self._give_up_at:
-            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file?"
-            if DropReason.UNPROVEN in endpoint.statistics.dropped:
-                why = "something answers, but not with this key: do both hosts have the same?"
-            self.finish(now, why)
-
-    def _hear(self) -> None:
-        while (event := self._endpoint.next_event()) is not None:
-            match event:
-                case PeerSilent():
-                    self.silences += self._first_at is not None
-                case Refused(message):
-                    self.failure, self.is_done = f"refused: {message}", True
-                case PeerClosed(reason) if self._first_at is not None:
-                    self.failure, self.is_done = f"the slave left: {reason}", True
-
-
 async def measure(measurement: Measurement, shell: UdpShell) -> None:
     """Run a measurement to its end.
 
@@ -193,7 +117,7 @@ def build_probe(configuration: Configuration, epoch: float) -> ProbingEndpoint:
         epoch,
         forward,
         backward,
-        split_address(link.slave),
+        split_address(link.slave) if link.path == "direct" else address_of(identity.expects),
         identity,
         ProbingEndpoint,
     )
@@ -217,7 +141,41 @@ def _identity(configuration: Configuration) -> Identity:
 
         known = acquaintance(configuration, MASTER)
         name, expects = known.own, known.expects
-    return Identity(name, expects, False, lambda _now: time_ns())
+    return Identity(name, expects, take_over=False, stamp=lambda _now: time_ns())
+
+
+def _emulated_link(configuration: Configuration, epoch: float) -> EmulatedLink[Address] | None:
+    emulate = configuration.system.link.emulate
+    if emulate is None:
+        return None
+    uniform = Random(f"{emulate.seed}/{MASTER}").random  # noqa: S311
+    return build_link(emulate.directions[0], uniform, epoch)
+
+
+@contextmanager
+def finder(configuration: Configuration) -> Iterator[socket | None]:
+    """The socket to the process that finds paths, which has ended when this is left; None for a direct path.
+
+    Raises:
+        ConfigurationError: a package that it needs is not installed.
+    """
+    if configuration.system.link.path == "direct":
+        yield None
+        return
+    from weberlink.anywhere.order import start_finder  # noqa: PLC0415 - where a file asks for it
+    from weberlink.system.composition.acquaintance import acquaintance, finder_order  # noqa: PLC0415
+
+    peers = acquaintance(configuration, MASTER).peers
+    process, end = start_finder(finder_order(configuration, MASTER, peers, take_over=False))
+    try:
+        yield end
+    finally:
+        end.close()
+        try:
+            process.wait(ENDS_S)
+        except TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def trial(request: LinkRequest) -> LinkTrial:
@@ -226,27 +184,36 @@ def trial(request: LinkRequest) -> LinkTrial:
         configuration = load(Path(request.file), request.overrides, sides=[MASTER])
         epoch = monotonic()
         endpoint = build_probe(configuration, epoch)
-    except ConfigurationError as error:
-        return LinkTrial(failure=str(error))
+        with finder(configuration) as end:  # before the rights are taken, so that it gets none
+            return _measured(configuration, endpoint, epoch, end, request.seconds)
+    except (ConfigurationError, OSError) as error:
+        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        return LinkTrial(failure=text)
+
+
+def _measured(
+    configuration: Configuration, endpoint: ProbingEndpoint, epoch: float, end: socket | None, seconds: float
+) -> LinkTrial:
     system = configuration.system
-    emulate, link = system.link.emulate, None
-    if emulate is not None:
-        uniform = Random(f"{emulate.seed}/{MASTER}").random  # noqa: S311
-        link = build_link(emulate.directions[0], uniform, epoch)
     grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
-    shell = UdpShell(endpoint, now=monotonic, link=link)
-    measurement = Measurement(endpoint, monotonic(), request.seconds)
-    try:
-        asyncio.Runner(loop_factory=uvloop.new_event_loop).run(measure(measurement, shell))
-    except OSError as error:
-        return LinkTrial(failure=error.strerror or str(error))
+    measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if end is None else PATH_S)
+    shell = UdpShell(
+        endpoint,
+        now=monotonic,
+        link=_emulated_link(configuration, epoch),
+        dscp=system.link.dscp,
+        finder=end,
+        on_no_path=lambda why: measurement.finish(monotonic(), why),
+    )
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(measure(measurement, shell))
     return LinkTrial(
         endpoint.asked,
         endpoint.heard,
         measurement.delays,
         measurement.silences,
-        [],
-        f"{'real time' if grant else 'not real time'}: {grant.detail}",
+        [path._asdict() for path in shell.paths],
+        f"{'in real time' if grant else 'not in real time'}: {grant.detail}",
         measurement.failure,
     )
 
