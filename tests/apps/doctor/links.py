@@ -1,15 +1,26 @@
-"""A measurement of a link in virtual time: a real slave's endpoint, and the one that `doctor --network` calls it with."""
+"""A link measured in virtual time: the endpoint of a real slave, and the one with which `doctor --network` calls it."""
 
-from collections.abc import Callable, Sequence
 from random import Random
 
-from tests.protocol.harness import AGREEMENT, KEY, SLAVE, TICK, Pair, forms
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from weberlink.apps.doctor.link_figures import LinkSamples
 from weberlink.apps.doctor.link_measurement import Measurement
-from weberlink.protocol import Event, Role
+from weberlink.protocol import Role
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
+
+EVERY = 5
+"""Ticks between two looks at what is due."""
+OFFSET = 300.0
+"""Of the slave's clock [s]."""
+
+
+class _Master(Side):
+    """The side that measures, which takes its events itself."""
+
+    def collect(self, world: float) -> None:
+        pass
 
 
 class MeasuredLink:
@@ -31,14 +42,15 @@ class MeasuredLink:
         silence: float = 1.0,
         seed: int = 1,
         slave: dict[str, object] | None = None,
-        offset: float = 300.0,
     ) -> None:
         self.pair = Pair(
             forward=to_slave,
             backward=to_master,
             seed=seed,
             slave={"silence": silence, **(slave or {})},
-            offsets=(0.0, offset),
+            offsets=(0.0, OFFSET),
+            on_tick=self._on_tick,
+            every=EVERY,
         )
         self.endpoint = ProbingEndpoint(
             role=Role.INITIATOR,
@@ -52,31 +64,26 @@ class MeasuredLink:
             silence=silence,
             peer=SLAVE,
         )
-        self.pair.master.endpoint = self.endpoint
+        self.pair.master = _Master(self.endpoint, MASTER)
         self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
         self.measurement = Measurement(self.endpoint, 0.0, seconds)
+        self._due = 0.0
         self.was_encoding = False
+        """Whether the slave ever took this master for one that leads."""
 
-    def run(self, limit: float = 60.0, on_tick: Callable[[float], None] = lambda now: None) -> "MeasuredLink":
-        """Measure to the end, or until `limit` [s]."""
-        due = 0.0
-        while not self.measurement.is_done and self.pair.now < limit:
-            now = self.pair.now
-            if now >= due:
-                due = self.measurement.service(now)
-            on_tick(now)
-            slave = self.pair.slave
-            self.was_encoding |= slave.endpoint.is_peer_encoding(slave.local(now))
-            self.pair.run(TICK)
+    def run(self) -> "MeasuredLink":
+        """Measure to the end."""
+        while not self.measurement.is_done:
+            self.pair.run(0.1)
         self.pair.run(0.5)
         return self
 
-    @property
-    def samples(self) -> LinkSamples:
-        return LinkSamples(
-            self.endpoint.asked, self.endpoint.heard, self.measurement.delays, self.measurement.silences
-        )
+    def _on_tick(self, pair: Pair, now: float, _tick: int) -> None:
+        if now >= self._due:
+            self._due = self.measurement.service(now)
+        slave = pair.slave
+        self.was_encoding |= slave.endpoint.is_peer_encoding(slave.local(now))
 
     @property
-    def slave_events(self) -> Sequence[Event]:
-        return self.pair.slave.events
+    def samples(self) -> LinkSamples:
+        return LinkSamples(self.endpoint.asked, self.endpoint.heard, self.measurement.delays, self.measurement.silences)

@@ -1,6 +1,6 @@
 """What a master without a device does to measure a link: call, wait, ask, and wait for the last answers."""
 
-from weberlink.protocol import DropReason, PeerClosed, PeerSilent, Refused, State
+from weberlink.protocol import PeerClosed, PeerSilent, Refused, State
 from weberlink.protocol.probing import ProbingEndpoint
 
 PERIOD_S = 0.005
@@ -74,9 +74,7 @@ class Measurement:
         if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
             self._due = self._first_at = now + WARM_UP_S
         elif now > self._give_up_at:
-            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file?"
-            if DropReason.UNPROVEN in endpoint.statistics.dropped:
-                why = "something answers, but not with this key: do both hosts have the same?"
+            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
             self.finish(now, why)
 
     def _hear(self) -> None:
