@@ -39,17 +39,31 @@ def load(path: Path) -> bytes:
         KeyFileError: if the file is missing, a symbolic link, of another user than this one or root, open to other
             users, or not a key file.
     """
+    return _parse(read_private(path, f"`weberlink keygen {path}` makes a key"), path)
+
+
+def read_private(path: Path, advice: str) -> bytes:
+    """The first `_LONGEST_FILE` bytes of a file that only its owner may read.
+
+    Args:
+        path: of the file.
+        advice: what to do if it is missing.
+
+    Raises:
+        KeyFileError: if the file is missing, a symbolic link, or of another user than this one or root, or open to
+            other users.
+    """
     try:
         # O_NONBLOCK: nothing waits for a pipe by that name.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     except FileNotFoundError:
-        raise KeyFileError(f"{path} does not exist; `weberlink keygen {path}` makes a key") from None
+        raise KeyFileError(f"{path} does not exist; {advice}") from None
     except OSError as problem:
         if problem.errno == errno.ELOOP:
             raise KeyFileError(f"{path} is a symbolic link; name the key file itself") from None
         raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
     try:
-        return _parse(_read(descriptor, path), path)
+        return _read(descriptor, path)
     finally:
         os.close(descriptor)
 
