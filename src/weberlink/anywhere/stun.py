@@ -9,8 +9,10 @@ from typing import NamedTuple
 from weberlink.anywhere.nat import Nat, Question, Reply, examine
 from weberlink.protocol.events import Address
 
-PAUSES_S = (0.3, 0.5, 0.8)
-"""Time after each request of a question; no answer within their sum is none."""
+PAUSES_S: Sequence[float] = (0.3, 0.5, 0.8)
+"""Time after each request of the first question; no answer within their sum is none."""
+LEAST_PAUSE_S, ROUND_TRIPS = 0.3, 4.0
+"""After each request of the others: this long, or so many round trips."""
 TCP_S = 2.0
 LONGEST_MESSAGE = 2048
 _CHANGE_ADDRESS, _CHANGE_PORT = 0x4, 0x2
@@ -55,16 +57,17 @@ def _talk(servers: Sequence[Address]) -> Nat | None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         bound.bind(("", 0))
         talk = examine((_own_address(servers[0]), bound.getsockname()[1]), servers)
-        with suppress(StopIteration):
-            question = next(talk)
-            while True:
-                reply = _ask(bound, question)
-                try:
-                    question = talk.send(reply)
-                except StopIteration as end:
-                    nat: Nat | None = end.value
-                    return nat
-    return None
+        question, pauses = next(talk), PAUSES_S
+        while True:
+            asked_at = monotonic()
+            reply = _ask(bound, question, pauses)
+            if reply is not None and pauses is PAUSES_S:
+                pauses = (max(LEAST_PAUSE_S, ROUND_TRIPS * (monotonic() - asked_at)),) * len(PAUSES_S)
+            try:
+                question = talk.send(reply)
+            except StopIteration as end:
+                nat: Nat | None = end.value
+                return nat
 
 
 def _own_address(server: Address) -> str:
@@ -75,14 +78,14 @@ def _own_address(server: Address) -> str:
     return ""
 
 
-def _ask(bound: socket.socket, question: Question) -> Reply | None:
+def _ask(bound: socket.socket, question: Question, pauses: Sequence[float]) -> Reply | None:
     from aioice import stun  # noqa: PLC0415 - of the extra `anywhere`
 
     flags = question.from_other_address * _CHANGE_ADDRESS | question.from_other_port * _CHANGE_PORT
     request = stun.Message(
         stun.Method.BINDING, stun.Class.REQUEST, attributes={"CHANGE-REQUEST": flags} if flags else None
     )
-    for pause in PAUSES_S:
+    for pause in pauses:
         with suppress(OSError):  # no route, or refused: as good as no answer
             bound.sendto(bytes(request), question.server)
         until = monotonic() + pause
