@@ -236,7 +236,7 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     yield from _lookahead_warnings(system)
     if system.codec.force.floor_n == 0.0:
         yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
-    if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
+    if system.control.scheme in ("mmt", "auto") and not fits_a_surface(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
 
 
@@ -276,7 +276,7 @@ def _lookahead_warnings(system: System) -> Iterator[str]:
         yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
 
 
-def _fits_a_surface(system: System) -> bool:
+def fits_a_surface(system: System) -> bool:
     force = system.codec.force
     return any(
         PREDICTORS[name].describes_contact for name in (force.bank if force.predictor in BANKS else (force.predictor,))

@@ -1,7 +1,7 @@
 """Runs all checks and shows their findings as text or JSON."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from textwrap import wrap
 from typing import Any
 
@@ -39,10 +39,11 @@ COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red",
 
 @dataclass(frozen=True, slots=True)
 class DoctorReport:
-    """Findings by heading, and the needs that they were compared with."""
+    """Findings by heading, the needs that they were compared with, and further figures for JSON."""
 
     needs: Needs
     findings: Mapping[str, tuple[Finding, ...]]
+    measured: Mapping[str, Any] = field(default_factory=dict)
 
     def count(self, grade: Grade) -> int:
         return sum(each.grade is grade for found in self.findings.values() for each in found)
@@ -56,6 +57,7 @@ class DoctorReport:
                 {"area": area, **asdict(each)} for area, findings in self.findings.items() for each in findings
             ],
             "counts": {grade.value: self.count(grade) for grade in Grade},
+            **self.measured,
         }
 
     def show(self, console: Console) -> None:

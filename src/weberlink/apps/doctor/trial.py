@@ -69,13 +69,14 @@ def run_trial(request: RightsRequest) -> RightsTrial:
     return run_child(__name__, request, RightsTrial)
 
 
-def run_child(module: str, request: Any, answer: Callable[..., T]) -> T:
+def run_child(module: str, request: Any, answer: Callable[..., T], limit_s: float = LIMIT_S) -> T:
     """Run a module as a program.
 
     Args:
         module: reads a request as JSON from its command line, and writes the fields of an answer as JSON.
         request: a dataclass.
         answer: what to make of these fields, or of `failure`: why there are none.
+        limit_s: time limit for a child that hangs.
     """
     try:
         done = subprocess.run(  # noqa: S603
@@ -83,7 +84,7 @@ def run_child(module: str, request: Any, answer: Callable[..., T]) -> T:
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            timeout=LIMIT_S,
+            timeout=limit_s,
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:

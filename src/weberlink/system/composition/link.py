@@ -121,11 +121,12 @@ def build_endpoint(
     incoming: "Sequence[Channel | BundleChannel]",
     peer: Address | None,
     identity: Identity = ANONYMOUS,
+    kind: type[Endpoint] = Endpoint,
 ) -> Endpoint:
     names = system.link.names
     own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
     other = other or identity.expects
-    return Endpoint(
+    return kind(
         role=role,
         agreement=agreement(system),
         outgoing=[channel.forms for channel in outgoing],

@@ -1,0 +1,150 @@
+"""Settings that doctor --network recommends: by the limits of a session, accepted by the file, and enough."""
+
+from collections.abc import Sequence
+from itertools import islice, repeat
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.system.systems import CONFIGS
+from weberlink.apps.doctor.findings import Finding, Grade
+from weberlink.apps.doctor.link_advice import LONGEST_PLAYOUT_MS, recommend, scheme_course, silence_needs
+from weberlink.apps.doctor.link_figures import LinkFigures, Way
+from weberlink.control.auto import ORDER
+from weberlink.system.configuration import MASTER, System, load
+from weberlink.system.configuration.model import LinkSettings
+
+LOOPBACK, DELAY, ROTATION, ARMS = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation", "arms"))
+FIXES = {Grade.ADVICE, Grade.PROBLEM}
+
+
+def link(
+    rtt: float, jitter: float = 0.0, *, loss: float = 0.0, late: float | None = None, loop_age: float = 0.0
+) -> LinkFigures:
+    """Figures of a link [s]."""
+    way = Way(0.5 * rtt, jitter if late is None else late, loss, float(loss > 0.0), int(loss > 0.0))
+    return LinkFigures(
+        questions=2000,
+        answers=2000,
+        seconds=10.0,
+        rtt_s=(rtt, rtt, rtt + 2.0 * jitter, rtt + 3.0 * jitter),
+        to_slave=way,
+        to_master=way,
+        jitter_s=(jitter, jitter),
+        loop_age_s=max(loop_age, rtt + 0.005),
+        silences=0,
+    )
+
+
+def steady(figures: LinkFigures) -> list[tuple[float, float, float]]:
+    return [(0.005 * step, figures.rtt_s[1], figures.jitter_s[0]) for step in range(1000)]
+
+
+def found(figures: LinkFigures, file: Path = LOOPBACK, *overrides: str) -> dict[str, Finding]:
+    return {each.check: each for each in recommend(figures, steady(figures), system(file, *overrides))}
+
+
+def system(file: Path, *overrides: str) -> System:
+    return load(file, overrides, [MASTER]).system
+
+
+def lines(findings: Sequence[Finding]) -> list[str]:
+    """What `--set` is given in the recommended lines."""
+    return [each.fix.removeprefix("--set ") for each in findings if each.fix is not None and "--set" in each.fix]
+
+
+@pytest.mark.parametrize(
+    ("rtt", "jitter", "scheme"),
+    [(0.001, 0.0, "none"), (0.004, 0.006, "tdpa"), (0.05, 0.0, "tdpa"), (0.07, 0.02, "mmt"), (0.3, 0.0, "mmt")],
+)
+def test_scheme_is_the_one_of_auto(rtt: float, jitter: float, scheme: str) -> None:
+    figures = link(rtt, jitter)
+    assert ORDER[scheme_course(steady(figures))[-1]] == scheme
+    fix = found(figures)["control scheme"].fix
+    assert fix == (None if scheme == "none" else f"--set control.scheme={scheme}")
+    assert found(figures, LOOPBACK, "control.scheme=auto")["control scheme"].fix is None
+
+
+def test_changing_delay_asks_for_auto() -> None:
+    delays = [(0.005 * step, 0.002 if step // 400 % 2 else 0.02, 0.0) for step in range(2000)]
+    findings = list(recommend(link(0.02), delays, system(LOOPBACK)))
+    assert "control.scheme=auto" in lines(findings)
+
+
+def test_long_delay_without_surface_asks_for_hybrid() -> None:
+    findings = found(link(0.3), LOOPBACK, "codec.force.predictor=linear")
+    assert findings["predictor"].fix == "--set codec.force.predictor=hybrid"
+
+
+def test_arms_have_no_scheme_beyond_tdpa() -> None:
+    assert found(link(0.3), ARMS, "control.scheme=none")["control scheme"].fix == "--set control.scheme=tdpa"
+
+
+def test_rotation_has_none_and_says_what_is_missing() -> None:
+    finding = found(link(0.3), ROTATION)["control scheme"]
+    assert finding.fix is None
+    assert "calls for mmt" in finding.found
+
+
+@pytest.mark.parametrize("seen", [0.0, 0.35])
+def test_silence_limit_covers_each_need(seen: float) -> None:
+    figures = link(0.1, 0.005, loss=0.1, loop_age=seen)
+    needs = silence_needs(figures, 0.001)
+    assert needs.trips == pytest.approx((0.11 + 0.002) / 0.4)
+    assert needs.losses > silence_needs(link(0.1, 0.005), 0.001).losses
+    (line,) = [line for line in lines(list(found(figures).values())) if "silence" in line]
+    limit = float(line.partition("=")[2])
+    assert 1e3 * max(needs) <= limit <= 1e3 * max(needs) + 10
+
+
+def test_measured_gap_beyond_the_limit_is_a_problem() -> None:
+    assert found(link(0.01, loop_age=0.15))["silence limit"].grade is Grade.PROBLEM
+    assert found(link(0.05))["silence limit"].grade is Grade.ADVICE
+    assert found(link(0.01))["silence limit"].grade is Grade.OK
+
+
+def test_playout_covers_jitter_unless_it_costs_the_scheme() -> None:
+    assert found(link(0.02, 0.005))["play-out"].fix == "--set link.playout_ms=5"
+    assert found(link(0.07, 0.005, late=0.02))["play-out"].fix is None  # 110 ms would be for mmt
+    assert found(link(0.02, 0.0005))["play-out"].fix is None  # less than a tick
+    assert found(link(0.02, 0.0), LOOPBACK, "link.playout_ms=5")["play-out"].fix == "--set link.playout_ms=0"
+
+
+def test_lookahead_is_dropped_where_nothing_controls_it() -> None:
+    used = ("codec.force.lookahead_ms=10", "codec.position.lookahead_ms=5")
+    near = recommend(link(0.001), steady(link(0.001)), system(LOOPBACK, *used))
+    assert {"codec.force.lookahead_ms=0", "codec.position.lookahead_ms=0"} <= set(lines(list(near)))
+    far = recommend(link(0.05), steady(link(0.05)), system(LOOPBACK, *used))
+    assert not any("lookahead" in line for line in lines(list(far)))
+
+
+def test_longest_playout_is_that_of_the_file() -> None:
+    (most,) = (each.le for each in LinkSettings.model_fields["playout_ms"].metadata if hasattr(each, "le"))
+    assert most == LONGEST_PLAYOUT_MS
+
+
+@settings(max_examples=25)
+@given(
+    rtt=st.floats(1e-4, 0.6),
+    jitter=st.floats(0.0, 0.05),
+    loss=st.sampled_from([0.0, 0.01, 0.2]),
+    file=st.sampled_from([LOOPBACK, DELAY, ROTATION, ARMS]),
+)
+def test_followed_advice_leaves_no_advice(rtt: float, jitter: float, loss: float, file: Path) -> None:
+    figures = link(rtt, jitter, loss=loss)
+    first = list(recommend(figures, steady(figures), system(file)))
+    again = list(recommend(figures, steady(figures), system(file, *lines(first))))
+    assert [each for each in again if each.grade in FIXES] == []
+
+
+def test_link_too_bad_for_any_limit_is_said() -> None:
+    finding = found(link(5.0))["silence limit"]
+    assert finding.grade is Grade.PROBLEM
+    assert "no silence limit" in finding.found
+
+
+def test_course_begins_where_auto_does() -> None:
+    assert scheme_course([]) == [ORDER.index("tdpa")]
+    assert scheme_course(list(islice(repeat((0.0, 0.3, 0.0)), 3))) == [ORDER.index("tdpa")]
