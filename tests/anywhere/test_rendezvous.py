@@ -219,9 +219,10 @@ def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer) -> No
     async def test() -> None:
         pair = Pair(mailbox.url)
         async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
+            assert await presence(pair.slave, PATIENCE) == Presence(here=True)
             for _ in range(MANY):
                 await party.add("call", "00" * 40)
-            assert len(await party.stored()) == MANY
+            assert len(await party.stored()) == MANY + 2
             host.waiter.renew()
             await until_stored(pair, 0)
             assert await pair.call() == Answer(PATHS)
