@@ -11,7 +11,7 @@ import pytest
 from tests.anywhere.mailbox_server import MailboxServer, mailbox
 from tests.anywhere.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, running, waiting
 from weberlink.anywhere.peers import Peer
-from weberlink.anywhere.rendezvous import MANY, presence
+from weberlink.anywhere.rendezvous import MANY, QUIET_S, TOO_MANY, presence
 from weberlink.anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
 
 __all__ = ["mailbox"]
@@ -215,18 +215,38 @@ def test_restarts_of_either_end_never_crowd_the_mailbox(mailbox: MailboxServer) 
     run(test())
 
 
-def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer) -> None:
+@pytest.mark.parametrize(("count", "pause"), [(TOO_MANY, 0.0), pytest.param(MANY, QUIET_S, marks=pytest.mark.hunt)])
+def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer, count: int, pause: float) -> None:
     async def test() -> None:
         pair = Pair(mailbox.url)
         async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
             assert await presence(pair.slave, PATIENCE) == Presence(here=True)
-            for _ in range(MANY):
+            for _ in range(count):
                 await party.add("call", "00" * 40)
-            assert len(await party.stored()) == MANY + 2
+            assert len(await party.stored()) == count + 2
+            await asyncio.sleep(pause)
             host.waiter.renew()
             await until_stored(pair, 0)
             assert await pair.call() == Answer(PATHS)
             assert host.notes == []
+
+    run(test())
+
+
+@pytest.mark.hunt
+def test_master_empties_a_mailbox_that_no_slave_tends(mailbox: MailboxServer) -> None:
+    async def test() -> None:
+        pair = Pair(mailbox.url)
+        async with waiting(pair):
+            pass
+        async with ThirdParty(pair, pair.sealing.other_side) as party:
+            for _ in range(TOO_MANY):
+                await party.add("call", "00" * 40)
+            await party.stored()
+        async with running(pair.call(timeout=2 * PATIENCE)) as call:
+            await until_stored(pair, 1)  # the call alone
+            async with waiting(pair):
+                assert await call == Answer(PATHS)
 
     run(test())
 

@@ -35,9 +35,11 @@ STALE_S: Final = 30.0
 FIRST_PAUSE_S: Final = 0.25
 LONGEST_PAUSE_S: Final = 5.0
 MANY: Final = 64
-"""Messages at which a slave that connects empties the mailbox first, since everyone who opens it gets them all."""
-UNTENDED: Final = 1024
-"""The same for a master: so many only gather while no slave waits, which would not hear if its mailbox were emptied."""
+"""Messages at which a slave that connects empties a quiet mailbox, since everyone who opens it gets them all."""
+TOO_MANY: Final = 1024
+"""The same for one that is not quiet, and for a master: while a slave waits, so many do not gather."""
+QUIET_S: Final = 10.0
+"""A call that began longer ago is over; who has a mailbox open that is emptied hears nothing more."""
 
 Told = TypeVar("Told")
 
@@ -89,7 +91,7 @@ class Caller:
         if self._may_be_full:
             self._may_be_full = False
             await mailbox.stored()
-            if mailbox.count >= UNTENDED:
+            if mailbox.count >= TOO_MANY:
                 await sweep(self._url, self._sealing)
                 return None
         await mailbox.add(call.first())
@@ -97,7 +99,7 @@ class Caller:
         if isinstance(told, Ready):
             self._is_heard = True
             return told
-        self._may_be_full = mailbox.count >= UNTENDED
+        self._may_be_full = mailbox.count >= TOO_MANY
         return None
 
     async def _persist(self, converse: Callable[[Mailbox], Awaitable[Told | None]], timeout: float) -> Told:
@@ -217,7 +219,7 @@ class _Line:
                         stored = await mailbox.stored()
                         self._waiter.reached(self._peer.label)
                         pauses = _pauses()
-                        is_swept = mailbox.count >= MANY and not is_swept and not self._is_busy
+                        is_swept = not is_swept and self._is_full(mailbox, stored)
                         if is_swept:  # once, also if the server keeps what it should delete
                             await sweep(self._url, self._sealing)
                             continue
@@ -244,10 +246,10 @@ class _Line:
         finally:
             self._mailbox = None
 
-    @property
-    def _is_busy(self) -> bool:
-        """Whether a handler is at work, or its answer not sent."""
-        return self._unsent is not None or (self._handling is not None and not self._handling.done())
+    def _is_full(self, mailbox: Mailbox, stored: list[Received]) -> bool:
+        is_handling = self._unsent is not None or (self._handling is not None and not self._handling.done())
+        is_quiet = not is_handling and all(each.age > QUIET_S for each in stored)
+        return mailbox.count >= (MANY if is_quiet else TOO_MANY)
 
     async def _take(self, mailbox: Mailbox, message: Message, handler: Handler, tasks: asyncio.TaskGroup) -> None:
         now = asyncio.get_running_loop().time()
