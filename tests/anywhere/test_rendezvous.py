@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import socket
 from collections.abc import Coroutine
 from time import monotonic
 from typing import Any
@@ -79,6 +80,16 @@ def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str
             await pair.call(timeout=0.3)
         assert "\n" not in str(raised.value)
         assert (await presence(pair.slave, 0.3)).note == str(raised.value)
+
+    run(test())
+
+
+def test_silent_server_is_not_an_absent_peer() -> None:
+    async def test() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            url = f"ws://127.0.0.1:{silent.getsockname()[1]}/v1"
+            found = await presence(Pair(url).slave, 0.3)
+        assert found == Presence(here=False, note=f"the mailbox server {url} does not answer")
 
     run(test())
 
