@@ -193,6 +193,13 @@ def test_a_session_runs_without_new_privileges_and_writable_code() -> None:
     assert document(output)["outcome"] == "completed"
 
 
+@pytest.mark.parametrize("name", SIDES)
+def test_known_peers_of_a_unit_lie_where_it_may_write(name: str) -> None:
+    (folder,) = set(re.findall(r"(?:peer_store: |--store )(\S+)", PAGE))
+    assert Path(folder).parent == Path("/var/lib", *unit(name)["StateDirectory"])
+    assert {"AF_INET", "AF_INET6", "AF_UNIX", "AF_NETLINK"} <= set(unit(name)["RestrictAddressFamilies"][0].split())
+
+
 # --- the container
 
 

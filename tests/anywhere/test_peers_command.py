@@ -116,7 +116,7 @@ def test_one_peer_is_renamed_shown_and_removed(store: PeerStore) -> None:
     assert peers(store, "robot", "--rename", "arm").stdout == "robot is now called arm\n"
     shown = json.loads(peers(store, "arm", "--json", "-").stdout)
     assert [(each["label"], each["name"]) for each in shown["peers"]] == [("arm", "robot")]
-    assert peers(store, "arm", "--remove").stdout.startswith("arm is forgotten here; ")
+    assert peers(store, "arm", "--remove").stdout.startswith("arm is forgotten; ")
     assert store.labels() == ["other"]
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import socket
 from collections.abc import Coroutine
 from time import monotonic
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from tests.anywhere.mailbox_server import MailboxServer, mailbox
 from tests.anywhere.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, running, waiting
 from weberlink.anywhere.peers import Peer
-from weberlink.anywhere.rendezvous import MANY, presence
+from weberlink.anywhere.rendezvous import MANY, QUIET_S, TOO_MANY, presence
 from weberlink.anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
 
 __all__ = ["mailbox"]
@@ -79,6 +80,16 @@ def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str
             await pair.call(timeout=0.3)
         assert "\n" not in str(raised.value)
         assert (await presence(pair.slave, 0.3)).note == str(raised.value)
+
+    run(test())
+
+
+def test_silent_server_is_not_an_absent_peer() -> None:
+    async def test() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            url = f"ws://127.0.0.1:{silent.getsockname()[1]}/v1"
+            found = await presence(Pair(url).slave, 0.3)
+        assert found == Presence(here=False, note=f"the mailbox server {url} does not answer")
 
     run(test())
 
@@ -215,17 +226,38 @@ def test_restarts_of_either_end_never_crowd_the_mailbox(mailbox: MailboxServer) 
     run(test())
 
 
-def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer) -> None:
+@pytest.mark.parametrize(("count", "pause"), [(TOO_MANY, 0.0), pytest.param(MANY, QUIET_S, marks=pytest.mark.hunt)])
+def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer, count: int, pause: float) -> None:
     async def test() -> None:
         pair = Pair(mailbox.url)
         async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
-            for _ in range(MANY):
+            assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+            for _ in range(count):
                 await party.add("call", "00" * 40)
-            assert len(await party.stored()) == MANY
+            assert len(await party.stored()) == count + 2
+            await asyncio.sleep(pause)
             host.waiter.renew()
             await until_stored(pair, 0)
             assert await pair.call() == Answer(PATHS)
             assert host.notes == []
+
+    run(test())
+
+
+@pytest.mark.hunt
+def test_master_empties_a_mailbox_that_no_slave_tends(mailbox: MailboxServer) -> None:
+    async def test() -> None:
+        pair = Pair(mailbox.url)
+        async with waiting(pair):
+            pass
+        async with ThirdParty(pair, pair.sealing.other_side) as party:
+            for _ in range(TOO_MANY):
+                await party.add("call", "00" * 40)
+            await party.stored()
+        async with running(pair.call(timeout=2 * PATIENCE)) as call:
+            await until_stored(pair, 1)  # the call alone
+            async with waiting(pair):
+                assert await call == Answer(PATHS)
 
     run(test())
 

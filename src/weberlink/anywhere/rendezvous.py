@@ -26,18 +26,20 @@ CALL_AGAIN_S: Final = 5.0
 """Without a word of the peer, a master connects and calls again."""
 ANSWER_LIMIT_S: Final = 15.0
 """From an offer to its answer; the slave gathers its candidates meanwhile."""
-RENEW_S: Final = 120.0
-"""A slave that waits connects anew, so that it hears again if something made it deaf unnoticed."""
+RENEW_S: Final = 60.0
+"""A slave that waits connects anew: it empties a mailbox of `MANY`, and hears again if somebody else emptied it."""
 FORGOTTEN_S: Final = 1020.0
 """After so long without a connection a server has forgotten a mailbox, also a crowded one: 11 + 5 minutes, and one."""
 STALE_S: Final = 30.0
 """A call that the server held for longer is not answered: its master has called again, or gone."""
 FIRST_PAUSE_S: Final = 0.25
-LONGEST_PAUSE_S: Final = 15.0
+LONGEST_PAUSE_S: Final = 5.0
 MANY: Final = 64
-"""Messages at which a slave that connects empties the mailbox first."""
-TOO_MANY: Final = 256
-"""The same for a master that nobody answers: so many only gather while no slave waits."""
+"""Messages at which a slave that connects empties a quiet mailbox, since everyone who opens it gets them all."""
+TOO_MANY: Final = 1024
+"""The same for one that is not quiet, and for a master: while a slave waits, so many do not gather."""
+QUIET_S: Final = 10.0
+"""A call that began longer ago is over; who has a mailbox open that is emptied hears nothing more."""
 
 Told = TypeVar("Told")
 
@@ -53,7 +55,7 @@ class Caller:
     def __init__(self, peer: Peer, mailbox: str) -> None:
         self._peer, self._url = peer, mailbox
         self._sealing = Sealing(peer.key, "master")
-        self._is_heard = False
+        self._is_heard = self._may_be_full = False
 
     async def call(self, paths: Sequence[Description], take_over: bool, timeout: float) -> Answer | Busy:
         """Offer paths, and wait for the answer; may be called again, also while the session lives.
@@ -86,18 +88,23 @@ class Caller:
         return await self._persist(begin, timeout)
 
     async def _begin(self, mailbox: Mailbox, call: OutgoingCall) -> Ready | None:
+        if self._may_be_full:
+            self._may_be_full = False
+            await mailbox.stored()
+            if mailbox.count >= TOO_MANY:
+                await sweep(self._url, self._sealing)
+                return None
         await mailbox.add(call.first())
         told = await _hear(mailbox, call, CALL_AGAIN_S)
         if isinstance(told, Ready):
             self._is_heard = True
             return told
-        if mailbox.count > TOO_MANY:  # calls that nobody answered
-            await sweep(self._url, self._sealing)
+        self._may_be_full = mailbox.count >= TOO_MANY
         return None
 
     async def _persist(self, converse: Callable[[Mailbox], Awaitable[Told | None]], timeout: float) -> Told:
         """Connect and converse until something comes of it."""
-        outage: MailboxUnreachable | None = None
+        outage: MailboxUnreachable | None = MailboxUnreachable(f"the mailbox server {self._url} does not answer")
         self._is_heard = False
         pauses = _pauses()
         with suppress(TimeoutError):
@@ -212,7 +219,7 @@ class _Line:
                         stored = await mailbox.stored()
                         self._waiter.reached(self._peer.label)
                         pauses = _pauses()
-                        is_swept = mailbox.count >= MANY and not is_swept and not self._is_busy
+                        is_swept = not is_swept and self._is_full(mailbox, stored)
                         if is_swept:  # once, also if the server keeps what it should delete
                             await sweep(self._url, self._sealing)
                             continue
@@ -239,10 +246,10 @@ class _Line:
         finally:
             self._mailbox = None
 
-    @property
-    def _is_busy(self) -> bool:
-        """Whether a handler is at work, or its answer not sent."""
-        return self._unsent is not None or (self._handling is not None and not self._handling.done())
+    def _is_full(self, mailbox: Mailbox, stored: list[Received]) -> bool:
+        is_handling = self._unsent is not None or (self._handling is not None and not self._handling.done())
+        is_quiet = not is_handling and all(each.age > QUIET_S for each in stored)
+        return mailbox.count >= (MANY if is_quiet else TOO_MANY)
 
     async def _take(self, mailbox: Mailbox, message: Message, handler: Handler, tasks: asyncio.TaskGroup) -> None:
         now = asyncio.get_running_loop().time()

@@ -29,7 +29,7 @@ def peers(
     try:
         if label is not None and remove:
             known.remove(label)
-            typer.echo(f"{label} is forgotten here; it still knows this host, until it is removed there, too")
+            typer.echo(f"{label} is forgotten; a slave that runs knows it until it is started again")
         elif label is not None and rename is not None:
             known.rename(label, rename)
             typer.echo(f"{label} is now called {rename}")
