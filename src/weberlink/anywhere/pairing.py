@@ -235,7 +235,7 @@ class _End:
     def doRead(self) -> Exception | None:  # noqa: N802 - of the interface
         return None if os.read(0, 4096) else CONNECTION_DONE
 
-    def connectionLost(self, reason: object) -> None:  # noqa: N802 - of the interface
+    def connectionLost(self, reason: object) -> None:  # noqa: N802, ARG002 - of the interface
         self._work.cancel()
 
 

@@ -89,7 +89,7 @@ class Hosts:
             f"link.listen=127.0.0.1:{self._port}", f"link.slave=127.0.0.1:{self._port}",
             f"link.names.{side}={side} of the test", "link.silence_ms=2000",
         )  # fmt: skip
-        return [side, FILE, *(part for one in settings for part in ("--set", one)), *arguments]
+        return [side, "configs/anywhere.yaml", *(part for one in settings for part in ("--set", one)), *arguments]
 
     def pair(self, side: str, code: str, label: str | None = None) -> str:
         options = [str(part) for part in self.command(side)[2:] if part != "--set"]
@@ -114,7 +114,7 @@ def test_a_code_joins_two_commands_in_a_session(hosts: Hosts) -> None:
     assert qr_codes([line for line in shown if line and set(line) <= set(HALVES)]) == [
         str(Invitation(code, hosts.mailbox))
     ]
-    assert any(line.startswith(f"  weberlink master {FILE} --join {code}"[:WIDTH]) for line in shown)
+    assert f"  weberlink master configs/anywhere.yaml --join {code}" in shown
     assert "weberlink: paired with slave of the test; no code is needed from now on" in lines
     (at_slave,), (at_master,) = hosts.store("slave"), hosts.store("master")
     assert (at_slave.key, at_slave.name, at_slave.role) == (at_master.key, "master of the test", "master")
