@@ -12,6 +12,7 @@ import random
 import statistics
 import sys
 from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -68,6 +69,10 @@ class Host:
         return End(peer, "", list(self.store))
 
 
+async def join(master: Host, mailbox: str, code: str, patience_s: float) -> End:
+    return await master.meet(mailbox, code, patience_s) if code else End(None, "no code was shown", [])
+
+
 class Rig:
     """Makes hosts and lets them meet.
 
@@ -99,7 +104,7 @@ class Rig:
         code = await shown
         if between is not None and code:
             await between(code)
-        joined = await master.meet(mailbox, typed(code), patience_s) if code else End(None, "no code was shown", [])
+        joined = await join(master, mailbox, typed(code) if code else "", patience_s)
         return {"slave": await invited, "master": joined}
 
 
@@ -193,11 +198,17 @@ async def timed(trial: Awaitable[dict[str, End]]) -> tuple[dict[str, End], float
 
 async def attacks(names: tuple[str, ...], at_once: int, patience_s: float) -> dict[str, Any]:
     """Run the trials of these names, many at once, after an honest pairing, whose messages are searched for secrets."""
-    with MailboxServer() as server, MaliciousMailbox(server.url) as evil, TemporaryDirectory() as folder:
-        rig, turns = Rig(Path(folder), patience_s), DeferredSemaphore(at_once)
+    with ExitStack() as stack:
+        server = stack.enter_context(MailboxServer())
+        own = {name: stack.enter_context(MailboxServer()) for name in names if name in ALONE}
+        evil = stack.enter_context(MaliciousMailbox(server.url))
+        rig = Rig(Path(stack.enter_context(TemporaryDirectory())), patience_s)
+        turns = DeferredSemaphore(at_once)
         url = evil.url("honest", 0)
         honest = await timed(rig.pair(rig.host("slave"), rig.host("master"), url))
-        trials = [turns.run(Deferred.fromCoroutine, timed(trial(rig, name, evil, server.url))) for name in names]
+        trials = [
+            turns.run(Deferred.fromCoroutine, timed(trial(rig, name, evil, own.get(name, server)))) for name in names
+        ]
         done = {"honest": honest} | dict(zip(names, await gatherResults(trials), strict=True))
         peer = honest[0]["slave"].peer
         assert peer is not None, honest
@@ -210,11 +221,13 @@ async def attacks(names: tuple[str, ...], at_once: int, patience_s: float) -> di
         }
 
 
-async def trial(rig: Rig, name: str, evil: MaliciousMailbox, url: str) -> dict[str, End]:
+async def trial(rig: Rig, name: str, evil: MaliciousMailbox, server: MailboxServer) -> dict[str, End]:
     """One trial, by its name: a rule of the mailbox, or a course of events."""
+    if name in ALONE:
+        return await ALONE[name](rig, server)
     if name in COURSES:
-        course, is_evil = COURSES[name]
-        return await course(rig, evil.url(is_evil, name.replace(" ", "")) if is_evil else url)
+        course, rule = COURSES[name]
+        return await course(rig, evil.url(rule, name.replace(" ", "")) if rule else server.url)
     slave, master, url = rig.host("slave"), rig.host("master"), evil.url(name.replace(" ", "/"), 0)
     return await rig.pair(slave, master, url, LONG if name in HARMLESS else rig.short)
 
@@ -229,7 +242,7 @@ async def crossed(rig: Rig, url: str) -> dict[str, End]:
         await deferLater(reactor, 0.3)  # so that each is connected before the next one
     joined = []
     for code in codes:
-        joined.append(Deferred.fromCoroutine(rig.host("master").meet(url, code, rig.short)))
+        joined.append(Deferred.fromCoroutine(join(rig.host("master"), url, code, rig.short)))
         await deferLater(reactor, 0.3)
     return dict(
         zip(("slave", "other slave", "master", "other master"), await gatherResults(invited + joined), strict=True)
@@ -251,7 +264,7 @@ async def third_party_first(rig: Rig, url: str) -> dict[str, End]:
         thief.append(await rig.host("master", "thief").meet(url, wrong(code)))
 
     ends = await rig.pair(rig.host("slave"), rig.host("master"), url, rig.short, between=guess)
-    return ends | {"thief": thief[0]}
+    return ends | dict(zip(("thief",), thief, strict=False))
 
 
 async def used_twice(rig: Rig, url: str) -> dict[str, End]:
@@ -261,7 +274,7 @@ async def used_twice(rig: Rig, url: str) -> dict[str, End]:
         codes.append(code)
 
     ends = await rig.pair(rig.host("slave"), rig.host("master"), url, between=note)
-    return ends | {"second master": await rig.host("master").meet(url, codes[0], rig.short)}
+    return ends | {"second master": await join(rig.host("master"), url, "".join(codes), rig.short)}
 
 
 async def third_party_between(rig: Rig, url: str) -> dict[str, End]:
@@ -276,7 +289,7 @@ async def third_party_between(rig: Rig, url: str) -> dict[str, End]:
         late.append(Deferred.fromCoroutine(come()))
 
     ends = await rig.pair(rig.host("slave"), rig.host("master"), url, 2 * rig.short, between=soon)
-    return ends | {"thief": await late[0]}
+    return ends | {"thief": await late[0]} if late else ends
 
 
 async def known_already(rig: Rig, url: str) -> dict[str, End]:
@@ -297,30 +310,32 @@ async def two_slaves(rig: Rig, url: str) -> dict[str, End]:
     return await rig.pair(rig.host("slave"), rig.host("slave"), url)
 
 
-async def server_restarted(rig: Rig, _url: str) -> dict[str, End]:
+async def server_restarted(rig: Rig, server: MailboxServer) -> dict[str, End]:
     """The mailbox server ends, and starts again, while the code waits."""
-    with MailboxServer() as server:
 
-        async def restart(code: str) -> None:
-            await deferToThread(server.restart)
+    async def restart(code: str) -> None:
+        await deferToThread(server.restart)
 
-        return await rig.pair(rig.host("slave"), rig.host("master"), server.url, between=restart)
+    return await rig.pair(rig.host("slave"), rig.host("master"), server.url, between=restart)
 
 
 COURSES: dict[str, tuple[Callable[[Rig, str], Awaitable[dict[str, End]]], str]] = {
     "wrong code": (wrong_code, ""),
-    "third party first": (third_party_first, ""),
     "third party between": (third_party_between, "drop/pake/both"),
-    "code used twice": (used_twice, ""),
     "known already": (known_already, ""),
     "two slaves": (two_slaves, ""),
     "crossed": (crossed, "crossed"),
     "recorded": (recorded, "recorded"),
-    "server restarted": (server_restarted, ""),
 }
 """What happens, and the rule of the mailbox; "" for the real one."""
+ALONE: dict[str, Callable[[Rig, MailboxServer], Awaitable[dict[str, End]]]] = {
+    "third party first": lambda rig, server: third_party_first(rig, server.url),
+    "code used twice": lambda rig, server: used_twice(rig, server.url),
+    "server restarted": server_restarted,
+}
+"""With a server of their own, which gives the number of a void code to nobody else."""
 HARMLESS = ("twice", "shuffled")
-OTHERS = (*HARMLESS, "renumbered 0 both", "renumbered 1 both", "mute", "garbage", "unwelcome", *COURSES)
+OTHERS = (*HARMLESS, "renumbered 0 both", "renumbered 1 both", "mute", "garbage", "unwelcome", *COURSES, *ALONE)
 
 
 # --- the program
