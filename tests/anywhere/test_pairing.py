@@ -26,6 +26,8 @@ def pairings(*arguments: str) -> Any:
 VOID = "a wrong code, or a message changed on the way"
 SILENT = "the other host stopped answering"
 TOLD = f"the other host refused: {SILENT}"
+EITHER = f"{VOID}|{SILENT}"
+"""The first to find the change closes, perhaps before the other one has a message to find it in."""
 GONE = "nobody waits with the code"
 NOBODY = "nobody joined"
 NOT_OURS = "sent what is no message of a pairing"
@@ -44,10 +46,10 @@ CASES = {
     "changed 1 master": {"slave": SILENT, "master": VOID},
     "changed 2 slave": {"slave": VOID},
     "reflected pake both": {"slave": "ReflectionThwarted", "master": GONE},
-    "reflected 0 master": {"slave": SILENT, "master": SILENT},
+    "reflected 0 master": {"slave": SILENT, "master": EITHER},
     "foreign 0 slave": {"slave": VOID, "master": SILENT},
-    "renumbered 0 both": {"slave": VOID, "master": VOID},
-    "renumbered 1 both": {"slave": VOID, "master": VOID},
+    "renumbered 0 both": {"slave": EITHER, "master": EITHER},
+    "renumbered 1 both": {"slave": EITHER, "master": EITHER},
     "third party between": {"slave": NOBODY, "master": GONE},
     "recorded": {"second slave": VOID},
     "mute": {"slave": "does not answer"},
@@ -65,7 +67,7 @@ def outcome(found: Any, trial: str) -> dict[str, str]:
 
 def is_expected(found: Any, trial: str) -> bool:
     ended = outcome(found, trial)
-    return all(reason in ended.get(who, "") for who, reason in CASES[trial].items())
+    return all(any(one in ended.get(who, "") for one in reason.split("|")) for who, reason in CASES[trial].items())
 
 
 @pytest.fixture(scope="module")
