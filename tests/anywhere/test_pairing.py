@@ -26,6 +26,8 @@ def pairings(*arguments: str) -> Any:
 VOID = "a wrong code, or a message changed on the way"
 SILENT = "the other host stopped answering"
 TOLD = f"the other host refused: {SILENT}"
+EITHER = f"{VOID}|{SILENT}"
+"""The first to find the change closes, perhaps before the other one has a message to find it in."""
 GONE = "nobody waits with the code"
 NOBODY = "nobody joined"
 NOT_OURS = "sent what is no message of a pairing"
@@ -44,10 +46,10 @@ CASES = {
     "changed 1 master": {"slave": SILENT, "master": VOID},
     "changed 2 slave": {"slave": VOID},
     "reflected pake both": {"slave": "ReflectionThwarted", "master": GONE},
-    "reflected 0 master": {"slave": SILENT, "master": SILENT},
+    "reflected 0 master": {"slave": SILENT, "master": EITHER},
     "foreign 0 slave": {"slave": VOID, "master": SILENT},
-    "renumbered 0 both": {"slave": VOID, "master": VOID},
-    "renumbered 1 both": {"slave": VOID, "master": VOID},
+    "renumbered 0 both": {"slave": EITHER, "master": EITHER},
+    "renumbered 1 both": {"slave": EITHER, "master": EITHER},
     "third party between": {"slave": NOBODY, "master": GONE},
     "recorded": {"second slave": VOID},
     "mute": {"slave": "does not answer"},
@@ -65,13 +67,13 @@ def outcome(found: Any, trial: str) -> dict[str, str]:
 
 def is_expected(found: Any, trial: str) -> bool:
     ended = outcome(found, trial)
-    return all(reason in ended[who] for who, reason in CASES[trial].items())
+    return all(any(one in ended.get(who, "") for one in reason.split("|")) for who, reason in CASES[trial].items())
 
 
 @pytest.fixture(scope="module")
 def found() -> Any:
     """All trials; those that did not end as expected once more, with the patience of a machine that is busy."""
-    first = pairings("--attacks", "few")
+    first = pairings("--attacks", "few", "--patience", "2", "--at-once", "32")
     late = [name for name in CASES if not is_expected(first, name)]
     if late:
         again = pairings("--attacks", ",".join(late), "--patience", "15")
@@ -94,10 +96,10 @@ def test_hosts_refuse_with_the_reason(found: Any, trial: str) -> None:
     assert is_expected(found, trial), outcome(found, trial)
 
 
-@pytest.mark.parametrize("trial", ["code used twice", "third party between"])
-def test_a_code_serves_two_hosts_alone(found: Any, trial: str) -> None:
-    late = outcome(found, trial)["second master" if trial == "code used twice" else "thief"]
-    assert GONE in late or "was used already" in late
+@pytest.mark.parametrize(("trial", "late"), [("code used twice", "second master"), ("third party between", "thief")])
+def test_a_code_serves_two_hosts_alone(found: Any, trial: str, late: str) -> None:
+    reason = outcome(found, trial)[late]
+    assert GONE in reason or "was used already" in reason
 
 
 def test_the_mailbox_learns_neither_key_nor_names(found: Any) -> None:

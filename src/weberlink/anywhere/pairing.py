@@ -19,6 +19,7 @@ from typing import Any, TextIO
 from twisted.internet import reactor as _reactor
 from twisted.internet.defer import CancelledError, Deferred
 from twisted.internet.defer import TimeoutError as DeferredTimeoutError
+from twisted.internet.main import CONNECTION_DONE
 from twisted.logger import globalLogBeginner
 from wormhole import create, errors
 from wormhole._wordlist import even_words_lowercase, odd_words_lowercase
@@ -231,13 +232,11 @@ class _End:
     def logPrefix(self) -> str:  # noqa: N802 - of the interface
         return "stdin"
 
-    def doRead(self) -> None:  # noqa: N802 - of the interface
-        if not os.read(0, 4096):
-            reactor.removeReader(self)
-            self._work.cancel()
+    def doRead(self) -> Exception | None:  # noqa: N802 - of the interface
+        return None if os.read(0, 4096) else CONNECTION_DONE
 
-    def connectionLost(self, reason: object) -> None:  # noqa: N802 - of the interface
-        """The reactor has ended."""
+    def connectionLost(self, reason: object) -> None:  # noqa: N802, ARG002 - of the interface
+        self._work.cancel()
 
 
 def run(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
