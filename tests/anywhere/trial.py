@@ -18,8 +18,8 @@ from typing import Any
 
 from tests.anywhere.faults import FAULTS, inflict
 from tests.anywhere.interruption import Interruption
-from tests.anywhere.nat_pairs import nat_row, readme_row
 from tests.anywhere.namespaces import missing
+from tests.anywhere.nat_pairs import nat_row, readme_row
 from tests.laws import Laws, write
 from weberlink.system.environment import environment, footer
 
