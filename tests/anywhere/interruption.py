@@ -16,6 +16,8 @@ from weberlink.system.configuration import Configuration
 from weberlink.telemetry.fault import Fault
 
 SILENCE, NOTHING, EITHER = "silence", "nothing", "either"
+LAG_M = 0.005
+"""How far the simulated robot (0.2 kg) may be from its command in contact: a retreat counts from where the robot is."""
 STALL_S = 0.03
 """By which a busy machine may delay a tick that reads what has arrived [s]."""
 
@@ -110,7 +112,7 @@ def violated(found: Interruption, loaded: Configuration, effect: str) -> list[st
     if found.step_mm > approach:
         broken.append(f"the robot came back by {found.step_mm:.1f} mm in a tick, {approach:.1f} mm allowed")
     backed, otherwise = found.retreat_mm
-    if backed > 1e3 * (system.slave.limits.retract_m + CODING_M) or otherwise > 1e3 * CODING_M:
+    if backed > 1e3 * (system.slave.limits.retract_m + LAG_M) or otherwise > 1e3 * LAG_M:
         broken.append(f"the robot backed off {backed:.1f} mm, and moved {otherwise:.1f} mm otherwise")
     if effect == SILENCE and not all(found.faults):
         broken.append("an end named no fault")
