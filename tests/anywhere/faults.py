@@ -121,8 +121,8 @@ def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
                 return None, [f"no session: {last_line(operator.said)}"]
             if within(MEET_S, lambda: is_in_contact(operator)) is None:
                 return None, ["no contact"]
-            fault.begin(place)
             failed = monotonic()
+            fault.begin(place)
             sleep(fault.lasts)
             fault.end(place)
             restored = monotonic()

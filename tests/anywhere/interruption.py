@@ -57,7 +57,7 @@ def measure(master: Records, slave: Records, failed: float, restored: float, loa
     """The figures of a run.
 
     Args:
-        failed: when the fault was complete [s], in a session.
+        failed: when the fault began [s], in a session.
         restored: when it was over.
     """
     at, force = master["at"], np.linalg.norm(master["output"], axis=1)
