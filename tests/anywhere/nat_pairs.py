@@ -42,7 +42,7 @@ class Meeting:
 
 def meeting(operator: Command) -> Meeting:
     """Look at a session for `LOOK_S`, then end it."""
-    at = operator.engaged(MEET_S)
+    at = operator.first_engaged(MEET_S)
     if at is None:
         ended = None if operator.status is None else monotonic() - operator.began
         line = operator.report.get("outcome") or last_line(operator.said)
