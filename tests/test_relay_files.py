@@ -63,6 +63,7 @@ def test_containers_run_what_the_units_run() -> None:
     assert unit == container != set()
 
 
+@pytest.mark.hunt  # Compose takes seconds to start
 def test_compose_accepts_the_file() -> None:
     program = shutil.which("docker-compose")
     if program is None:
