@@ -14,9 +14,9 @@ FRANKA := $(VENV)/franka
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove franka lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
-system:  ## Debian packages for tests of HID devices, in a browser and of views, which skip without them; needs root
+system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
@@ -27,6 +27,8 @@ system:  ## Debian packages for tests of HID devices, in a browser and of views,
 		apt-get install -y -q --no-install-recommends coturn nftables; \
 		! command -v systemctl >/dev/null || systemctl disable --now coturn; }  # tests start their own
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
+	command -v turnserver >/dev/null || apt-get install -y -q --no-install-recommends coturn
+	command -v nft >/dev/null && command -v ip >/dev/null || apt-get install -y -q --no-install-recommends nftables iproute2
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
 demo: $(RUN)  ## feel a remote scene in a browser, through two processes and a real UDP socket; a script does until you take the handle
@@ -61,6 +63,10 @@ foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against
 franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
 	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka tests/slave/robots/franka
 	$(FRANKA)/bin/python -m tests.franka.trial --json build/franka.json
+
+anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in contact; needs root, coturn and nftables
+	mkdir -p build
+	$(BIN)/python -m tests.anywhere.trial --json build/anywhere.json
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .

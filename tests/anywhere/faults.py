@@ -117,12 +117,12 @@ def inflict(fault: Fault) -> tuple[Interruption | None, list[str]]:
         if not waits(robot):
             return None, [f"no slave: {last_line(robot.said)}"]
         with place.operator.command(MASTER, *fault.arguments, "--set", SCRIPT) as operator:
-            if operator.engaged(MEET_S) is None:
+            if operator.first_engaged(MEET_S) is None:
                 return None, [f"no session: {last_line(operator.said)}"]
             if within(MEET_S, lambda: is_in_contact(operator)) is None:
                 return None, ["no contact"]
-            fault.begin(place)
             failed = monotonic()
+            fault.begin(place)
             sleep(fault.lasts)
             fault.end(place)
             restored = monotonic()

@@ -14,7 +14,6 @@ from tests.anywhere.testbed import MAILBOX_URL, SECRET, Home
 from tests.system.processes import ROOT, Program, Records, Telemetry
 from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerStore
 from weberlink.protocol.states import State
-from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.telemetry.ring import default_path
 
 T = TypeVar("T")
@@ -65,8 +64,8 @@ class Host:
 def acquaint(robot: Host, operator: Host) -> None:
     """Make two hosts known to each other, as pairing does."""
     key = bytes(range(KEY_BYTES))
-    operator.peers.add(Peer("robot", "robot", "operator", SLAVE, key, MAILBOX_URL))
-    robot.peers.add(Peer("operator", "operator", "robot", MASTER, key, MAILBOX_URL))
+    operator.peers.add(Peer("robot", "robot", "operator", "slave", key, MAILBOX_URL))
+    robot.peers.add(Peer("operator", "operator", "robot", "master", key, MAILBOX_URL))
 
 
 class Command(Program):
@@ -121,7 +120,7 @@ class Command(Program):
             self._ring = self.telemetry(self.side)
         return self._ring.records
 
-    def engaged(self, seconds: float, since: float = 0.0) -> float | None:
+    def first_engaged(self, seconds: float, since: float = 0.0) -> float | None:
         """The first tick in a session from `since` on [s]; None if there is none in this time, or the command ends."""
 
         def first() -> float | None:

@@ -16,6 +16,8 @@ from weberlink.system.configuration import Configuration
 from weberlink.telemetry.fault import Fault
 
 SILENCE, NOTHING, EITHER = "silence", "nothing", "either"
+LAG_M = 0.005
+"""How far the simulated robot (0.2 kg) may be from its command in contact: a retreat counts from where the robot is."""
 STALL_S = 0.03
 """By which a busy machine may delay a tick that reads what has arrived [s]."""
 
@@ -28,9 +30,9 @@ class Interruption:
         contact_n: force on the hand in the last tick before the fault.
         away_ms: how long hand or robot were without a session.
         back_ms: from the end of the fault until both are in a session again; None if they are not.
-        force_ms: from the fault to the last tick with force on the hand before the session is back.
-        robot_ms: from the fault to the last tick in which the robot did anything but back off.
-        retreat_mm: how far it backed off.
+        force_ms: from the last datagram that the master heard to the last tick with force on the hand.
+        robot_ms: from the last datagram that the slave heard to the last tick of the session in which the robot moved.
+        retreat_mm: how far the robot backed off without a session, and how far it moved otherwise.
         step_n: largest change of force on the hand in a tick, from the fault on.
         early_n: how far the force was above an even rise to its limit, once the session was back.
         step_mm: largest step of the robot in a tick, once the session was back, less that of the hand.
@@ -43,7 +45,7 @@ class Interruption:
     back_ms: float | None
     force_ms: float
     robot_ms: float
-    retreat_mm: float
+    retreat_mm: tuple[float, float]
     step_n: float
     early_n: float
     step_mm: float
@@ -55,7 +57,7 @@ def measure(master: Records, slave: Records, failed: float, restored: float, loa
     """The figures of a run.
 
     Args:
-        failed: when the fault was complete [s], in a session.
+        failed: when the fault began [s], in a session.
         restored: when it was over.
     """
     at, force = master["at"], np.linalg.norm(master["output"], axis=1)
@@ -67,9 +69,9 @@ def measure(master: Records, slave: Records, failed: float, restored: float, loa
         contact_n=float(force[~after][-1]),
         away_ms=1e3 * (max(_lasted(side, failed) for side in (master, slave)) if len(away) else 0.0),
         back_ms=None if back is None else 1e3 * max(0.0, back - restored),
-        force_ms=1e3 * _last(at, _first_time(master, failed) & (force > STILL), failed),
-        robot_ms=1e3 * _last(slave["at"], _first_time(slave, failed) & _goes_on(slave), failed),
-        retreat_mm=1e3 * _retreat(slave, failed),
+        force_ms=1e3 * _since_heard(master, failed, force > STILL),
+        robot_ms=1e3 * _since_heard(slave, failed, _moves(slave) & (slave["state"] == ENGAGED)),
+        retreat_mm=_retreat(slave, failed),
         step_n=float(np.abs(np.diff(force[after])).max()),
         early_n=_early(master, force, failed, loaded),
         step_mm=1e3 * _step(slave, master, failed),
@@ -95,8 +97,8 @@ def violated(found: Interruption, loaded: Configuration, effect: str) -> list[st
     if found.back_ms is None:
         broken.append("no session after the fault")
     broken += [
-        f"{what} {value:.0f} ms after the fault, {most_ms:.0f} ms allowed"
-        for what, value in (("force was on the hand", found.force_ms), ("the robot went on", found.robot_ms))
+        f"{what} {value:.0f} ms after the last datagram, {most_ms:.0f} ms allowed"
+        for what, value in (("force was on the hand", found.force_ms), ("the robot moved", found.robot_ms))
         if effect == SILENCE and value > most_ms
     ]
     assert loaded.device is not None
@@ -109,8 +111,9 @@ def violated(found: Interruption, loaded: Configuration, effect: str) -> list[st
     approach = 1e3 * (system.slave.limits.approach_speed_m_s * (tick + STALL_S) + CODING_M)
     if found.step_mm > approach:
         broken.append(f"the robot came back by {found.step_mm:.1f} mm in a tick, {approach:.1f} mm allowed")
-    if found.retreat_mm > 1e3 * system.slave.limits.retract_m + 0.1:
-        broken.append(f"the robot backed off by {found.retreat_mm:.1f} mm")
+    backed, otherwise = found.retreat_mm
+    if backed > 1e3 * (system.slave.limits.retract_m + LAG_M) or otherwise > 1e3 * LAG_M:
+        broken.append(f"the robot backed off {backed:.1f} mm, and moved {otherwise:.1f} mm otherwise")
     if effect == SILENCE and not all(found.faults):
         broken.append("an end named no fault")
     return broken
@@ -147,19 +150,30 @@ def _return(records: Records, restored: float) -> float | None:
     return max(restored, float(outside[-1])) if len(outside) else restored
 
 
-def _last(at: Any, which: Any, since: float) -> float:
-    return float(at[which][-1] - since) if which.any() else 0.0
+def _since_heard(records: Records, failed: float, acts: Any) -> float:
+    """From the last datagram before the silence to the last of these ticks before the session is back [s]."""
+    at, window = records["at"], _first_time(records, failed)
+    if not (window & acts).any():
+        return 0.0
+    heard = np.diff(records["datagrams_received"].astype(np.int64), prepend=0) > 0
+    until = at[window & (records["state"] != ENGAGED)][0]
+    return max(0.0, float(at[window & acts][-1] - at[heard & (at < until)][-1]))
 
 
-def _goes_on(slave: Records) -> Any:
-    """Ticks in which the robot is commanded to move, but not up, away from the plane."""
-    step = np.diff(slave["output"], axis=0, prepend=slave["output"][:1])
-    return (np.abs(step[:, :2]).max(axis=1) > STILL) | (step[:, 2] < -STILL)
+def _moves(slave: Records) -> Any:
+    """Ticks in which the robot is commanded to move."""
+    return np.abs(np.diff(slave["output"], axis=0, prepend=slave["output"][:1])).max(axis=1) > STILL
 
 
-def _retreat(slave: Records, since: float) -> float:
-    height = slave["output"][_alone(slave, since)][:, 2]
-    return float(height.max() - height[0]) if len(height) else 0.0
+def _retreat(slave: Records, since: float) -> tuple[float, float]:
+    """How far the robot went up, away from the plane, and otherwise, in the first time without a session [mm]."""
+    alone = slave["output"][_first_time(slave, since) & (slave["state"] != ENGAGED)]
+    if len(alone) < 2:
+        return 0.0, 0.0
+    steps = np.diff(alone, axis=0)
+    return 1e3 * float(alone[-1, 2] - alone[0, 2]), 1e3 * float(
+        np.abs(steps[:, :2]).sum() - np.minimum(steps[:, 2], 0.0).sum()
+    )
 
 
 def _returned(records: Records, since: float) -> Any:

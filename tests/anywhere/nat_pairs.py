@@ -25,8 +25,9 @@ class Meeting:
     Attributes:
         route: "direct", "punched" or "relayed"; "" without a session.
         engaged_s: from the operator's command to the first tick of the session; None without one.
+        started_s: part of it, until the daemon ticks: start of the program and of its daemon.
         rtt_ms, jitter_ms: median round trip, and its 99th percentile less that.
-        line: what the operator's command said last.
+        line: the outcome that the operator's command reports.
         ended_s: from the command to its end, without a session.
     """
 
@@ -35,15 +36,17 @@ class Meeting:
     rtt_ms: float
     jitter_ms: float
     line: str = ""
+    started_s: float = np.nan
     ended_s: float | None = None
 
 
 def meeting(operator: Command) -> Meeting:
     """Look at a session for `LOOK_S`, then end it."""
-    at = operator.engaged(MEET_S)
+    at = operator.first_engaged(MEET_S)
     if at is None:
         ended = None if operator.status is None else monotonic() - operator.began
-        return Meeting("", None, np.nan, np.nan, last_line(operator.said), ended)
+        line = operator.report.get("outcome") or last_line(operator.said)
+        return Meeting("", None, np.nan, np.nan, line, ended_s=ended)
     sleep(LOOK_S)
     records = operator.records
     operator.send(signal.SIGTERM)
@@ -52,7 +55,9 @@ def meeting(operator: Command) -> Meeting:
     p50, p99 = np.percentile(trips, [50, 99]) if len(trips) else (np.nan, np.nan)
     paths = operator.report.get("paths", {}).get(MASTER, [])
     route = ",".join(path["route"] for path in paths) or "?"
-    return Meeting(route, at - operator.began, float(p50), float(p99 - p50), last_line(operator.said))
+    line = operator.report.get("outcome", "")
+    started = float(records["at"][0]) - operator.began
+    return Meeting(route, at - operator.began, float(p50), float(p99 - p50), line, started)
 
 
 def meet(place: Scene, *arguments: str) -> Meeting:
@@ -76,7 +81,7 @@ def expected_route(robot: str, operator: str) -> str:
 def nat_row(laws: Laws) -> dict[str, Any]:
     """Every kind of NAT with every other."""
     found = {}
-    write(f"{'robot':10} {'operator':10} {'way':8} {'engaged s':>9} {'rtt ms':>7} {'jitter ms':>9}")
+    write(f"{'robot':10} {'operator':10} {'way':8} {'engaged s':>9} {'started':>7} {'rtt ms':>7} {'jitter ms':>9}")
     with scene(NONE, NONE) as place:
         host = place.robot.home.first.address
         address = ("--set", "link.path=direct", "--set", f"link.slave={host}:47000")
@@ -98,14 +103,16 @@ def nat_row(laws: Laws) -> dict[str, Any]:
 
 def is_one_clear_line(met: Meeting) -> bool:
     """Whether the command ended by itself, and named the reason."""
-    return met.engaged_s is None and met.ended_s is not None and bool(re.search(r"UDP|no path|not there", met.line))
+    return met.ended_s is not None and bool(
+        re.fullmatch(r"failed: no path to robot: UDP is blocked between .+", met.line)
+    )
 
 
 def tell(robot: str, operator: str, met: Meeting) -> None:
     if met.engaged_s is None:
-        write(f"{robot:10} {operator:10} {'none':8} {'-':>9} {'-':>7} {'-':>9}\n           {met.line[:400]}")
+        write(f"{robot:10} {operator:10} {'none':8} {'-':>9}\n           {met.line}")
     else:
-        figures = f"{met.engaged_s:9.2f} {met.rtt_ms:7.2f} {met.jitter_ms:9.2f}"
+        figures = f"{met.engaged_s:9.2f} {met.started_s:7.2f} {met.rtt_ms:7.2f} {met.jitter_ms:9.2f}"
         write(f"{robot:10} {operator:10} {met.route:8} {figures}")
 
 

@@ -15,7 +15,7 @@ from tests.anywhere.testbed import CONE, NONE, SECRET, SYMMETRIC, TURN_PORT, Hom
 from weberlink.anywhere.credentials import credentials
 
 pytestmark = needs_testbed
-Description = tuple[list[aioice.Candidate], str, str]
+Description = tuple[list[aioice.Candidate], str | None, str | None]
 QUOTA = 24
 """`user-quota` of the shipped file."""
 
@@ -55,7 +55,8 @@ async def refused(request: Coroutine[Any, Any, Any]) -> int:
     try:
         await request
     except stun.TransactionFailed as refusal:
-        return refusal.response.error_code
+        code: int = refusal.response.attributes["ERROR-CODE"][0]
+        return code
     return 0
 
 

@@ -1,0 +1,108 @@
+"""The files of the relay fit each other and their page, and systemd and Compose accept them."""
+
+import re
+import shutil
+import subprocess
+import sys
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.test_operation import PROJECT, systemd_analyze
+
+ROOT = Path(__file__).parents[1]
+FILES = ROOT / "configs" / "relay"
+UNITS = ["weberlink-relay.service", "weberlink-mailbox.service"]
+PAGE = (ROOT / "docs" / "relay.md").read_text(encoding="utf-8")
+FOLDER = "/opt/weberlink-relay"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """The units, with programs that are there."""
+    for name in UNITS:
+        text = (FILES / name).read_text(encoding="utf-8")
+        replaced = re.sub(rf"^ExecStart={FOLDER}\S+", f"ExecStart={sys.executable}", text, flags=re.M)
+        (tmp_path / name).write_text(replaced, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_systemd_accepts_the_unit(name: str, installed: Path) -> None:
+    done = systemd_analyze("verify", "--man=no", installed / name)
+    assert (done.returncode, [line for line in done.stderr.splitlines() if name in line]) == (0, [])
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_systemd_finds_the_unit_little_exposed(name: str, installed: Path) -> None:
+    done = systemd_analyze("security", "--offline=true", "--threshold=15", "--no-pager", installed / name)
+    if "unrecognized option" in done.stderr:
+        pytest.skip("this systemd-analyze does not look at files")
+    assert done.returncode == 0, done.stdout.splitlines()[-1:]
+
+
+def test_units_and_containers_start_files_that_are_there() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in FILES.iterdir()]
+    named = {match for text in texts for match in re.findall(rf"{FOLDER}/([\w.]+\.(?:sh|conf))", text)}
+    assert named == {"relay.sh"}
+    assert (FILES / "relay.sh").stat().st_mode & 0o111
+    copied = re.findall(r"^COPY (.+) \S+$", (FILES / "Containerfile").read_text(encoding="utf-8"), re.M)
+    for name in copied[0].split():
+        assert (FILES / name).exists()
+
+
+def test_containers_run_what_the_units_run() -> None:
+    def options(text: str) -> set[str]:
+        return set(re.findall(r"--(?:port|blur-usage|disallow-list)[\w=:]*", text))
+
+    unit, container = (
+        options((FILES / name).read_text(encoding="utf-8")) for name in ("weberlink-mailbox.service", "Containerfile")
+    )
+    assert unit == container != set()
+
+
+@pytest.mark.hunt  # Compose takes seconds to start
+def test_compose_accepts_the_file() -> None:
+    program = shutil.which("docker-compose")
+    if program is None:
+        pytest.skip("there is no docker-compose here")
+    command = [program, "-f", str(FILES / "compose.yaml"), "config"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    services = yaml.safe_load(done.stdout)["services"]
+    targets = re.findall(r"^FROM .* AS (\w+)$", (FILES / "Containerfile").read_text(encoding="utf-8"), re.M)
+    assert [services[name]["build"]["target"] for name in targets] == targets
+
+
+@pytest.mark.parametrize(
+    ("secret", "reason"), [("short", "shorter than 16"), ("two words in the file", "something else than one word")]
+)
+def test_relay_with_an_unusable_secret_does_not_start(tmp_path: Path, secret: str, reason: str) -> None:
+    (tmp_path / "secret").write_text(secret)
+    command = [str(FILES / "relay.sh"), str(tmp_path / "secret")]
+    environment = {"RUNTIME_DIRECTORY": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, reason in done.stderr) == (2, True)
+    assert not (tmp_path / "turnserver.conf").exists()
+
+
+def test_ports_of_the_page_are_those_of_the_files() -> None:
+    settings = (FILES / "turnserver.conf").read_text(encoding="utf-8")
+    for name in ("listening-port", "min-port", "max-port", "user-quota", "total-quota"):
+        (value,) = re.findall(rf"^{name}=(\d+)$", settings, re.M)
+        assert re.search(rf"\b{value}\b", PAGE), name
+    assert "tcp:4000" in (FILES / "weberlink-mailbox.service").read_text(encoding="utf-8")
+    assert "TCP 4000" in PAGE
+
+
+def test_the_page_copies_files_that_are_there() -> None:
+    for line in re.findall(r"^sudo cp (.+) \S+$", PAGE, re.M):
+        for name in line.split():
+            assert (FILES / name).exists(), name
+
+
+def test_the_files_are_shipped() -> None:
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["weberlink.configs"]
+    assert all(any(fnmatch(f"relay/{path.name}", pattern) for pattern in patterns) for path in FILES.iterdir())
