@@ -62,8 +62,8 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
     """What a session is made of, by name; None where nothing is known.
 
     Returns:
-        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave, or its name where a
-        path to it is found; `master` and `slave`: what the two sides call themselves.
+        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave, or its name
+        where a path to it is found; `master` and `slave`: what the two sides call themselves.
     """
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
