@@ -74,8 +74,9 @@ def names(lines: list[dict[str, Any]]) -> list[str]:
 
 def test_paths_are_told_when_new_or_changed() -> None:
     log = Log()
-    first, second = PathFacts(), PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
-    for number, path in enumerate([first, first, first, second, second]):
+    waiting, first = PathFacts(), PathFacts(remote="10.0.0.2:47000")
+    second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
+    for number, path in enumerate([waiting, first, first, second, second]):
         log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
         log.look(ticks(1500, first=1500 * number))
     told = [json.loads(line) for line in log.lines]
@@ -91,7 +92,7 @@ def test_a_flapping_path_makes_one_line_a_second() -> None:
     log = Log()
     log.look(ticks(10))
     for number in range(1, 300):
-        path = PathFacts(changes=number)
+        path = PathFacts(remote="10.0.0.2:47000", changes=number)
         log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
         log.look(ticks(10, first=10 * number))
     log.look(ticks(1500, first=3000))

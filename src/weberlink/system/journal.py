@@ -226,15 +226,16 @@ class Journal:
     def take_paths(self, side: str, paths: Sequence[Mapping[str, Any]]) -> None:
         """Take the present paths of a side (`weberlink.system.paths`); another one is an event of its newest record.
 
-        Before the first record of the side, nothing is taken: call it again.
+        Nothing is taken before the first record of the side: call it again. A path to nobody yet is none.
         """
         known = self._sides.get(side)
-        for facts in paths if known is not None else ():
-            told = of_event(facts)
-            place = int(told["place"] or 0)
-            if known is not None and known.paths.get(place) != told:
-                known.paths[place] = told
-                self._offer(side, known, _Event(known.last, f"path {place}", "path", told))
+        if known is None:
+            return
+        for told in map(of_event, paths):
+            is_idle = told["route"] and not told["remote"]
+            if not is_idle and known.paths.get(told["place"]) != told:
+                known.paths[told["place"]] = told
+                self._offer(side, known, _Event(known.last, f"path {told['place']}", "path", told))
 
     def flush(self) -> None:
         """Write the changes that wait for their second."""

@@ -46,6 +46,15 @@ def test_greeting_names_file_drivers_and_sides() -> None:
     assert set(hello("7", {"slave": None}, remote=True)["names"].values()) == {None}
 
 
+def test_greeting_names_the_peer_of_a_found_path() -> None:
+    master = description("master", "anywhere.yaml")
+    assert hello("7", {"master": master}, remote=False)["names"]["peer"] is None
+    heard = master | {"peer": {"name": "arm@lab"}}
+    assert hello("7", {"master": heard}, remote=False)["names"]["peer"] == "arm@lab"
+    master["system"]["link"]["peer"] = "arm"
+    assert hello("7", {"master": heard}, remote=False)["names"]["peer"] == "arm"
+
+
 def test_remote_or_unknown_session_is_read_only() -> None:
     for told in (
         hello("remote", {"slave": description("slave")}, remote=True),

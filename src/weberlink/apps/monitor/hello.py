@@ -62,8 +62,8 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
     """What a session is made of, by name; None where nothing is known.
 
     Returns:
-        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave; `master` and
-        `slave`: what the two sides call themselves.
+        `file`: the configuration; `device` and `robot`: their drivers; `peer`: the address of the slave, or its name
+        where a path to it is found; `master` and `slave`: what the two sides call themselves.
     """
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
@@ -80,7 +80,7 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
         "file": Path(any_["file"]).name if "file" in any_ else None,
         "device": system.get("master", {}).get("device", {}).get("driver"),
         "robot": system.get("slave", {}).get("robot", {}).get("driver"),
-        "peer": link.get("slave"),
+        "peer": (link.get("peer") or own(SLAVE)) if link.get("path") == "ice" else link.get("slave"),
         "master": own(MASTER),
         "slave": own(SLAVE),
     }

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 import numpy as np
 import pytest
@@ -146,11 +147,14 @@ def test_shared_session_has_the_figures_of_its_rings(robot: Host, operator: Host
 
 
 def test_changed_path_reaches_the_viewing_host(robot: Host, operator: Host) -> None:
-    def describe(ring: RingWriter, **path: object) -> None:
+    def describe(ring: RingWriter, **path: Any) -> None:
         """As a daemon does: the file is replaced at once."""
         beside = path_beside(ring.path)
         draft = beside.with_suffix(".draft")
-        draft.write_text(json.dumps(description("slave") | {"paths": [PathFacts(**path)._asdict()]}), encoding="utf-8")
+        draft.write_text(
+            json.dumps(description("slave") | {"paths": [PathFacts(remote="10.0.0.2:47000", **path)._asdict()]}),
+            encoding="utf-8",
+        )
         draft.replace(beside)
 
     async def test() -> None:

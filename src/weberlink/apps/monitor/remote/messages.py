@@ -24,7 +24,7 @@ from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import RECORD
 
-RECORDS_AT_ONCE = 100
+RECORDS_AT_ONCE = 95
 """Most records of a message: they fit whatever they hold."""
 LONGEST_BEGIN = 1_000_000
 """Longest introduction, unpacked [bytes]."""

@@ -27,6 +27,7 @@ export class Headline {
     if (tile.dataset.state !== name) tile.dataset.state = name;
     show(by("state"), name === "lost" ? "no monitor" : name, name);
     show(by("state-detail"), detail, detail);
+    if (by("state-detail").title !== detail) by("state-detail").title = detail; // where it does not fit
     const seconds = store.ended ? store.figures.figures.duration_s : store.newest;
     show(by("duration"), seconds > 0 ? `${seconds.toFixed(1)} s` : "", seconds || null);
     this.#engagement();
