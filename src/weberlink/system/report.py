@@ -292,6 +292,8 @@ def _delays(summary: dict[str, Any]) -> Iterator[str]:
         )
     if any((late := summary.get("lookahead_ms", {})).values()):
         yield "look-ahead, on top of the way: " + ", ".join(f"{name} {ms:g} ms" for name, ms in late.items())
+    if playout := summary.get("playout_ms", 0.0):
+        yield f"play-out, on top of the fastest way: {playout:g} ms at each end"
 
 
 def _recording(facts: dict[str, Any]) -> str:
