@@ -2,12 +2,8 @@
 
 from pathlib import Path
 
-import pytest
-
-from weberlink.system.check import describe
-from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.report import describe as report
-from weberlink.system.simulate import build_simulation, simulate
+from weberlink.system.configuration import load
+from weberlink.system.simulate import build_simulation
 
 ROOT = Path(__file__).parents[2]
 JITTER = "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}"
@@ -36,7 +32,7 @@ def test_updates_are_used_at_a_constant_age() -> None:
 
 def test_playout_leaves_the_datagrams_of_a_silent_link_away() -> None:
     """What waits when the session falls silent is never used."""
-    blackout = "link.emulate={delay_ms: 10, blackouts: [[1.0, 1.0]]}"
+    blackout = "link.emulate={delay_ms: 10, blackouts_s: [[1.0, 1.0]]}"
     overrides = (blackout, "link.playout_ms=40", "control.scheme=none")
     simulation = build_simulation(load(ROOT / "configs" / "loopback.yaml", overrides))
     for tick in range(1990):

@@ -501,7 +501,7 @@ class Side:
                 self._peer_tick = peer_time / self._tick_period
 
     def _actuate(self, now: float, elapsed: float) -> None:
-        """Decode every channel for this very moment, or for one play-out ago, without waiting for the network, and act on it."""
+        """Decode every channel for this very moment, less the play-out, without waiting for the network, and act."""
         began = self._stopwatch()
         values = []
         for channel in self.incoming:
