@@ -130,7 +130,7 @@ class Conversation:
 
     @property
     def loss_burst(self) -> float:
-        """Mean length of the recent runs of lost datagrams of the peer; 0 while none is known."""
+        """Mean length of the recent runs of lost datagrams of the peer; 0 while fewer than three are known."""
         return self.statistics.incoming_burst
 
     @property

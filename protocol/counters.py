@@ -18,8 +18,8 @@ LOSS_PATIENCE: Final = 3
 _LOSS_MEMORY: Final = 256
 _LOSS_MASK: Final = (1 << _LOSS_MEMORY) - 1
 _LOSS_RATES = (1 / 32, 1 / 1024)
-_LEAST_MEASURED = 1e-6
-"""Average below which the losses are too long ago to say how long their bursts were."""
+_LEAST_BURSTS = 2.5 * _LOSS_RATES[1]
+"""Average below which the bursts are too few for a mean: one or two blackouts make no bursty link."""
 
 
 def expand(truncated: int, bits: int, near: int) -> int:
@@ -95,8 +95,8 @@ class LossMeter:
 
     @property
     def burst(self) -> float:
-        """Mean length of the recent bursts, at least 1; 0 while none is known."""
-        return max(1.0, self._slow / self._begun) if self._begun > _LEAST_MEASURED else 0.0
+        """Mean length of the recent bursts, at least 1; 0 while fewer than three are known."""
+        return max(1.0, self._slow / self._begun) if self._begun > _LEAST_BURSTS else 0.0
 
     def record(self, sequence: int) -> int:
         """Record a number for the first time; returns the change of `lost`."""

@@ -9,8 +9,8 @@ last, which the extrapolation of motion allows. Two ends at rest need three data
 
 An end whose own loop age is larger than that asks every few milliseconds, and is answered at once: each answered
 question brings the loop age back to the round trip. The number of questions for which the reach leaves room follows
-from the measured loss and bursts, so a false alarm needs the loss of a datagram and of all questions after it. With
-losses that are independent or come in such bursts, that happens at most `FALSE_ALARMS_PER_S` often.
+from the measured loss, so a false alarm needs the loss of a datagram and of all questions after it. With independent
+losses that happens at most `FALSE_ALARMS_PER_S` often.
 
 On a lossy path that is too long for the limit, so that an answer would come too late, the datagrams go out so densely
 that as many of them as there would be questions fit before the limit.
@@ -78,22 +78,18 @@ class HeartbeatSchedule:
         self._due_engaged: float | None = None
         self.adapt(0.0, 0.0, inf, 0.0)
 
-    def adapt(
-        self, outgoing: float, incoming: float, rtt: float, jitter: float, again: tuple[float, float] = (0.0, 0.0)
-    ) -> None:
+    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float) -> None:
         """Take new measurements of the link.
 
         Args:
             outgoing, incoming: loss of each direction, 0..1.
             rtt: round trip [s]; infinite while unknown.
             jitter: by how much few datagrams exceed their least delay [s].
-            again: chance that the datagram after a lost one is lost too, by direction, 0..1.
         """
         path = (0.0 if rtt == inf else rtt) + jitter
         late = LATE_TICKS * self._tick_period
         overhead = path + late + self._silence / UNITS
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
-        also = unanswered_again(outgoing, incoming, again)
         shortest = LEAST_SHARE * self._silence
         clean = max(2.0 * shortest, min(LONGEST_REACH, self._fade - overhead))
         reach = clean
@@ -101,7 +97,7 @@ class HeartbeatSchedule:
             (self._fade, CHANCE_FADES_PER_S, 0),
             (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
         ):
-            needed = questions_needed(unanswered, also, rate * shortest)
+            needed = questions_needed(unanswered, rate * shortest)
             questions = max(least, needed)
             asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
             dense = (limit - overhead) / (1 + questions) if needed else 0.0
@@ -109,7 +105,7 @@ class HeartbeatSchedule:
         self.reach = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, reach)
         self.interval = max(shortest, 0.5 * self.reach)
         stops = min(1.0, CHANCE_STOPS_PER_S * self.interval)
-        datagrams = 1 + questions_needed(outgoing, max(outgoing, again[0]), stops)
+        datagrams = 1 + questions_needed(outgoing, stops)
         self.gap = min(self.reach, max(shortest, (self._horizon - jitter - late) / datagrams))
         self._ask_after = self.reach + overhead
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
@@ -193,29 +189,15 @@ class HeartbeatSchedule:
         return min(due, self._pulsed_at + INTRODUCTION_INTERVAL) if self._introductions else due
 
 
-def unanswered_again(outgoing: float, incoming: float, again: tuple[float, float]) -> float:
-    """Chance that the question after an unanswered one is unanswered too, 0..1, where losses come in bursts.
-
-    The first was lost on its way out, or its answer was on its way back; the loss of that direction goes on with its
-    chance in `again`, while the other direction loses as ever.
-    """
-    unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
-    if unanswered <= 0.0:
-        return 0.0
-    out, back = max(outgoing, again[0]), max(incoming, again[1])
-    lost_out = outgoing * (1.0 - (1.0 - out) * (1.0 - incoming))
-    lost_back = (1.0 - outgoing) * incoming * (1.0 - (1.0 - back) * (1.0 - outgoing))
-    return (lost_out + lost_back) / unanswered
-
-
-def questions_needed(unanswered: float, again: float, rate: float) -> int:
+def questions_needed(unanswered: float, rate: float) -> int:
     """The least number of questions for which all of them stay unanswered more rarely than `rate`.
+
+    Losses are taken as independent. Bursts longer than the questions are not covered: no datagram arrives during them.
 
     Args:
         unanswered: share of questions whose answer does not come, 0..1.
-        again: that share among the questions that follow an unanswered one.
         rate: failures allowed per interval.
     """
     if unanswered <= rate:
         return 0
-    return MOST_QUESTIONS if again >= 1.0 else min(MOST_QUESTIONS, ceil(log(rate / unanswered) / log(again) - 1e-9))
+    return MOST_QUESTIONS if unanswered >= 1.0 else min(MOST_QUESTIONS, ceil(log(rate) / log(unanswered)) - 1)

@@ -45,7 +45,7 @@ class Statistics:
     outgoing_loss: float = 0.0
     """Recent loss of our datagrams, as the peer measured it, 0..1."""
     incoming_burst: float = 0.0
-    """Mean length of the recent runs of lost datagrams of the peer; 0 while none is known."""
+    """Mean length of the recent runs of lost datagrams of the peer; 0 while fewer than three are known."""
     outgoing_burst: float = 0.0
     """The same of our datagrams, as the peer measured it."""
 

@@ -24,14 +24,16 @@ LEAST_EARLY_PER_S: Final = 6.0
 MOST_EARLY_PER_S: Final = 150.0
 """Updates sent again without evidence of a loss, on average, over all streams of an end: on a link that may be
 congested, and on one that is known not to be."""
-RAISE: Final = 4.0
+RAISE: Final = 5.0
 """Factor by which the allowance of early repeats grows in a step."""
 STEP_S: Final = 1.0
 STEP_SENT: Final = 50
 """Least time [s] and number of datagrams in which the loss is counted for a step."""
 GROWTH: Final = 1.5
 GROWTH_SLACK: Final = 0.08
-"""The loss has grown with the repeats where it exceeds `GROWTH` times the loss without them plus this slack."""
+LATE_SLACK: Final = 0.02
+"""The loss, or the delay in queues [s], has grown with the repeats where it exceeds `GROWTH` times that without them
+plus this slack."""
 SHORTEST_HOLD: Final = 2.0
 LONGEST_HOLD: Final = 64.0
 """How long the allowance stays low after the loss has grown [s]; doubled each time."""
@@ -68,9 +70,9 @@ class Allowance:
     """How many early repeats an end may send.
 
     A bucket of tokens that is filled at a rate. The rate begins at its least and grows step by step on a lossy link, as
-    long as the loss does not grow with it. If it does, the repeats themselves may be what fills the link: the rate
-    falls to its least at once, the loss is measured anew, and the rate is raised again later, each time after twice as
-    long.
+    long as neither the loss nor the delay in queues grows with it. If one does, the repeats themselves may be what
+    fills the link: the rate falls to its least at once, both are measured anew, and the rate is raised again later,
+    each time after twice as long.
 
     So in T seconds there are at most `MOST_EARLY_PER_S` (1 + T) early repeats.
 
@@ -83,6 +85,7 @@ class Allowance:
         self._tokens = LEAST_EARLY_PER_S
         self._filled_at = -inf
         self._alone: float | None = None  # loss while the rate is at its least
+        self._late_alone = 0.0
         self._together: float | None = None  # loss since it is higher
         self._lost = self._sent = 0
         self._begun_at = -inf
@@ -102,12 +105,13 @@ class Allowance:
         self.left(now)
         self._tokens -= 1.0
 
-    def adapt(self, lost: int, sent: int, now: float) -> None:
-        """Count the losses.
+    def adapt(self, lost: int, sent: int, late: float, now: float) -> None:
+        """Count the losses, and watch the delays.
 
         Args:
             lost: datagrams that the peer has found missing since the last call; negative for late ones that came.
             sent: datagrams that were sent so far.
+            late: by how much few datagrams exceed their least delay [s].
             now: [s].
         """
         if self._begun_at == -inf:
@@ -117,17 +121,19 @@ class Allowance:
         count = sent - self._sent
         if now < self._begun_at + STEP_S or count < STEP_SENT:
             return
-        self._step(min(1.0, max(0, self._lost) / count), now)
+        self._step(min(1.0, max(0, self._lost) / count), late, now)
         self._lost, self._sent, self._begun_at = 0, sent, now
 
-    def _step(self, loss: float, now: float) -> None:
+    def _step(self, loss: float, late: float, now: float) -> None:
         if self.rate == LEAST_EARLY_PER_S:
             self._alone = loss if self._alone is None else 0.5 * (self._alone + loss)
+            self._late_alone = late
             if now >= self._held_until and self._alone > RESIDUAL:
                 self.rate, self._together = RAISE * LEAST_EARLY_PER_S, None
             return
         self._together = loss if self._together is None else 0.5 * (self._together + loss)
-        if self._together > GROWTH * (self._alone or 0.0) + GROWTH_SLACK:
+        has_more_loss = self._together > GROWTH * (self._alone or 0.0) + GROWTH_SLACK
+        if has_more_loss or late > GROWTH * self._late_alone + LATE_SLACK:
             self.rate, self._alone = LEAST_EARLY_PER_S, None
             self._held_until = now + self._hold
             self._hold = min(LONGEST_HOLD, 2.0 * self._hold)

@@ -8,7 +8,7 @@ from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.negotiation import ParameterNegotiation
-from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed, lost_again
+from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
@@ -243,16 +243,15 @@ class Sender:
 
     def adapt(self, lost: int, now: float) -> None:
         """Follow the present measurements of the link; the peer has reported that so many were lost, low bits."""
-        self._allowance.adapt(int16(lost - self._lost), self._next_sequence, now)
-        self._lost = lost
         statistics, clock = self._statistics, self._clock
+        self._allowance.adapt(int16(lost - self._lost), self._next_sequence, clock.late, now)
+        self._lost = lost
         outgoing, incoming = statistics.outgoing_loss, self._loss.fraction
         self.heartbeats.adapt(
             outgoing,
             incoming,
             inf if clock.rtt is None else clock.rtt,
             clock.jitter,
-            (lost_again(outgoing, statistics.outgoing_burst), lost_again(incoming, self._loss.burst)),
         )
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:

@@ -138,6 +138,10 @@ def test_burst_is_unknown_without_loss() -> None:
     assert meter(list(range(100))).burst == 0.0
 
 
+def test_one_blackout_is_no_bursty_link() -> None:
+    assert meter([*range(100), *range(140, 400), *range(440, 900)]).burst == 0.0
+
+
 def test_very_long_gap_stays_in_range() -> None:
     made = meter([0, 2**40, 2**40 + 1, 2**40 + 2, 2**40 + 3])
     assert made.lost == 2**40 - 1

@@ -1,15 +1,12 @@
 """The schedule by itself. Two ends that use it are in test_endpoint_session."""
 
-from itertools import pairwise
 from math import inf
-from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.heartbeat import (
     ASK_PACE,
     DENSEST,
@@ -23,10 +20,8 @@ from weberlink.protocol.heartbeat import (
     REPORT_INTERVAL,
     HeartbeatSchedule,
     questions_needed,
-    unanswered_again,
 )
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE, UNITS
-from weberlink.protocol.retransmission import lost_again
 
 SILENCE, TICK = 0.1, 0.001
 FADE, HORIZON, LATE = FADE_SHARE * SILENCE, HORIZON_SHARE * SILENCE, LATE_TICKS * TICK
@@ -125,34 +120,9 @@ def test_two_ends_at_rest_keep_the_loop_age_with_few_datagrams(silence: float, m
 
 @given(st.floats(0.0, 0.99), st.floats(1e-9, 0.5))
 def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> None:
-    count = questions_needed(unanswered, unanswered, rate)
+    count = questions_needed(unanswered, rate)
     assert count == MOST_QUESTIONS or unanswered ** (count + 1) <= rate * (1.0 + 1e-9)
     assert count == 0 or unanswered**count > rate * (1.0 - 1e-9)
-
-
-@given(st.floats(0.01, 0.5), st.floats(1.0, 20.0), st.floats(1e-6, 0.1))
-@examples(60)
-def test_questions_outlast_bursts_as_well(loss: float, burst: float, rate: float) -> None:
-    again = lost_again(loss, burst)
-    count = questions_needed(loss, again, rate)
-    assert count >= questions_needed(loss, loss, rate)
-    assert count == MOST_QUESTIONS or loss * again**count <= rate * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize("burst", [1.0, 3.0])
-def test_unanswered_questions_follow_each_other_as_computed(burst: float) -> None:
-    """Two channels with losses in runs: after an unanswered question, the share of further ones in the simulation."""
-    loss, random = 0.1, Random(5)
-    out, back = (EmulatedLink[None](Emulation(loss=loss, burst=burst), random.random) for _ in range(2))
-    fates = []
-    for _ in range(40_000):
-        out.send(b"?", None, 0.0)
-        for _ in out.receive(0.0):
-            back.send(b"!", None, 0.0)
-        fates.append(not back.receive(0.0))
-    following = [fate for before, fate in pairwise(fates) if before]
-    again = unanswered_again(loss, loss, (lost_again(loss, burst),) * 2)
-    assert sum(following) / len(following) == pytest.approx(again, abs=0.03)
 
 
 @given(st.floats(0.0, 0.05), st.floats(0.0, 0.01), st.floats(0.0, 0.3))
@@ -164,7 +134,7 @@ def test_reach_leaves_room_for_path_and_questions(rtt: float, jitter: float, los
     answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
     fits = worst <= FADE + 1e-9 and worst + answered <= SILENCE + 1e-9
     unanswered = 1.0 - (1.0 - loss) ** 2
-    least = 1 + questions_needed(unanswered, unanswered, shortest / 3600.0)
+    least = 1 + questions_needed(unanswered, shortest / 3600.0)
     is_dense = loss > 0.0 and rtt + jitter + LATE + SILENCE / UNITS + least * schedule.reach <= SILENCE + 1e-9
     assert schedule.reach == (DENSEST if loss > 0.0 else 2.0 * shortest) or fits or is_dense
     assert schedule.gap == min(shortest, schedule.reach) or schedule.gap + jitter + LATE <= HORIZON + 1e-9

@@ -1,4 +1,4 @@
-"""A session of one stream: its datagrams equal those recorded with protocol 3."""
+"""A session of one stream: its datagrams equal those recorded with protocol 4."""
 
 from hashlib import sha256
 
@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "90256ecfc4c38bf3638df6e406b6c5083e9df81dc6977f207e60c2231b63c2f5",
-    ("checksum", True): "4bf2a2f44e273d36fc3bd54c48114dece6bd815f555601a88c80ff7b3bec6f29",
-    ("psk", False): "021065c6bf06a4533cf0834e87dfb702031070f5aec0dbfd442d5b533eca5070",
-    ("psk", True): "534ce74542080fad4c74572b6193bda9ab1ee60018eb78845a96b15fee2fa7d6",
+    ("checksum", False): "1e57d61c992d0c61b357178cb4f3be99f0db93204f3b16d9fc4951a14837c98d",
+    ("checksum", True): "869e262d493b098c1c2e5487f77c321aba984a0905d3cb1f64a654281be1ab2b",
+    ("psk", False): "7c681a5b6b087a00025101a3c3a5a12b108d9df3d4824f41496f13eb95683b30",
+    ("psk", True): "c458685c082d90d315fc21bba0620c4f18bf7705f1458bf7d902df430aecd3c6",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 

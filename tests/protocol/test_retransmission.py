@@ -7,11 +7,13 @@ from hypothesis import strategies as st
 from weberlink.protocol.retransmission import (
     GROWTH,
     GROWTH_SLACK,
+    LATE_SLACK,
     LEAST_EARLY_PER_S,
     LONGEST_HOLD,
     LONGEST_PACE,
     MOST_COPIES,
     MOST_EARLY_PER_S,
+    RAISE,
     RESIDUAL,
     SHORTEST_PACE,
     Allowance,
@@ -103,7 +105,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
     for place, (wait, what) in enumerate(steps):
         now += wait
         if place < len(reports):
-            allowance.adapt(reports[place][1], 60 * place, now)
+            allowance.adapt(reports[place][1], 60 * place, 0.0, now)
         if what == "update":
             number += 1
             streams[place % 2].begin(number, now, copies)
@@ -119,16 +121,22 @@ def test_allowance_stays_in_its_range(reports: list[tuple[float, int]]) -> None:
     allowance, now, sent = Allowance(), 0.0, 0
     for wait, lost in reports:
         now, sent = now + wait, sent + 100
-        allowance.adapt(lost, sent, now)
+        allowance.adapt(lost, sent, 0.0, now)
         assert LEAST_EARLY_PER_S <= allowance.rate <= MOST_EARLY_PER_S
         assert 0 <= allowance.left(now) <= allowance.rate
 
 
-def rates(loss: Callable[[int, float], float], seconds: int) -> list[float]:
-    """Rates of an allowance on a link with that loss, by second and rate; 200 datagrams and one report a second."""
+def rates(
+    loss: Callable[[int, float], float], seconds: int, late: Callable[[float], float] = lambda rate: 0.0
+) -> list[float]:
+    """Rates of an allowance on a link with that loss by second and rate, and that delay in queues by rate [s].
+
+    There are 200 datagrams and one report a second.
+    """
     allowance, found = Allowance(), []
     for second in range(seconds):
-        allowance.adapt(round(200 * loss(second, allowance.rate)), 200 * second, float(second))
+        rate = allowance.rate
+        allowance.adapt(round(200 * loss(second, rate)), 200 * second, late(rate), float(second))
         found.append(allowance.rate)
     return found
 
@@ -149,7 +157,14 @@ def test_allowance_stays_low_where_the_loss_grows_with_it(alone: float, growth: 
     found = rates(lambda second, rate: together if rate > LEAST_EARLY_PER_S else alone, 1000)
     high = [rate for rate in found if rate > LEAST_EARLY_PER_S]
     assert 0 < len(high) <= 1000.0 / LONGEST_HOLD + 8
-    assert max(high) <= 4.0 * LEAST_EARLY_PER_S
+    assert max(high) <= RAISE * LEAST_EARLY_PER_S
+
+
+@given(st.floats(0.0, 0.05), st.floats(0.001, 0.2))
+def test_allowance_stays_low_where_queues_grow_with_it(alone: float, growth: float) -> None:
+    together = GROWTH * alone + LATE_SLACK + growth
+    found = rates(lambda second, rate: 0.1, 1000, lambda rate: together if rate > LEAST_EARLY_PER_S else alone)
+    assert 0 < sum(rate > LEAST_EARLY_PER_S for rate in found) <= 1000.0 / LONGEST_HOLD + 8
 
 
 def test_allowance_recovers_when_the_loss_itself_has_changed() -> None:

@@ -146,6 +146,8 @@ def _measured(spec: RobotSpec) -> Iterator[str]:
 def _link(system: System) -> Iterator[str]:
     link = system.link
     yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms"
+    if link.playout_ms > 0.0:
+        yield f"          every update is used {link.playout_ms:g} ms later than on its fastest way"
     if link.emulate is not None:
         changed = link.emulate.model_dump(exclude_defaults=True)
         yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
@@ -248,6 +250,11 @@ def _link_warnings(system: System) -> Iterator[str]:
         yield (
             f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {loop_ms:g} ms, a tick "
             f"of each side included: sessions would be interrupted; use at least {loop_ms / ROUND_TRIP_SHARE:.0f}"
+        )
+    if system.link.playout_ms > 0.0 and system.control.scheme == "none":
+        yield (
+            f"link.playout_ms {system.link.playout_ms:g}: control.scheme none leaves this delay uncontrolled, and a "
+            "contact may oscillate; use tdpa or auto"
         )
     sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
     if system.realtime.busy_poll and cpus <= sides:

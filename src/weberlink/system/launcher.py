@@ -387,6 +387,7 @@ class Session:
             | self._facts(peers)
             | {
                 "lookahead_ms": lookahead_ms(self.configuration.system),
+                "playout_ms": self.configuration.system.link.playout_ms,
                 "faults": {side: summary["faults"] for side, summary in summaries.items()},
                 "drops": {side: summary["drops"] for side, summary in summaries.items()},
                 "realtime": {side: summary["realtime"] for side, summary in summaries.items()},

@@ -1,5 +1,6 @@
 """The side loop: what either end of a session does in a tick, in real or in virtual time."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, nan
 from typing import NamedTuple
@@ -73,6 +74,8 @@ class Side:
         watchdog: expires when the port gives no usable reading for too long.
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
         rows: what telemetry records of the channels.
+        playout: how much later than an update that took the least delay every update is used [ticks]; 0 to use each at
+            once.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class Side:
         watchdog: Watchdog,
         stopwatch: Callable[[], float],
         rows: Callable[..., ChannelRows] = CartesianRows,
+        playout: int = 0,
     ) -> None:
         self.port = port
         self.outgoing, self.incoming = outgoing, incoming
@@ -121,6 +125,9 @@ class Side:
         self._is_fresh = True
         self._last_reading_at = nan
         self._peer_tick = 0.0
+        self._playout = playout
+        self._waiting: deque[UpdateReceived] = deque()
+        """Updates that are not to be used yet."""
         self._row = Row()
         self._rows = rows(outgoing, incoming, leads=port.leads)
         self._state: State | None = None
@@ -168,6 +175,8 @@ class Side:
         elif self._choosing is not None and self._choosing.wanted is not None:
             self._choose(self._choosing.wanted, now)
         self._follow_peer_clock(now)
+        if self._waiting:
+            self._play_out()
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -303,7 +312,10 @@ class Side:
         """Other events need nothing: `_engage` sees the state, and the endpoint counts what it drops."""
         match event:
             case UpdateReceived():
-                self._apply(event.update, event.stream)
+                if self._playout:
+                    self._waiting.append(event)
+                else:
+                    self._apply(event.update, event.stream)
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
@@ -348,6 +360,13 @@ class Side:
             self._faults.note(Fault.UPDATE)
         self.codec_time += self._stopwatch() - began
 
+    def _play_out(self) -> None:
+        """Apply the updates whose tick has come: what took less than the least delay and the play-out has waited."""
+        waiting, tick = self._waiting, self._peer_tick - self._playout
+        while waiting and waiting[0].update.tick <= tick:
+            event = waiting.popleft()
+            self._apply(event.update, event.stream)
+
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
         self._has_connected = True
@@ -360,6 +379,7 @@ class Side:
 
     def _forget(self) -> None:
         """Drop all samples and models."""
+        self._waiting.clear()
         for channel in self._channels:
             channel.reset()
         self.port.reset()
@@ -457,6 +477,7 @@ class Side:
 
     def _let_go(self) -> None:
         """The master no longer leads: whatever it sent is void."""
+        self._waiting.clear()
         for channel in self.incoming:
             channel.decoder.reset()
         self.endpoint.request_full_state()
@@ -488,11 +509,11 @@ class Side:
                 self._peer_tick = peer_time / self._tick_period
 
     def _actuate(self, now: float, elapsed: float) -> None:
-        """Decode every channel for this very moment, without waiting for the network, and act on it."""
+        """Decode every channel for this very moment, less the play-out, without waiting for the network, and act."""
         began = self._stopwatch()
         values = []
         for channel in self.incoming:
-            values.append(channel.decode(self._peer_tick))  # noqa: PERF401 - a comprehension costs a call
+            values.append(channel.decode(self._peer_tick - self._playout))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
         if self._faults.active is not _NO_FAULT and not self.port.tripped:

@@ -115,6 +115,7 @@ def simulate(
     ended = "interrupted" if interruption.noted else "completed"
     summary = score.summary() | {
         "lookahead_ms": lookahead_ms(system),
+        "playout_ms": system.link.playout_ms,
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {"master": master.drops, "slave": slave.drops},
         "peers": {"master": master.peer._asdict(), "slave": slave.peer._asdict()},

@@ -103,6 +103,11 @@ def _ticks(length_ms: float, system: System) -> int:
     return max(1, round(length_ms * 1e-3 * system.rate_hz)) if length_ms > 0.0 else 0
 
 
+def playout_ticks(system: System) -> int:
+    """How long updates wait before they are used, in whole ticks."""
+    return _ticks(system.link.playout_ms, system)
+
+
 def lookahead_ms(system: System) -> dict[str, float]:
     """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
     if system.codec.joints is not None:

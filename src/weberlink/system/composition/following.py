@@ -25,6 +25,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
+from weberlink.system.composition.channels import playout_ticks
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -92,6 +93,7 @@ def build_following(
         watchdog=Watchdog(limits.robot_ms * 1e-3),
         stopwatch=stopwatch,
         rows=JointRows,
+        playout=playout_ticks(system),
     )
 
 

@@ -26,6 +26,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
+from weberlink.system.composition.channels import playout_ticks
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -96,6 +97,7 @@ def build_leading(
         watchdog=Watchdog(limits.device_ms * 1e-3),
         stopwatch=stopwatch,
         rows=JointRows,
+        playout=playout_ticks(system),
     )
 
 

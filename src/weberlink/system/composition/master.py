@@ -16,7 +16,7 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import streams
+from weberlink.system.composition.channels import playout_ticks, streams
 from weberlink.system.composition.coupling import coupling
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -110,6 +110,7 @@ def build_master(
         horizon=HORIZON_SHARE * silence,
         watchdog=Watchdog(limits.device_ms * 1e-3),
         stopwatch=stopwatch,
+        playout=playout_ticks(system),
     )
 
 

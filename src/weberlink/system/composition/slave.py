@@ -15,7 +15,7 @@ from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import streams
+from weberlink.system.composition.channels import playout_ticks, streams
 from weberlink.system.composition.coupling import STATED, coupling, press_limit
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -103,6 +103,7 @@ def build_slave(
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         watchdog=Watchdog(limits.robot_ms * 1e-3),
         stopwatch=stopwatch,
+        playout=playout_ticks(system),
     )
 
 

@@ -258,7 +258,8 @@ class LinkSettings(Settings):
     dscp: int = Field(default=46, ge=0, le=63)
     """Class of service asked for by every datagram (RFC 2474); 46 is EF, 0 is that of all other traffic."""
     playout_ms: float = Field(default=0.0, ge=0, le=100)
-    """How long the newest sample waits before it is used, so that jitter is not felt; 0 for not at all."""
+    """How much later than on its fastest way every update is used, so that jitter up to this is not felt; 0 to use each
+    as it comes. At most half of `silence_ms`."""
     names: NameSettings = NameSettings()
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
@@ -637,6 +638,8 @@ class System(Settings):
     @model_validator(mode="after")
     def _lookahead_fits(self) -> "System":
         longest = LOOKAHEAD_SHARE * self.link.silence_ms
+        if self.link.playout_ms > longest:
+            raise ValueError(f"link.playout_ms: at most {longest:g}, half of link.silence_ms; a later sample is stale")
         for name, channel in (("force", self.codec.force), ("position", self.codec.position)):
             if channel.lookahead_ms > longest:
                 raise ValueError(
