@@ -141,3 +141,10 @@ def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: P
     assert result.exit_code == 2, result.output
     assert complaint in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_blocked_udp_is_not_said_twice() -> None:
+    trial = LinkTrial(failure="no path to robot: UDP is blocked between here and relay.example:3478")
+    found = report(trial, WayOut(None, by_tcp=("relay.example:3478",)), ANYWHERE)
+    assert found.count(Grade.PROBLEM) == 1
+    assert found.document["failure"] == trial.failure
