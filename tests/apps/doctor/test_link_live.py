@@ -31,7 +31,7 @@ def test_waiting_slave_is_measured_and_stays_at_rest(tmp_path: Path) -> None:
     slave = subprocess.Popen([*PROGRAM, "slave", *common, "--json", str(summary)], stdout=subprocess.DEVNULL)
     try:
         until(lambda: _is_bound(address), "the slave to listen")
-        doctor = [*PROGRAM, "doctor", *common, "--network", address, "--duration", "3", "--json", "-"]
+        doctor = [*PROGRAM, "doctor", *common, "--network", address, "--duration", "2", "--json", "-"]
         found = subprocess.run(doctor, capture_output=True, text=True, check=False, timeout=60)
     finally:
         slave.terminate()
@@ -41,7 +41,7 @@ def test_waiting_slave_is_measured_and_stays_at_rest(tmp_path: Path) -> None:
     assert link["rtt_ms"]["min"] == pytest.approx(41.0, abs=4.0)
     for way in ("to_slave", "to_master"):
         assert link[way]["delay_ms"] == pytest.approx(20.5, abs=4.0)
-        assert 0.02 < link[way]["loss"] < 0.25
+        assert 0.01 < link[way]["loss"] < 0.3
         assert link[way]["burst"] > 1.3
     assert document["paths"][0]["remote"] == address
     assert document["paths"][0]["dscp"] == 46
