@@ -93,7 +93,7 @@ def test_silence_limit_covers_each_need(seen: float) -> None:
     figures = link(0.1, 0.005, loss=0.1, loop_age=seen)
     needs = silence_needs(figures, 0.001)
     assert needs.trips == pytest.approx((0.11 + 0.002) / 0.4)
-    assert needs.losses > silence_needs(link(0.1, 0.005), 0.001).losses
+    assert needs.losses > silence_needs(link(0.1, 0.005, loss=0.01), 0.001).losses
     (line,) = [line for line in lines(list(found(figures).values())) if "silence" in line]
     limit = float(line.partition("=")[2])
     assert 1e3 * max(needs) <= limit <= 1e3 * max(needs) + 10

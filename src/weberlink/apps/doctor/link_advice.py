@@ -11,8 +11,9 @@ from typing import NamedTuple
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.link_figures import LinkFigures
 from weberlink.control.auto import MMT, NONE, ORDER, RISING, TDPA, SchemeChoice
-from weberlink.protocol.heartbeat import LEAST_SHARE, ROUND_TRIP_SHARE, HeartbeatSchedule
+from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE, HeartbeatSchedule
 from weberlink.protocol.session import LONGEST_SILENCE
+from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.system.check import fits_a_surface
 from weberlink.system.composition.link import AUTO
 from weberlink.system.configuration import System
@@ -78,12 +79,15 @@ def silence_needs(figures: LinkFigures, tick_period: float) -> SilenceNeeds:
 
 
 def _least_silence(figures: LinkFigures, tick_period: float) -> float:
-    """The shortest limit, in steps, for which the heartbeats of a session reach what they must [s]."""
+    """The shortest limit, in steps, for which heartbeats may be less dense than on a hopeless path [s]."""
+    loss = figures.to_slave.loss, figures.to_master.loss
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
-        schedule.adapt(figures.to_slave.loss, figures.to_master.loss, figures.rtt_s[1], figures.jitter_s[1])
-        if schedule.reach > 2.0 * LEAST_SHARE * limit:  # else it would need more heartbeats than it may send
+        schedule.adapt(*loss, LONGEST_RTT, 0.0)
+        densest = schedule.reach
+        schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1])
+        if schedule.reach > densest:  # else it would need more heartbeats than it may send
             return limit
     return 2.0 * LONGEST_SILENCE
 
@@ -171,8 +175,10 @@ def playout(figures: LinkFigures, fitting: int, system: System) -> Finding:
         return advice(found, "--set link.playout_ms=0", check) if configured > 0.0 else ok(found, check)
     if configured >= needed:
         return ok(found, check)
-    delay = figures.rtt_s[1] + 2e-3 * needed
+    delay = figures.rtt_s[0] + 2e-3 * needed
     after = sum(delay > limit for limit in RISING)
+    if fitting == NONE:
+        return ok(f"{found}; with none, play-out is one more delay, and nothing controls it", check)
     if fitting == MMT:
         return ok(f"{found}; the local model of mmt hides that", check)
     if needed > LONGEST_PLAYOUT_MS or after > fitting:

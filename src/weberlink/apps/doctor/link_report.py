@@ -57,7 +57,10 @@ def judge(configuration: Configuration, way_out: WayOut | None, trial: LinkTrial
     if way_out is not None:
         found["way out"] = tuple(judge_way_out(way_out, system.link))
         measured["nat"] = _nat_document(way_out.nat)
-    if trial.failure is not None:
+    if trial.failure is not None and way_out is not None and way_out.by_tcp and system.link.path == "ice":
+        measured["failure"] = trial.failure  # it says once more that UDP is blocked
+    elif trial.failure is not None:
+        measured["failure"] = trial.failure
         found["link"] = (problem(trial.failure, _next_step(system.link), "session"),)
     else:
         samples = trial.samples
