@@ -38,7 +38,7 @@ def test_updates_are_used_at_a_constant_age() -> None:
     plain, smooth = waits(), waits("link.playout_ms=20")
     assert max(plain) - min(plain) > 8
     assert max(smooth) - min(smooth) <= 1
-    assert min(plain) + 20 <= max(smooth) <= min(plain) + 22
+    assert 30 <= max(smooth) <= 33, "the least delay of 10 ms, and the play-out"
 
 
 def test_what_waits_at_silence_is_never_used() -> None:
