@@ -1,5 +1,6 @@
 """A magic-wormhole mailbox server as a process of its own, which ends with the `with`."""
 
+import atexit
 import re
 import subprocess
 import sys
@@ -78,12 +79,14 @@ class MailboxServer:
 
     def __enter__(self) -> Self:
         self._folder = TemporaryDirectory(prefix="wl-mailbox-")
+        atexit.register(self.stop)  # where a coroutine that holds it is never finished
         self._log = Path(self._folder.name) / "log.txt"
         self.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.stop()
+        atexit.unregister(self.stop)
         self._folder.cleanup()
 
 

@@ -144,7 +144,7 @@ class MaliciousMailbox:
             await client.send(json.dumps({"type": "welcome", "welcome": {"error": "no weberlink\x1b[2J here"}}))
             await client.wait_closed()
         else:
-            async with connect(self._real) as server:
+            async with connect(self._real, close_timeout=0.1) as server:
                 bound = json.loads(await client.recv())  # the first message, which names the host's side
                 await server.send(json.dumps(bound))
                 if bound["side"] not in trial.sides:
@@ -156,12 +156,13 @@ class MaliciousMailbox:
 
     async def _up(self, trial: Trial, client: ServerConnection, server: ClientConnection) -> None:
         """What a host sends; a third host of the rule "recorded" is given what the first one got."""
-        async for text in client:
-            trial.seen.append(str(text))
-            await server.send(text)
-            if json.loads(text)["type"] == "open" and trial.words[0] == "recorded" and len(trial.sides) == 3:
-                for old in trial.held["slave"]:
-                    await client.send(json.dumps(old))
+        with suppress(ConnectionClosed):
+            async for text in client:
+                trial.seen.append(str(text))
+                await server.send(text)
+                if json.loads(text)["type"] == "open" and trial.words[0] == "recorded" and len(trial.sides) == 3:
+                    for old in trial.held["slave"]:
+                        await client.send(json.dumps(old))
         await server.close()
 
     async def _down(self, trial: Trial, own: str, client: ServerConnection, server: ClientConnection) -> None:

@@ -205,7 +205,7 @@ class Meeting:
 
 
 def _one_line(error: Exception) -> str:
-    return "".join(letter for letter in " ".join(str(error).split()) if letter.isprintable())[:200]
+    return "".join(letter for letter in " ".join(str(error).split()) if letter.isprintable())[:200].rstrip(".")
 
 
 async def answer(order: PairingOrder, tell: Tell) -> None:
