@@ -56,19 +56,23 @@ def waiting(lab: Home, folder: Path) -> Iterator[None]:
     for side, label, own, role in (("slave", "hand", "arm@lab", "master"), ("master", "robot", "me@home", "slave")):
         name = "me@home" if role == "master" else "arm@lab"
         PeerStore(folder / side).add(Peer(label, name, own, role, key, MAILBOX))  # type: ignore[arg-type]
-    out = folder / "slave.out"
-    with out.open("w") as stream:
-        slave = subprocess.Popen(
-            [*lab.prefix, *PROGRAM, "slave", *command(folder, "slave"), "--json", str(folder / "slave.json")],
-            stdout=stream,
-            stderr=stream,
-        )
+    slave = subprocess.Popen(
+        [*lab.prefix, *PROGRAM, "slave", *command(folder, "slave"), "--json", str(folder / "slave.json")],
+        stdout=subprocess.DEVNULL,
+    )
     try:
-        until(lambda: slave.poll() is not None or out.read_text(), "the slave to start")
+        until(lambda: slave.poll() is not None or _finds(lab), "the slave to start its finder")
         yield
     finally:
         slave.terminate()
         slave.wait(30)
+
+
+def _finds(lab: Home) -> bool:
+    """Whether a process that finds paths runs on this host."""
+    pids = subprocess.run(["ip", "netns", "pids", lab.space.name], capture_output=True, text=True, check=True)
+    commands = (Path(f"/proc/{pid}/cmdline") for pid in pids.stdout.split())
+    return any(b"weberlink.anywhere.finder" in each.read_bytes() for each in commands if each.exists())
 
 
 def measured(home: Home, folder: Path) -> dict[str, Any]:
