@@ -43,7 +43,10 @@ PLACES = {
     "ros2": ("ros2", "apps.bridge.ros2", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove",),
     "franka": ("slave.robots.franka.controller",),
-    "anywhere": tuple(f"anywhere.{each}" for each in ("finder", "ice", "mailbox", "pairing", "qr", "rendezvous")),
+    "anywhere": tuple(
+        f"anywhere.{each}"
+        for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
+    ),
     "plots": ("studies",),
     "dask": ("studies.cluster",),
 }

@@ -37,9 +37,9 @@ def doctor(
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
-    """Check this machine for real time, or the link to the robot, and suggest fixes.
+    """Check this machine, or the link to a robot; suggest fixes.
 
-    With FILE, it checks what that needs. Takes some seconds.
+    Real time, rights, network, devices; with FILE, what that needs. Takes some seconds.
     """
     if network is not None:
         _doctor_network(file, network, seconds, json_out, set_ or [])

@@ -20,7 +20,7 @@ def peers(
     ] = None,
     json_out: Json = None,
 ) -> None:
-    """List the known peers, and which robots wait; rename or remove one."""
+    """List known peers and which of them wait; rename or remove one."""
     from weberlink.anywhere.peers import PeerError, PeerStore  # noqa: PLC0415 - each command imports what it needs
 
     if (rename is not None or remove) and (label is None or (rename is not None and remove)):

@@ -12,12 +12,11 @@ from getpass import getuser
 from pathlib import Path
 from socket import gethostname
 from tempfile import mkstemp
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.joints import Joints
-from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, motion_bank
@@ -25,6 +24,9 @@ from weberlink.system.composition.link import permitted
 from weberlink.system.configuration import SLAVE, Configuration
 from weberlink.system.configuration.model import split_address
 from weberlink.telemetry.runtime_directory import open_file
+
+if TYPE_CHECKING:
+    from weberlink.protocol.aio.hand_over import PathFacts
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""
@@ -88,7 +90,7 @@ class Description:
         self._path = path_beside(ring)
         self._text = json.dumps(described)
 
-    def publish(self, peer: dict[str, str] | None = None, paths: Iterable[PathFacts] = ()) -> None:
+    def publish(self, peer: dict[str, str] | None = None, paths: "Iterable[PathFacts]" = ()) -> None:
         """Write the file atomically, readable by this user only; may be called in a tick, for some 50 us.
 
         Args:

@@ -162,11 +162,13 @@ def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     assert set(watched.report) - set(expected) == {
         "addresses",
         "drops",
+        "dscp",
         "environment",
         "host",
         "lookahead_ms",
         "outcome",
         "peers",
+        "playout_ms",
         "realtime",
         "verdict",
     }
