@@ -37,9 +37,9 @@ def doctor(
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
-    """Check this machine, or the link to a robot; suggest fixes.
+    """Check this machine, or the link to the robot.
 
-    Real time, rights, network, devices; with FILE, what that needs. Takes some seconds.
+    For real time, with FILE for what that needs; or with --network the link. Suggests fixes, takes some seconds.
     """
     if network is not None:
         _doctor_network(file, network, seconds, json_out, set_ or [])
