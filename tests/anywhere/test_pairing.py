@@ -58,6 +58,10 @@ CASES = {
     "known already": {"slave again": "weberlink peers", "master again": "weberlink peers"},
     "two slaves": {"slave": "the same side", "master": "the same side"},
 }
+ESSENTIAL = ("wrong code", "third party first", "changed 0 slave", "drop 1 slave", "recorded", "known already")
+"""Trials of every run of the suite; the others explore."""
+PAIRED = ("honest", "shuffled")
+ALONE = {"code used twice": "second master", "third party between": "thief"}
 
 
 def outcome(found: Any, trial: str) -> dict[str, str]:
@@ -71,10 +75,12 @@ def is_expected(found: Any, trial: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def found() -> Any:
-    """All trials; those that did not end as expected once more, with the patience of a machine that is busy."""
-    first = pairings("--attacks", "few", "--patience", "2", "--at-once", "32")
-    late = [name for name in CASES if not is_expected(first, name)]
+def found(request: pytest.FixtureRequest) -> Any:
+    """Trials; those that did not end as expected once more, with the patience of a machine that is busy."""
+    explores = request.config.getoption("--hunt")
+    chosen = "few" if explores else ",".join((*ESSENTIAL, *PAIRED, *ALONE))
+    first = pairings("--attacks", chosen, "--patience", "2", "--at-once", "32")
+    late = [name for name in (CASES if explores else ESSENTIAL) if not is_expected(first, name)]
     if late:
         again = pairings("--attacks", ",".join(late), "--patience", "15")
         for key in ("ends", "sound"):
@@ -86,17 +92,21 @@ def test_no_attack_leaves_a_foreign_or_a_refused_peer(found: Any) -> None:
     assert [name for name, is_sound in found["sound"].items() if not is_sound] == []
 
 
-@pytest.mark.parametrize("trial", ["honest", "twice", "shuffled", "server restarted"])
+@pytest.mark.parametrize(
+    "trial", [*PAIRED, *(pytest.param(name, marks=pytest.mark.hunt) for name in ("twice", "server restarted"))]
+)
 def test_two_hosts_pair(found: Any, trial: str) -> None:
     assert outcome(found, trial) == {"slave": "paired", "master": "paired"}
 
 
-@pytest.mark.parametrize("trial", CASES)
+@pytest.mark.parametrize(
+    "trial", [pytest.param(name, marks=() if name in ESSENTIAL else pytest.mark.hunt) for name in CASES]
+)
 def test_hosts_refuse_with_the_reason(found: Any, trial: str) -> None:
     assert is_expected(found, trial), outcome(found, trial)
 
 
-@pytest.mark.parametrize(("trial", "late"), [("code used twice", "second master"), ("third party between", "thief")])
+@pytest.mark.parametrize(("trial", "late"), ALONE.items())
 def test_a_code_serves_two_hosts_alone(found: Any, trial: str, late: str) -> None:
     reason = outcome(found, trial)[late]
     assert GONE in reason or "was used already" in reason

@@ -194,6 +194,7 @@ def test_both_ends_survive_a_restart_of_the_server(mailbox: MailboxServer) -> No
     run(test())
 
 
+@pytest.mark.hunt
 def test_call_survives_an_outage_between_offer_and_answer(mailbox: MailboxServer) -> None:
     async def test() -> None:
         pair, offered, again = Pair(mailbox.url), asyncio.Event(), asyncio.Event()

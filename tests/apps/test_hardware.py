@@ -104,7 +104,9 @@ def test_phantom_feels_what_the_arm_touches(tmp_path: Path) -> None:
         assert after["largest_current_ma"] <= 2000.0
 
 
-@pytest.mark.parametrize(("fault", "reason"), [("unplug", "unplugged"), ("silent", "does not answer")])
+@pytest.mark.parametrize(
+    ("fault", "reason"), [("unplug", "unplugged"), pytest.param("silent", "does not answer", marks=pytest.mark.hunt)]
+)
 def test_device_fault_ends_the_session_with_reason(tmp_path: Path, fault: str, reason: str) -> None:
     with both(tmp_path) as (phantom, arm, arguments):
         with Program("loopback", *arguments, "--json", "-") as program:
@@ -151,6 +153,7 @@ def test_unchecked_signs_give_no_current(tmp_path: Path) -> None:
         assert phantom.status()["largest_current_ma"] == 0.0
 
 
+@pytest.mark.hunt
 def test_signal_during_homing_exits_0(tmp_path: Path) -> None:
     with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
         generate(tmp_path / "key")

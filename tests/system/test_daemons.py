@@ -113,6 +113,7 @@ def in_contact(master: Telemetry) -> bool:
 
 
 @realtime
+@pytest.mark.hunt
 def test_master_that_starts_first_finds_the_slave(system: Path) -> None:
     """Started as `python -m weberlink.SIDE`; the other tests start the slave first, as `weberlink SIDE`."""
     with Program(system, "--json", "-", *PATIENT, module="weberlink.master") as master:
@@ -222,6 +223,7 @@ def test_the_robot_holds_when_the_master_dies_and_approaches_the_next_slowly(sys
 
 
 @realtime
+@pytest.mark.hunt
 def test_a_second_master_is_refused_unless_it_takes_over(system: Path) -> None:
     own = ("--set", "link.names.master=bob")
     with Program("slave", system, "--json", "-") as slave, Program("master", system, "--json", "-") as first:
@@ -279,6 +281,7 @@ def test_a_master_with_another_key_gets_no_session_and_disturbs_none(system: Pat
 
 
 @realtime
+@pytest.mark.hunt
 def test_ends_that_disagree_name_both_values_and_the_slave_serves_the_next(system: Path) -> None:
     with Program("slave", system, "--json", "-") as slave:
         listening = slave.telemetry("slave")
@@ -369,6 +372,7 @@ def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
 
 
 @realtime
+@pytest.mark.hunt
 def test_thousands_of_bad_datagrams_do_not_disturb_a_session(system: Path) -> None:
     thrown = 0
     with Program("slave", system, *PATIENT, "--json", "-") as slave, tapped(port_of(system)) as tap:

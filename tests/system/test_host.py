@@ -69,6 +69,7 @@ def test_ticks_on_a_processor_that_was_taken_away_are_the_hosts() -> None:
 
 
 @fifo
+@pytest.mark.hunt
 def test_ticks_of_a_daemon_that_was_stopped_are_its_own() -> None:
     with Program("loopback", *ARGUMENTS) as program:
         master = watched(program)
@@ -85,6 +86,7 @@ def test_ticks_of_a_daemon_that_was_stopped_are_its_own() -> None:
 
 
 @pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv, to take from root what only root may")
+@pytest.mark.hunt
 def test_without_the_right_nothing_is_attributed() -> None:
     incapable = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice") if os.geteuid() == 0 else ()
     prefix = ("prlimit", "--rtprio=0:0", *incapable)
@@ -97,6 +99,7 @@ def test_without_the_right_nothing_is_attributed() -> None:
 
 
 @fifo
+@pytest.mark.hunt
 def test_a_watcher_that_is_killed_is_told() -> None:
     with Program("loopback", "--json", "-", *PATIENT) as program:
         os.kill(until(program.watcher, "the watcher of the host"), signal.SIGKILL)

@@ -143,6 +143,7 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     assert second["link"]["rtt_us"]["p50"] >= 10_000
 
 
+@pytest.mark.hunt
 def test_daemons_that_poll_leave_room_for_others_and_end_by_a_signal() -> None:
     """At ordinary priority: two processors may be all that the host has."""
     polling = ("--set", "realtime.busy_poll=true", "--set", "realtime.priority=0")
@@ -202,6 +203,7 @@ def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
     assert "silence" not in faults["slave"]
 
 
+@pytest.mark.hunt
 def test_late_launcher_reports_every_record() -> None:
     """It begins to read only when the master has ended."""
     with Program("loopback", "--duration", 0.5, "--json", "-", *PATIENT) as program:
@@ -254,6 +256,7 @@ def test_on_a_terminal_a_status_line_goes_before_the_report_and_both_fit() -> No
     assert not any("engaged" in line for line in lines[report:])
 
 
+@pytest.mark.hunt
 def test_a_replay_runs_to_the_end_of_its_trace(tmp_path: Path) -> None:
     trace = tmp_path / "trace.csv"
     angles = [2.0 * pi * index / 800 for index in range(800)]

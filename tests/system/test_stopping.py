@@ -160,6 +160,7 @@ def test_released_handle_of_a_visitor_who_vanishes() -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_emulated_link_changes_while_it_runs() -> None:
     with tried() as (program, master, slave):
         with visitor(daemon_of(program), PRESSED):

@@ -34,6 +34,7 @@ def test_a_port_in_use_is_one_line() -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_parameters_are_changed_live_and_a_killed_bridge_is_not_noticed(tmp_path: Path) -> None:
     out = tmp_path / "report.json"
     length = ("--json", out, "--set", "link.emulate={}", *PATIENT)

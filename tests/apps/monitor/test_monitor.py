@@ -301,6 +301,7 @@ def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
     """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
     address = f"127.0.0.1:{free_port()}"

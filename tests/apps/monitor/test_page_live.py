@@ -109,6 +109,7 @@ def test_predicted_surface_is_drawn(page: Browser, demonstration: tuple[int, str
     assert page.console() == []
 
 
+@pytest.mark.hunt
 def test_weber_factor_from_the_page_takes_effect(page: Browser, demonstration: tuple[int, str]) -> None:
     session, address = demonstration
     page.open(address)

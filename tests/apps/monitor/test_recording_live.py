@@ -77,6 +77,7 @@ async def replay(url: str, session: str) -> list[Message]:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_recorded_part_of_a_session_replays_with_its_figures(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     with Monitor(tmp_path, "--recordings", folder) as monitor, Program("loopback", "--json", "-", *PATIENT) as program:

@@ -265,6 +265,7 @@ def test_emergency_stop_ends_both_sides_at_once(visited: Visited) -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_session_ends_with_its_killed_parent(tmp_path: Path) -> None:
     with Monitor(tmp_path, command="try") as monitor:
         session = int(monitor.until_said(r"session (\d+): master"))
@@ -273,6 +274,7 @@ def test_session_ends_with_its_killed_parent(tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_visit_of_limited_length_ends_with_status_0(tmp_path: Path) -> None:
     with Monitor(tmp_path, "--duration", 1, "--scripted", "--set", "link.silence_ms=2000", command="try") as monitor:
         status, said = monitor.finish()
