@@ -3,6 +3,7 @@
 The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from ipaddress import ip_address
@@ -97,7 +98,15 @@ def _host_and_port(text: str) -> str:
 
 Address = Annotated[str, AfterValidator(_host_and_port)]
 """host:port."""
-MailboxUrl = Annotated[str, Field(pattern=r"^wss?://[^/\s]+/\S*$")]
+
+
+def _mailbox_url(text: str) -> str:
+    if re.fullmatch(r"wss?://[^/\s]+/\S*", text) is None:
+        raise ValueError(f"must be the address of a mailbox server, as ws://relay.example:4000/v1, not {text!r}")
+    return text
+
+
+MailboxUrl = Annotated[str, AfterValidator(_mailbox_url)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Start = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
