@@ -178,6 +178,9 @@ class _Connection(aioice.Connection):
             turn_username=servers.user,
             turn_password=servers.password,
         )
+        # Nominate one pair that works (RFC 8445 section 8.1.1), as aioice does towards such a peer; otherwise it
+        # nominates every pair that it checks, and the two ends may take different ones.
+        self.remote_is_lite = True
         self._addresses = addresses
         self.chosen = asyncio.Event()
         self._repeated: set[CandidatePair] = set()
