@@ -162,11 +162,13 @@ def test_one_of_two_paths_cut_loses_no_datagram(internet: Internet, meet: Meet) 
 
 
 @pytest.mark.hunt
-def test_session_outlives_mailbox(internet: Internet, meet: Meet) -> None:
-    with Internet() as other:
+def test_session_outlives_mailbox(orders: dict[str, FinderOrder]) -> None:
+    with ExitStack() as stack:
+        other = stack.enter_context(Internet())
         other.start_relay()
         mailbox = other.start_mailbox()
-        ends = meet(other.home(CONE), other.home(CONE))
+        waiting = stack.enter_context(DaemonEnd(orders["slave"], other.home(CONE).prefix))
+        ends = stack.enter_context(DaemonEnd(orders["master"], other.home(CONE).prefix)), waiting
         assert exchanges(ends)
         mailbox.stop()
         at = monotonic()
