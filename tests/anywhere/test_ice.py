@@ -82,7 +82,7 @@ class StandIn:
         self.calls += 1
         return Answer(tuple(offered))
 
-    async def prepare(self, count: int, *, controlling: bool) -> list[Any]:
+    async def prepare(self, count: int, *, controlling: bool, patience: float) -> list[Any]:
         return [SimpleNamespace(description=Description("u", "p", ()))] * count
 
     async def use(self, *_: object) -> None: ...

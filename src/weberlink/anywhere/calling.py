@@ -28,6 +28,9 @@ TRIES = 2
 """Calls before the first path, where the second one may do better."""
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between calls that come to nothing; the last one again and again."""
+QUICK_TRIES, QUICK_S = 2, 1.0
+"""Once there was a session, calls that are given up when no server answers so soon. Where the outage is, or that of the
+relay, a call that waits longer comes to nothing, and keeps the next one waiting."""
 SESSION_S = 2.0
 """For the first session, once there is a path: twenty HELLOs (weberlink.protocol.dialer)."""
 LACK_S = 15.0
@@ -161,10 +164,14 @@ class Calling:
         Raises:
             Refused, NoPath, PeerAbsent, MailboxUnreachable: the message is one line for a person.
         """
-        attempts = await self._paths.prepare(self._order.paths, controlling=True)
+        is_quick = self._was_engaged and self._fruitless < QUICK_TRIES
+        patience = QUICK_S if is_quick else ice.GATHER_S
+        attempts = await self._paths.prepare(self._order.paths, controlling=True, patience=patience)
         left = list(attempts)
         try:
             offered = [attempt.description for attempt in attempts]
+            if is_quick and self._paths.servers.asked and not any(map(ice.reaches_server, offered)):
+                raise await why_none(self._peer.label, self._paths.servers, offered, tuple(offered))
             reply = await self._caller.call(offered, self._order.take_over and not self._was_engaged, CALL_S)
             if isinstance(reply, Busy):
                 raise Refused(f"{self._peer.label} serves {reply.serves} now; --take-over replaces it")

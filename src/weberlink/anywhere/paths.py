@@ -110,8 +110,11 @@ class Paths:
         """Tell the daemon one line for a person."""
         self._tell(PathNews(peer, text, is_final))
 
-    async def prepare(self, count: int, *, controlling: bool) -> list[ice.PathAttempt]:
+    async def prepare(self, count: int, *, controlling: bool, patience: float = ice.GATHER_S) -> list[ice.PathAttempt]:
         """Begin to find so many paths: own addresses are known afterwards.
+
+        Args:
+            patience: for the servers [s].
 
         Raises:
             NoPath: this host is not connected.
@@ -123,7 +126,7 @@ class Paths:
             for place in range(count)
         ]
         try:
-            await asyncio.gather(*(attempt.gather() for attempt in attempts))
+            await asyncio.gather(*(attempt.gather(patience) for attempt in attempts))
         except BaseException:
             await self.drop(attempts)
             raise
