@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 
 from weberlink.anywhere.order import FinderOrder
 from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, SessionState, StunReceived
+from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
 from weberlink.protocol.aio.paths import REPLACED_S
 
 PERIOD_S = 1e-3
@@ -91,6 +91,10 @@ class DaemonEnd:
         """Until so many more have arrived."""
         before = len(self.arrived)
         self.wait(lambda: len(self.arrived) >= before + count)
+
+    def tell_silent(self, number: int) -> None:
+        """Say that nothing comes on a path."""
+        assert hand_over.send(self._end, PathSilent(number))
 
     def missed(self, first: int, last: int) -> int:
         """How many of these numbers arrived by no path."""
