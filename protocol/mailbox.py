@@ -31,6 +31,8 @@ class Statistics:
     heartbeats: int = 0
     lost: int = 0
     """Datagrams of the peer that never came, from gaps in its sequence numbers."""
+    copies: int = 0
+    """Datagrams of the peer that had come by another of several paths already; neither received nor dropped."""
     overflowed: int = 0
     """Datagrams of ours that the owner did not fetch in time."""
     dropped: Counter[DropReason] = field(default_factory=Counter)

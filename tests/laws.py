@@ -1,10 +1,19 @@
 """What must hold in a trial that runs as a program."""
 
 import sys
+from textwrap import wrap
+
+INDENT = " " * 7
+"""Under a law, behind its "ok" or "BROKEN"."""
+
+
+COLUMNS = 80
 
 
 def write(line: str = "") -> None:
-    sys.stdout.write(f"{line}\n")
+    """Print a line; a longer one than the terminal is wide goes on below."""
+    told = line if len(line) <= COLUMNS else "\n".join(wrap(line, COLUMNS, subsequent_indent=INDENT))
+    sys.stdout.write(f"{told}\n")
     sys.stdout.flush()
 
 

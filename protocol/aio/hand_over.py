@@ -75,6 +75,12 @@ class StunReceived(NamedTuple):
     data: bytes
 
 
+class PathSilent(NamedTuple):
+    """Daemon to finder: nothing comes on this path, while its peer is heard on another one."""
+
+    number: int
+
+
 class SessionState(NamedTuple):
     """Daemon to finder: how the session with a peer is now (`ENGAGED`, `SILENT` or `GONE`)."""
 
@@ -82,8 +88,8 @@ class SessionState(NamedTuple):
     state: str
 
 
-Message = PathFound | PathLost | PathNews | StunReceived | SessionState
-_KINDS: tuple[type[Any], ...] = (PathFound, PathLost, PathNews, StunReceived, SessionState)
+Message = PathFound | PathLost | PathNews | StunReceived | SessionState | PathSilent
+_KINDS: tuple[type[Any], ...] = (PathFound, PathLost, PathNews, StunReceived, SessionState, PathSilent)
 
 
 class PathFacts(NamedTuple):

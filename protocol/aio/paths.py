@@ -1,8 +1,8 @@
 """The datagrams of an endpoint on paths that another process finds, and hands over as sockets (`hand_over`).
 
 A peer has one address in the endpoint, whatever paths lead to it. What is sent there goes out on all of them, and the
-replay protection of the session drops the copies that arrive. A path that another one replaces carries copies for a
-short while longer, because the two ends change at different moments.
+endpoint is given the first copy that arrives. A path that another one replaces carries copies for a short while longer,
+because the two ends change at different moments.
 """
 
 import socket
@@ -10,7 +10,15 @@ from collections.abc import Callable
 from typing import Final
 
 from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFacts, PathFound, PathLost, PathNews, SessionState, StunReceived
+from weberlink.protocol.aio.hand_over import (
+    PathFacts,
+    PathFound,
+    PathLost,
+    PathNews,
+    PathSilent,
+    SessionState,
+    StunReceived,
+)
 from weberlink.protocol.aio.queue import WorkBudget
 from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE, Carrier, GuardedSocket, Wake, numeric
 from weberlink.protocol.endpoint import Endpoint
@@ -19,6 +27,11 @@ from weberlink.protocol.states import Role, State
 
 REPLACED_S: Final = 1.0
 """How long a path goes on carrying copies after it was replaced [s]."""
+SILENT_S: Final = 2.0
+"""A path on which nothing came for so long, while the peer was heard on another one, is to be found again [s]."""
+REMEMBERED: Final = 512
+"""Datagrams that are recognized when they come again by another path: those of 0.5 s at 1000/s. A copy that is later
+still is dropped by the replay protection of the session."""
 LONGEST_STUN: Final = 1500
 """Longest STUN message that is passed on [bytes]; it fits one packet (RFC 8489 section 6.1)."""
 STUN_S, STUN_BURST_S = 1e-3, 2e-2
@@ -48,6 +61,7 @@ class FoundPath:
         remote: where to send to.
         is_replaced: whether another path has taken its place.
         is_open: until `close`.
+        missing_since: when the peer was heard on another path first after this one [s]; None if it was not.
     """
 
     def __init__(self, found: PathFound, bound: socket.socket, owner: "FoundPaths", wake: Wake, dscp: int) -> None:
@@ -55,6 +69,7 @@ class FoundPath:
         self.address = hand_over.address_of(found.peer)
         self.is_replaced = False
         self.is_open = True
+        self.missing_since: float | None = None
         self._owner = owner
         self._channel = b"" if found.channel is None else found.channel.to_bytes(2, "big")
         self._budgets = [WorkBudget(share, STUN_BURST_S, wake.now()) for share in (STRANGER_SHARE, PEER_SHARE)]
@@ -94,12 +109,12 @@ class FoundPath:
             self._pass_on(data, source, now)
         elif not is_relayed:
             if source == self.remote:
-                self._owner.take(data, self.address, now)
+                self._owner.take(data, now, self)
             else:
                 self._owner.take_from_elsewhere(data, source, now, self)
         elif source == self.remote and data[:2] == self._channel:
             length = int.from_bytes(data[2:_HEADER], "big")
-            self._owner.take(data[_HEADER : _HEADER + length], self.address, now)
+            self._owner.take(data[_HEADER : _HEADER + length], now, self)
 
     def _pass_on(self, data: bytes, source: Address, now: float) -> None:
         """Return a STUN message to the finder, or drop it if there were too many."""
@@ -129,6 +144,7 @@ class FoundPaths(Carrier):
         self._all: tuple[FoundPath, ...] = ()
         self._ways: dict[Address, tuple[FoundPath, ...]] = {}
         self._moved: dict[Address, FoundPath] = {}
+        self._arrived: dict[bytes, FoundPath] = {}
         self._counts: dict[tuple[str, int], int] = {}
         self._told = ("", "")
         self._shown = "" if endpoint.peer is None else endpoint.peer[0]
@@ -156,9 +172,34 @@ class FoundPaths(Carrier):
             was_any = path.read() or was_any
         return was_any
 
-    def take(self, data: bytes, address: Address, now: float) -> None:
-        """Take a datagram that came on a path."""
-        self._endpoint.receive_datagram(data, address, now)
+    def take(self, data: bytes, now: float, path: FoundPath) -> None:
+        """Take a datagram that came on a path, unless it came on another one before."""
+        ways = self._ways.get(path.address, ())
+        if len(ways) > 1:
+            self._watch(ways, path, now)
+        if self._is_copy(data, path):
+            self._endpoint.statistics.copies += 1
+        else:
+            self._endpoint.receive_datagram(data, path.address, now)
+
+    def _is_copy(self, data: bytes, path: FoundPath) -> bool:
+        """Whether the same bytes came by another path; by the same one, they are a replay that the endpoint counts."""
+        arrived = self._arrived
+        first = arrived.setdefault(data, path)
+        if len(arrived) > REMEMBERED:
+            del arrived[next(iter(arrived))]
+        return first is not path
+
+    def _watch(self, ways: tuple[FoundPath, ...], heard: FoundPath, now: float) -> None:
+        """Tell the finder of a path on which nothing comes any more; again, while it lasts."""
+        for path in ways:
+            if path is heard:
+                path.missing_since = None
+            elif path.missing_since is None:
+                path.missing_since = now
+            elif now - path.missing_since > SILENT_S:
+                path.missing_since = now
+                self.tell_finder(PathSilent(path.found.number))
 
     def take_from_elsewhere(self, data: bytes, source: Address, now: float, path: FoundPath) -> None:
         """Take a datagram that came to the socket of a path from outside it, such as through a new mapping of a NAT.
@@ -196,6 +237,8 @@ class FoundPaths(Carrier):
             if name:
                 self.tell_finder(SessionState(name, word))
             self._told = name, word
+            for path in self._all:
+                path.missing_since = None
         if word:
             self._had_session = True
             self._shown = name
@@ -215,7 +258,7 @@ class FoundPaths(Carrier):
 
     # --- the finder
 
-    def tell_finder(self, message: StunReceived | SessionState) -> None:
+    def tell_finder(self, message: StunReceived | SessionState | PathSilent) -> None:
         """Send a message; one for which there is no room is lost, as a datagram would be."""
         if self._finds:
             hand_over.send(self._finder, message)

@@ -14,7 +14,8 @@ from typing import NamedTuple, Self
 
 from weberlink.anywhere.order import FinderOrder
 from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, SessionState, StunReceived
+from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
+from weberlink.protocol.aio.paths import REPLACED_S
 
 PERIOD_S = 1e-3
 SILENCE_S = 0.1
@@ -50,6 +51,7 @@ class DaemonEnd:
             )
         self._end.setblocking(False)
         self._sockets: dict[int, socket.socket] = {}
+        self._replaced: list[tuple[float, int, PathFound]] = []
         self.paths: dict[int, PathFound] = {}
         self.found: list[tuple[float, PathFound]] = []
         self.lost: list[PathLost] = []
@@ -90,6 +92,10 @@ class DaemonEnd:
         before = len(self.arrived)
         self.wait(lambda: len(self.arrived) >= before + count)
 
+    def tell_silent(self, number: int) -> None:
+        """Say that nothing comes on a path."""
+        assert hand_over.send(self._end, PathSilent(number))
+
     def missed(self, first: int, last: int) -> int:
         """How many of these numbers arrived by no path."""
         return len(set(range(first, last)) - {arrived.sequence for arrived in self.arrived})
@@ -121,7 +127,7 @@ class DaemonEnd:
             assert carried is not None
             for number, path in list(self.paths.items()):
                 if (path.peer, path.place) == (message.peer, message.place):
-                    self._drop(number)
+                    self._replaced.append((monotonic() + REPLACED_S, number, self.paths.pop(number)))
             self.paths[message.number], self._sockets[message.number] = message, carried
             self.found.append((monotonic(), message))
         elif isinstance(message, PathLost):
@@ -132,11 +138,18 @@ class DaemonEnd:
         return True
 
     def _drop(self, number: int) -> None:
-        if self.paths.pop(number, None) is not None:
+        self.paths.pop(number, None)
+        self._replaced = [entry for entry in self._replaced if entry[1] != number]
+        if number in self._sockets:
             self._sockets.pop(number).close()
 
+    @property
+    def _carrying(self) -> dict[int, PathFound]:
+        """Paths in use, and those that were replaced a short while ago."""
+        return {number: path for _, number, path in self._replaced} | self.paths
+
     def _read(self, number: int, carried: socket.socket) -> None:
-        channel = self.paths[number].channel
+        channel = self._carrying[number].channel
         while True:
             try:
                 data, source = carried.recvfrom(2048)
@@ -154,7 +167,10 @@ class DaemonEnd:
     def _tick(self) -> None:
         now = monotonic()
         data = _FORM.pack(b"W", self.sent, now)
-        for number, path in self.paths.items():
+        for until, number, _ in self._replaced:
+            if now > until:
+                self._drop(number)
+        for number, path in self._carrying.items():
             frame = data if path.channel is None else _CHANNEL.pack(path.channel, len(data)) + data
             with suppress(OSError):
                 self._sockets[number].sendto(frame, path.remote)

@@ -110,7 +110,7 @@ def is_one_clear_line(met: Meeting) -> bool:
 
 def tell(robot: str, operator: str, met: Meeting) -> None:
     if met.engaged_s is None:
-        write(f"{robot:10} {operator:10} {'none':8} {'-':>9}\n           {met.line}")
+        write(f"{robot:10} {operator:10} {'none':8} {'-':>9}")
     else:
         figures = f"{met.engaged_s:9.2f} {met.started_s:7.2f} {met.rtt_ms:7.2f} {met.jitter_ms:9.2f}"
         write(f"{robot:10} {operator:10} {met.route:8} {figures}")

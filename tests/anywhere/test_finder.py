@@ -14,6 +14,7 @@ from tests.anywhere.namespaces import SERVER_NAME, needs_testbed
 from tests.anywhere.testbed import BLOCKED, CONE, NONE, SECRET, SYMMETRIC, Home, Internet
 from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerStore
+from weberlink.protocol.aio.hand_over import PathLost
 
 pytestmark = [needs_testbed, pytest.mark.realtime]
 RELAY = "our relay"
@@ -162,11 +163,31 @@ def test_one_of_two_paths_cut_loses_no_datagram(internet: Internet, meet: Meet) 
 
 
 @pytest.mark.hunt
-def test_session_outlives_mailbox(internet: Internet, meet: Meet) -> None:
-    with Internet() as other:
+def test_silent_one_of_two_paths_is_found_again(internet: Internet, meet: Meet) -> None:
+    home = internet.home(CONE, second=SYMMETRIC)
+    ends = meet(home, internet.home(CONE), 2)
+    for end in ends:
+        end.wait_for_path(2)
+    assert exchanges(ends)
+    home.first.set_silent(True)
+    for end in ends:
+        (silent,) = (number for number, path in end.paths.items() if path.place == 0)
+        end.tell_silent(silent)
+        end.wait(lambda end=end, silent=silent: PathLost(silent) in end.lost)  # type: ignore[misc]
+    home.first.set_silent(False)
+    for end in ends:
+        end.wait(lambda end=end: {path.place for path in end.paths.values()} == {0, 1})  # type: ignore[misc]
+    assert exchanges(ends, 1000)
+
+
+@pytest.mark.hunt
+def test_session_outlives_mailbox(orders: dict[str, FinderOrder]) -> None:
+    with ExitStack() as stack:
+        other = stack.enter_context(Internet())
         other.start_relay()
         mailbox = other.start_mailbox()
-        ends = meet(other.home(CONE), other.home(CONE))
+        waiting = stack.enter_context(DaemonEnd(orders["slave"], other.home(CONE).prefix))
+        ends = stack.enter_context(DaemonEnd(orders["master"], other.home(CONE).prefix)), waiting
         assert exchanges(ends)
         mailbox.stop()
         at = monotonic()

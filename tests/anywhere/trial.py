@@ -112,16 +112,15 @@ def main() -> int:
     try:
         for name in chosen:
             if name in FAULTS and "heading" not in found:
-                write(
-                    f"\n{'in contact':32} {'N':>5} {'away ms':>7} {'back':>6} {'force':>6} {'robot':>6} {'step N':>6}"
-                )
+                write(f"\n{HEADING}")
                 found["heading"] = True
             found[name] = run(name, laws)
     except KeyboardInterrupt:
         write("interrupted; all is cleaned up")
         return 130
     found.pop("heading", None)
-    write(f"\n{len(laws.broken)} broken\n{footer(environment())}")
+    write(f"\n{len(laws.broken)} broken")
+    write(footer(environment()))
     if arguments.json is not None:
         document = {"environment": environment(), "rows": found, "broken": laws.broken}
         arguments.json.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")

@@ -213,6 +213,14 @@ def test_run_without_records_tells_the_address_too() -> None:
     assert "in 2.0 s at 10.0.0.2:47000: is it running there" in verdict(summary).line
 
 
+def test_reason_for_no_path_is_told_once() -> None:
+    summary = clean() | {"outcome": "failed: no path to robot: UDP is blocked"}
+    summary["paths"] = {"master": [{"route": "", "note": "no path to robot: UDP is blocked"}]}
+    put(summary, "connection.master.ended", "waiting")
+    put(summary, "connection.master.waited_s", 8.0)
+    assert verdict(summary).line.count("no path to robot") == 1
+
+
 def test_running_master_waits_longer_for_an_answer() -> None:
     summary = clean()
     put(summary, "connection.master.ended", "waiting")

@@ -28,6 +28,13 @@ TRIES = 2
 """Calls before the first path, where the second one may do better."""
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 """Between calls that come to nothing; the last one again and again."""
+QUICK_TRIES, QUICK_S = 2, 1.0
+"""Once there was a session, calls that are given up when no server answers so soon. Where the outage is, or that of the
+relay, a call that waits longer comes to nothing, and keeps the next one waiting."""
+SESSION_S = 2.0
+"""For the first session, once there is a path: twenty HELLOs (weberlink.protocol.dialer)."""
+LACK_S = 15.0
+"""Between calls, while a session lives on fewer paths than it could have."""
 
 
 class Refused(Exception):  # noqa: N818 - the condition is the name
@@ -50,6 +57,7 @@ class Calling:
         self._caller = caller
         self._paths = paths
         self._was_found = False
+        self._expected = 0
         self._fruitless = 0
         self._changed = asyncio.Event()
         self._was_engaged = False
@@ -85,19 +93,26 @@ class Calling:
         self._changed.set()
 
     async def _wait_for_reason(self) -> None:
-        """Return when another path is needed; also, at growing intervals, if the session does not come back."""
+        """Return when another path is needed; also, after a while, without a session or with too few paths."""
         while not self._reason.is_set():
-            pause = self._pause + SILENCE_S if self._is_down else None
+            patience = self._patience
             try:
-                await asyncio.wait_for(self._reason.wait(), pause)
+                await asyncio.wait_for(self._reason.wait(), patience)
             except TimeoutError:
-                if self._is_down:
+                if self._patience == patience:
                     break
         self._fruitless = self._fruitless + 1 if self._is_down else 0
 
     @property
     def _is_down(self) -> bool:
-        return self._was_engaged and self._paths.sessions.get(self._peer.name) != ENGAGED
+        return self._paths.sessions.get(self._peer.name) != ENGAGED
+
+    @property
+    def _patience(self) -> float | None:
+        """How long to wait for a reason before calling again without one [s]; None for ever."""
+        if self._is_down:
+            return self._pause + (SILENCE_S if self._was_engaged else SESSION_S)
+        return LACK_S if self._paths.count(self._peer.name) < self._expected else None
 
     @property
     def _pause(self) -> float:
@@ -149,10 +164,14 @@ class Calling:
         Raises:
             Refused, NoPath, PeerAbsent, MailboxUnreachable: the message is one line for a person.
         """
-        attempts = await self._paths.prepare(self._order.paths, controlling=True)
+        is_quick = self._was_engaged and self._fruitless < QUICK_TRIES
+        patience = QUICK_S if is_quick else ice.GATHER_S
+        attempts = await self._paths.prepare(self._order.paths, controlling=True, patience=patience)
         left = list(attempts)
         try:
             offered = [attempt.description for attempt in attempts]
+            if is_quick and self._paths.servers.asked and not any(map(ice.reaches_server, offered)):
+                raise await why_none(self._peer.label, self._paths.servers, offered, tuple(offered))
             reply = await self._caller.call(offered, self._order.take_over and not self._was_engaged, CALL_S)
             if isinstance(reply, Busy):
                 raise Refused(f"{self._peer.label} serves {reply.serves} now; --take-over replaces it")
@@ -163,6 +182,7 @@ class Calling:
                 for place, (attempt, remote) in enumerate(zip(attempts, reply.paths, strict=False))
             ]
             del left[: len(uses)]
+            self._expected = len(uses)
             results = await asyncio.gather(*uses, return_exceptions=True)
         finally:
             await self._paths.drop(left)

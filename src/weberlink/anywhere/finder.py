@@ -60,6 +60,8 @@ class DaemonEnd:
                 while (received := self._receive()) is not None:
                     if isinstance(received, hand_over.StunReceived):
                         paths.deliver(received)
+                    elif isinstance(received, hand_over.PathSilent):
+                        paths.give_up(received.number)
                     elif isinstance(received, hand_over.SessionState):
                         policy.hear(received)
                 asyncio.get_running_loop().remove_reader(self._end)

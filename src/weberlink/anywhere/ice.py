@@ -77,9 +77,10 @@ class PathAttempt:
         self.description = Description(self._connection.local_username, self._connection.local_password, ())
         """Of this end; its candidates are known after `gather`."""
 
-    async def gather(self) -> Description:
-        """Open sockets, and ask the servers for addresses outside."""
+    async def gather(self, patience: float = GATHER_S) -> Description:
+        """Open sockets, and ask the servers for addresses outside; wait no longer for them than `patience` [s]."""
         BINDING.set(self._binding)
+        self._connection.patience = patience
         await self._connection.gather_candidates()
         for transport in self._binding.sockets:
             protocol: asyncio.DatagramProtocol | None = transport.protocol
@@ -178,7 +179,11 @@ class _Connection(aioice.Connection):
             turn_username=servers.user,
             turn_password=servers.password,
         )
+        # Nominate one pair that works (RFC 8445 section 8.1.1), as aioice does towards such a peer; otherwise it
+        # nominates every pair that it checks, and the two ends may take different ones.
+        self.remote_is_lite = True
         self._addresses = addresses
+        self.patience: float = GATHER_S
         self.chosen = asyncio.Event()
         self._repeated: set[CandidatePair] = set()
         """Pairs whose check had its delay, or its repetition."""
@@ -192,9 +197,9 @@ class _Connection(aioice.Connection):
         self,
         component: int,
         addresses: list[str],  # noqa: ARG002 - ours are those of the binding
-        timeout: int = GATHER_S,
+        timeout: int = 0,  # noqa: ARG002 - ours is `patience`
     ) -> list[aioice.Candidate]:
-        return await super().get_component_candidates(component, list(self._addresses), timeout)
+        return await super().get_component_candidates(component, list(self._addresses), self.patience)  # type: ignore[arg-type]
 
     def check_complete(self, pair: CandidatePair) -> None:
         super().check_complete(pair)

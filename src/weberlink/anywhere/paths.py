@@ -110,8 +110,11 @@ class Paths:
         """Tell the daemon one line for a person."""
         self._tell(PathNews(peer, text, is_final))
 
-    async def prepare(self, count: int, *, controlling: bool) -> list[ice.PathAttempt]:
+    async def prepare(self, count: int, *, controlling: bool, patience: float = ice.GATHER_S) -> list[ice.PathAttempt]:
         """Begin to find so many paths: own addresses are known afterwards.
+
+        Args:
+            patience: for the servers [s].
 
         Raises:
             NoPath: this host is not connected.
@@ -123,7 +126,7 @@ class Paths:
             for place in range(count)
         ]
         try:
-            await asyncio.gather(*(attempt.gather() for attempt in attempts))
+            await asyncio.gather(*(attempt.gather(patience) for attempt in attempts))
         except BaseException:
             await self.drop(attempts)
             raise
@@ -175,6 +178,12 @@ class Paths:
         if (path := self._open.get(received.number)) is not None:
             path.found.socket.deliver(received.data, (received.source[0], received.source[1]))
 
+    def give_up(self, number: int) -> None:
+        """End a path on which nothing comes any more; one that another has replaced ends by itself."""
+        if number in self._places.values():
+            self._open[number].following.cancel()
+            self._end(number)
+
     def count(self, peer: str) -> int:
         """How many paths to a peer are in use."""
         return sum(name == peer for name, _ in self._places)
@@ -191,6 +200,9 @@ class Paths:
 
     async def _follow(self, number: int, attempt: ice.PathAttempt) -> None:
         await attempt.ended()
+        self._end(number)
+
+    def _end(self, number: int) -> None:
         path = self._open.pop(number)
         # A session that lives on its only path is consent enough, and was challenged there if an address has changed
         # (weberlink.protocol.path); it keeps the path until ICE has found another one.
@@ -198,7 +210,7 @@ class Paths:
             self._tell(PathLost(number))
         for key in [key for key, value in self._places.items() if value == number]:
             del self._places[key]
-        self._later(attempt.close())
+        self._later(path.attempt.close())
         self.lost()
 
     def _retire(self, number: int) -> None:

@@ -160,10 +160,16 @@ def _never(summary: Mapping[str, Any], side: str, waited: float) -> Iterator[Cau
         yield Cause(FAILURE, "key", f"{caller} did not prove the key: are the keys the same on both hosts?")
     elif refusal or faults.get("refused"):
         yield Cause(FAILURE, "refused", f"refused: {refusal}" if refusal else "a call was refused")
-    elif waited > limit and side == MASTER:
+    elif waited > limit and side == MASTER and not _is_told(summary):
         yield Cause(FAILURE, "no_answer", _unanswered(summary, f"the slave did not answer in {waited:.1f} s"))
     elif waited > limit and summary["connection"].get(MASTER) is None:
         yield Cause(DEGRADED, "no_call", f"no master called in {waited:.1f} s")
+
+
+def _is_told(summary: Mapping[str, Any]) -> bool:
+    """Whether the outcome itself says why there was no path."""
+    note = finding(summary.get("paths", {}).get(MASTER, ()))
+    return bool(note) and note in str(summary.get("outcome"))
 
 
 def _unanswered(summary: Mapping[str, Any], text: str) -> str:

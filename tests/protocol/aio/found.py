@@ -81,6 +81,7 @@ class Middle:
 
     Attributes:
         towards: the address to which each end sends, master first.
+        is_repeating: whether every datagram is forwarded twice.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -88,6 +89,7 @@ class Middle:
         self._ports = [self._port(0), self._port(1)]
         self._ends: list[Address | None] = [None, None]
         self.is_up = True
+        self.is_repeating = False
 
     @property
     def towards(self) -> tuple[Address, Address]:
@@ -117,7 +119,8 @@ class Middle:
             return
         target = self._ends[1 - index]
         if self.is_up and target is not None:
-            self._ports[1 - index].sendto(data, target)
+            for _ in range(1 + self.is_repeating):
+                self._ports[1 - index].sendto(data, target)
 
     def close(self) -> None:
         for port in self._ports:

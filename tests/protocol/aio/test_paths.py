@@ -22,8 +22,8 @@ from tests.protocol.aio.found import (
 from tests.protocol.harness import sample_update
 from weberlink.protocol import Connected, PeerSilent, Role, State
 from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, SessionState, StunReceived
-from weberlink.protocol.aio.paths import FINDER_ENDED, STUN_BURST_S, STUN_S
+from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
+from weberlink.protocol.aio.paths import FINDER_ENDED, SILENT_S, STUN_BURST_S, STUN_S
 from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE
 from weberlink.protocol.events import DropReason
 
@@ -131,7 +131,8 @@ async def test_ends_that_change_paths_apart_lose_nothing(
     await send_ticks(master, 1, 100, replace)
     await all_arrived(slave, 100)
     assert master.of(PeerSilent) == slave.of(PeerSilent) == []
-    assert slave.endpoint.statistics.dropped[DropReason.REPLAYED] > 0
+    assert slave.endpoint.statistics.copies > 0
+    assert slave.endpoint.statistics.dropped[DropReason.REPLAYED] == 0
 
 
 @live
@@ -150,6 +151,48 @@ async def test_one_of_two_paths_cut_misses_no_update(loop: asyncio.AbstractEvent
         await all_arrived(slave, 100)
         assert master.of(PeerSilent) == slave.of(PeerSilent) == []
         assert [facts.place for facts in slave.shell.paths] == [0, 1]
+        statistics = slave.endpoint.statistics
+        assert statistics.copies > 30
+        assert statistics.dropped[DropReason.REPLAYED] == 0
+    finally:
+        for middle in middles:
+            middle.close()
+
+
+@live
+async def test_datagram_replayed_on_its_own_path_is_dropped(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    middles = Middle(loop), Middle(loop)
+    try:
+        for place, middle in enumerate(middles):
+            connect(master, slave, place + 1, place, middle)
+        await engage(master, slave)
+        middles[0].is_repeating = True
+        await send_ticks(master, 1, 50)
+        await all_arrived(slave, 50)
+        assert slave.endpoint.statistics.dropped[DropReason.REPLAYED] > 0
+    finally:
+        for middle in middles:
+            middle.close()
+
+
+@live
+async def test_finder_is_told_of_one_silent_path(loop: asyncio.AbstractEventLoop, master: End, slave: End) -> None:
+    middles = Middle(loop), Middle(loop)
+    try:
+        for place, middle in enumerate(middles):
+            connect(master, slave, place + 1, place, middle)
+        await engage(master, slave)
+        await until(lambda: len(master.shell.paths) == len(slave.shell.paths) == 2)
+        middles[1].is_up = False
+        began = monotonic()
+        for end in (master, slave):
+            told: list[hand_over.Message] = []
+            await until(lambda end=end, told=told: told.extend(end.told()) or PathSilent(2) in told)  # type: ignore[misc]
+            assert PathSilent(1) not in told
+        assert monotonic() - began > SILENT_S - 0.1
+        assert master.endpoint.state is slave.endpoint.state is State.ENGAGED
     finally:
         for middle in middles:
             middle.close()
