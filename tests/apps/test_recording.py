@@ -255,6 +255,7 @@ class TestOfALiveSession:
             assert numbers(found[key]) == pytest.approx(numbers(summary[key]), rel=1e-9, nan_ok=True), key
         assert found["energy"] == pytest.approx(summary["energy"], rel=1e-9, abs=1e-12)
 
+    @pytest.mark.hunt
     def test_a_recorder_that_is_killed_costs_the_recording_alone(self, tmp_path):
         path = tmp_path / "live.mcap"
         with Program("loopback", "--record", path, "--json", "-") as program:

@@ -317,18 +317,21 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Reports:
         return {done: row for reports in pool.map(made, LIVE) for done, row in reports.items()}
 
 
+@pytest.mark.hunt
 @pytest.mark.realtime(alone=True)
 def test_every_live_row_of_the_page_is_made(live: Reports) -> None:
     assert [row.line for row in live.values() if row.status == -1] == []
     assert sorted(live.items()) == sorted((done, live.get(done)) for done in LIVE_ROWS)
 
 
+@pytest.mark.hunt
 @pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("done", LIVE_ROWS)
 def test_live_report_is_as_written(done: str, live: Reports) -> None:
     same(live[done], ROWS[done])
 
 
+@pytest.mark.hunt
 @pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("side", ["master", "slave"])
 def test_another_key_is_told_at_once_on_both_sides(side: str, live: Reports) -> None:

@@ -15,7 +15,7 @@ from tests.system.processes import Telemetry
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
-pytestmark = pytest.mark.realtime(alone=True)
+pytestmark = [pytest.mark.realtime(alone=True), pytest.mark.hunt]
 
 CENTER, RADIUS, STIFFNESS = np.array((0.0, 0.0, -0.025)), 0.04, 1500.0
 """The dome of configs/try.yaml."""

@@ -15,6 +15,7 @@ from weberlink.telemetry.recording.reader import read_recording
 
 
 @pytest.mark.realtime(alone=True)
+@pytest.mark.hunt
 def test_a_rigid_wall_is_felt_as_in_virtual_time(tmp_path: Path) -> None:
     """1e5 N/m, 50 ms each way."""
     cell = SystemCell("live", "mmt", stiffness_n_m=1e5, round_trip_s=0.1)
