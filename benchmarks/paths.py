@@ -27,7 +27,8 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError
 from benchmarks.live_run import live_run
 from benchmarks.live_side import LiveSide
 from benchmarks.percentiles import Series, Summary, ratios, summary
-from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerStore
+from weberlink.anywhere.peers import Peer, PeerStore
+from weberlink.protocol.keys import KEY_BYTES
 from weberlink.system.configuration import SIDES
 from weberlink.system.environment import environment, footer
 

@@ -42,12 +42,13 @@ def load(path: Path) -> bytes:
     return _parse(read_private(path, f"`weberlink keygen {path}` makes a key"), path)
 
 
-def read_private(path: Path, advice: str) -> bytes:
-    """The first `_LONGEST_FILE` bytes of a file that only its owner may read.
+def read_private(path: Path, advice: str, longest: int = _LONGEST_FILE) -> bytes:
+    """The content of a file that only its owner may read.
 
     Args:
         path: of the file.
         advice: what to do if it is missing.
+        longest: how much is read [bytes].
 
     Raises:
         KeyFileError: if the file is missing, a symbolic link, or of another user than this one or root, or open to
@@ -60,15 +61,15 @@ def read_private(path: Path, advice: str) -> bytes:
         raise KeyFileError(f"{path} does not exist; {advice}") from None
     except OSError as problem:
         if problem.errno == errno.ELOOP:
-            raise KeyFileError(f"{path} is a symbolic link; name the key file itself") from None
+            raise KeyFileError(f"{path} is a symbolic link; name the file itself") from None
         raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
     try:
-        return _read(descriptor, path)
+        return _read(descriptor, path, longest)
     finally:
         os.close(descriptor)
 
 
-def _read(descriptor: int, path: Path) -> bytes:
+def _read(descriptor: int, path: Path, longest: int) -> bytes:
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
         raise KeyFileError(f"{path} is not a file")
@@ -78,7 +79,7 @@ def _read(descriptor: int, path: Path) -> bytes:
     if status.st_mode & 0o077:
         mode = stat.S_IMODE(status.st_mode)
         raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
-    return os.read(descriptor, _LONGEST_FILE)
+    return os.read(descriptor, longest)
 
 
 def _parse(content: bytes, path: Path) -> bytes:

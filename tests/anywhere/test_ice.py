@@ -12,10 +12,11 @@ from aioice import stun
 from weberlink.anywhere import ice
 from weberlink.anywhere.calling import SESSION_S, Calling
 from weberlink.anywhere.order import FinderOrder
-from weberlink.anywhere.peers import KEY_BYTES, Peer
+from weberlink.anywhere.peers import Peer
 from weberlink.anywhere.signalling import Answer, Description
 from weberlink.anywhere.sockets import Binding, SocketLoop
 from weberlink.protocol.aio.hand_over import ENGAGED, SessionState
+from weberlink.protocol.keys import KEY_BYTES
 
 TWO_WAYS = {"127.0.0.1": "lo", "::1": "lo"}
 LOST = 3

@@ -71,7 +71,7 @@ def test_other_contents_are_no_key(tmp_path: Path, content: bytes, message: str)
 def test_a_link_to_a_key_is_no_key(tmp_path: Path) -> None:
     generate(tmp_path / "key")
     (tmp_path / "link").symlink_to(tmp_path / "key")
-    with pytest.raises(KeyFileError, match="link is a symbolic link; name the key file itself"):
+    with pytest.raises(KeyFileError, match="link is a symbolic link; name the file itself"):
         load(tmp_path / "link")
 
 

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
-from weberlink.anywhere.peers import KEY_BYTES
 from weberlink.protocol.handshake import check_name
+from weberlink.protocol.keys import KEY_BYTES
 
 VERSION = 1
 HELLO, CONFIRM, KEPT, REFUSED = "hello", "confirm", "kept", "refused"

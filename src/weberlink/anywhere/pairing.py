@@ -41,7 +41,8 @@ from weberlink.anywhere.introduction import (
     read,
 )
 from weberlink.anywhere.pairing_order import PairingOrder
-from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerError, PeerStore, default_folder
+from weberlink.anywhere.peers import Peer, PeerError, PeerStore, default_folder
+from weberlink.protocol.keys import KEY_BYTES
 
 reactor: Any = _reactor
 APP = "weberlink/pairing/1"

@@ -11,7 +11,8 @@ from pathlib import Path
 from tempfile import mkstemp
 from typing import Literal
 
-KEY_BYTES = 32
+from weberlink.protocol.keys import KEY_BYTES, KeyFileError, read_private
+
 _SUFFIX = ".json"
 _LONGEST_FILE = 4096
 _LONGEST_NAME = 255
@@ -166,16 +167,9 @@ class PeerStore:
 
 def _read(path: Path) -> Peer:
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK)
-        with os.fdopen(descriptor, "rb") as file:
-            status = os.fstat(file.fileno())
-            content = file.read(_LONGEST_FILE)
-    except OSError as problem:
-        raise PeerError(f"{path} cannot be read: {problem.strerror}") from None
-    if status.st_uid not in (0, os.geteuid()):
-        raise PeerError(f"{path} belongs to another user")
-    if status.st_mode & 0o077:
-        raise PeerError(f"{path} is open to other users; run: chmod 600 {path}")
+        content = read_private(path, "pair again", _LONGEST_FILE)
+    except KeyFileError as error:
+        raise PeerError(str(error)) from None
     try:
         fields = json.loads(content)
         peer = Peer(**{**fields, "label": path.name.removesuffix(_SUFFIX), "key": bytes.fromhex(fields["key"])})

@@ -113,11 +113,12 @@ def _known(order: DaemonOrder, configuration: Configuration) -> "Acquaintance | 
 
 def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known: "Acquaintance | None") -> Side:
     link = configuration.system.link
-    name, expects = description.default_name(order.side, link.listen), ""
     if known is not None:
-        name, expects = known.own, known.expects
+        security, name, expects = known.security, known.own, known.expects
+    else:
+        security, name, expects = build_security(configuration), description.default_name(order.side, link.listen), ""
     common: dict[str, Any] = {
-        "security": build_security(configuration),
+        "security": security,
         "entropy": os.urandom,
         "epoch": epoch,
         "stopwatch": perf_counter,

@@ -7,6 +7,7 @@ from weberlink.anywhere.peers import Peer, PeerError, PeerStore
 from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
+from weberlink.realtime.process import forbid_core_dumps
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import split_address
@@ -34,12 +35,13 @@ class Acquaintance(NamedTuple):
 
 
 def acquaintance(configuration: Configuration, side: str) -> Acquaintance:
-    """The peers that the file asks for.
+    """The peers that the file asks for. As there are keys, no core is dumped any more.
 
     Raises:
         ConfigurationError: there is none, or a master has several to choose from, or they know this side by different
             names.
     """
+    forbid_core_dumps()
     link = configuration.system.link
     store = PeerStore(link.peer_store)
     other = SLAVE if side == MASTER else MASTER

@@ -88,7 +88,6 @@ def build_security(configuration: Configuration) -> Security:
     if link.security == "peers" and len(sides) == 1:
         from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
 
-        forbid_core_dumps()
         return acquaintance(configuration, *sides).security
     if link.security == "none":
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
