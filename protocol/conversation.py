@@ -8,6 +8,7 @@ from weberlink.protocol.events import Address, Connected, Event, PathAnswered, P
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Mailbox, Statistics
 from weberlink.protocol.path import Path
+from weberlink.protocol.round_trip import LONGEST
 from weberlink.protocol.sending import Parameters
 from weberlink.protocol.session import LONGEST_SILENCE, Session
 from weberlink.protocol.states import Role, State, Trigger, next_state
@@ -33,6 +34,8 @@ def session_parameters(
     epoch: float,
     tick_period: float,
     silence: float,
+    longest_round_trip: float,
+    opens: bool,
 ) -> Parameters:
     """Check and combine what all sessions of an endpoint have in common; arguments as of `Endpoint`.
 
@@ -43,11 +46,13 @@ def session_parameters(
         raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
     if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
         raise ValueError(f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}")
+    if not 0.0 <= longest_round_trip <= LONGEST:
+        raise ValueError(f"longest_round_trip must be in 0..{LONGEST:g} s, not {longest_round_trip}")
     forward, backward = (
         DirectionLayout(streams, carries_credit=carries_credit, acks=len(others))
         for streams, others in ((outgoing, incoming), (incoming, outgoing))
     )
-    return Parameters(forward, backward, epoch, tick_period, silence)
+    return Parameters(forward, backward, epoch, tick_period, silence, longest_round_trip, opens)
 
 
 class Conversation:
@@ -98,14 +103,14 @@ class Conversation:
 
     @property
     def silent_at(self) -> float:
-        """Time at which the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
+        """Time at which a limit is passed if nothing more is heard [s]; infinite while not engaged."""
         if self._session is None or self.state is not State.ENGAGED:
             return inf
         return self._session.silent_at
 
     def is_peer_encoding(self, now: float) -> bool:
         """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
-        return self.state is State.ENGAGED and now <= self.liveness.encodes_until
+        return self.state is State.ENGAGED and self.liveness.drives(now)
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while unknown. Divided by the tick period: its tick."""
@@ -122,6 +127,11 @@ class Conversation:
     def rtt(self) -> float | None:
         """Round trip of the latest datagrams [s]; None while unknown."""
         return None if self._session is None else self._session.clock.rtt
+
+    @property
+    def round_trip_limit(self) -> float:
+        """Round trip that both ends have agreed on, by which the loop age may exceed the silence limit [s]."""
+        return self.liveness.round_trip
 
     @property
     def jitter(self) -> float:

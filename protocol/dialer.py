@@ -32,6 +32,10 @@ LONGEST_INTERVAL = 0.1
 second a master gets through."""
 OPEN_CALLS = 16
 """HELLOs whose answer is still accepted."""
+TOO_LONG_ANSWERS = 3
+TOO_LONG_AFTER, TOO_LONG_AGAIN_AFTER = 1.0, 30.0
+"""How many answers must have been too late, and for how long [s], until the slave is told that the link is too long:
+before the first session, and after it, when the link was short enough once."""
 
 
 class Answer(NamedTuple):
@@ -41,11 +45,13 @@ class Answer(NamedTuple):
         protection: keys of the session.
         peer_clock: departure of the WELCOME on the peer's clock [s].
         outward_delay: raw delay of the HELLO that it answers, as the peer measured it [s].
+        longest_round_trip: largest one that both ends allow [s].
     """
 
     protection: Protection
     peer_clock: float
     outward_delay: float
+    longest_round_trip: float
 
 
 class Dialer:
@@ -65,7 +71,7 @@ class Dialer:
         *,
         stamp: Callable[[float], int],
         takes_over: bool = False,
-        silence: float = 0.0,
+        patience: float = 0.0,
     ) -> None:
         """Prepare to call.
 
@@ -74,16 +80,20 @@ class Dialer:
             instance: random bytes of this run of it.
             stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
             takes_over: as of the attribute.
-            silence: limit of the session [s], longer than the round trip. Pauses between HELLOs grow from a twentieth
-                to a fifth of it, at least from `FIRST_INTERVAL` to `LONGEST_INTERVAL`, so that the listener still holds
-                the pending session of a HELLO when its answer arrives.
+            patience: largest loop age of a session [s]. Pauses between HELLOs grow from a twentieth to a fifth of it,
+                at least from `FIRST_INTERVAL` to `LONGEST_INTERVAL`, so that the listener still holds the pending
+                session of a HELLO when its answer arrives.
         """
         self._end = end
         self._instance = instance
         self._stamp = stamp
         self._newest = 0
         self._open: OrderedDict[int, Outgoing] = OrderedDict()
-        self._first_interval = self._interval = max(FIRST_INTERVAL, 0.05 * silence)
+        self._first_interval = self._interval = max(FIRST_INTERVAL, 0.05 * patience)
+        self._too_long = inf
+        self._too_long_since = 0.0
+        self._too_long_answers = 0
+        self._has_served = False
         self.expects = end.expects
         self.takes_over = takes_over
         self.due = inf
@@ -102,6 +112,21 @@ class Dialer:
     def confirm(self) -> None:
         """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
         self.takes_over = False
+        self._has_served = True
+        self._too_long, self._too_long_answers = inf, 0
+
+    def find_too_long(self, round_trip: float, now: float) -> None:
+        """Note an answer that took longer than both ends allow [s]; the next HELLOs may tell the slave."""
+        if not self._too_long_answers:
+            self._too_long_since = now
+        self._too_long_answers += 1
+        self._too_long = min(self._too_long, round_trip)
+
+    def _told_too_long(self, now: float) -> float:
+        """The round trip that the slave is told to be too long [s]; 0 if it is not, or not yet."""
+        patience = TOO_LONG_AGAIN_AFTER if self._has_served else TOO_LONG_AFTER
+        is_sure = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= patience
+        return self._too_long if is_sure else 0.0
 
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
@@ -116,6 +141,8 @@ class Dialer:
             self._instance,
             expects=self.expects,
             takes_over=self.takes_over,
+            longest_round_trip_us=round(end.longest_round_trip * 1e6),
+            round_trip_us=round(self._told_too_long(now) * 1e6),
         )
         header = HelloHeader(end.version, identity_of(end.name), self._newest).pack()
         exchange = security.call(header, end.entropy(security.private_size))
@@ -166,4 +193,5 @@ class Dialer:
         if self.expects and welcome.name != self.expects:
             return unexpected_slave(self.expects, welcome.name)
         self.expects = welcome.name
-        return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6)
+        longest = min(self._end.longest_round_trip, welcome.longest_round_trip_us * 1e-6)
+        return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6, longest)

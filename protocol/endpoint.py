@@ -33,6 +33,7 @@ from weberlink.protocol.handshake import (
 )
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.liveness import FADE_SHARE
+from weberlink.protocol.round_trip import rounded_up
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.session import Opened, Outcome, OwnersOutcome, Session
 from weberlink.protocol.states import Role, State, Trigger
@@ -54,7 +55,8 @@ class Endpoint(Conversation):
     `PeerReturned` in the same session or `Connected` in a new one; after seconds of silence the session is over
     (`SessionExpired`). It calls again by itself whenever the peer is gone. A responder listens until `close`.
 
-    The state is ENGAGED only while each end hears the other (`weberlink.protocol.liveness`).
+    The state is ENGAGED only while each end hears the other (`weberlink.protocol.liveness`). A link with a longer round
+    trip than both ends allow gets no session: the initiator measures it, and after a second it ends with `Refused`.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Endpoint(Conversation):
         epoch: float,
         tick_period: float,
         silence: float = 0.1,
+        longest_round_trip: float = 0.4,
         peer: Address | None = None,
         version: int = PROTOCOL_VERSION,
         carries_credit: bool = False,
@@ -87,7 +90,9 @@ class Endpoint(Conversation):
             entropy: returns that many random bytes, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
             tick_period: of both ends [s], > 0.
-            silence: loop age beyond which the peer counts as gone [s]; at most `LONGEST_SILENCE` and 2^15 ticks.
+            silence: time without a fresh datagram after which the peer counts as gone [s]; at most `LONGEST_SILENCE`
+                and 2^15 ticks.
+            longest_round_trip: of a session [s]; the smaller value of the two ends holds, at most `LONGEST`.
             peer: whom an initiator calls.
             version: of the protocol; another one than this code's only to study a mismatch.
             carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`.
@@ -108,6 +113,8 @@ class Endpoint(Conversation):
             epoch=epoch,
             tick_period=tick_period,
             silence=silence,
+            longest_round_trip=longest_round_trip,
+            opens=role is Role.INITIATOR,
         )
         packed = pack_agreement(agreement)
         super().__init__(role, parameters, read_map(packed) or {}, entropy, peer)
@@ -122,13 +129,14 @@ class Endpoint(Conversation):
             epoch,
             check_name(name or role.value),
             check_name(expects) if expects else "",
+            longest_round_trip,
         )
         self._dialer = Dialer(
             end,
             entropy(INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
-            silence=silence,
+            patience=silence + longest_round_trip,
         )
         self._listener = Listener(end, self._open_session)
 
@@ -185,7 +193,7 @@ class Endpoint(Conversation):
             self._post(self._dialer.hello(now))
 
     def _watch_silence(self, now: float) -> None:
-        """Fall silent when the loop age has passed the limit, and end the session some seconds later."""
+        """Fall silent when a limit is passed, and end the session some seconds later."""
         if self._session is None:
             return
         if now >= self.silent_at:
@@ -266,10 +274,13 @@ class Endpoint(Conversation):
             self._mailbox.tell(Refused(answer))
             return
         hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
-        if now - hello_at > self._parameters.silence:
+        round_trip = now - hello_at
+        if round_trip > answer.longest_round_trip:
+            self._dialer.find_too_long(round_trip, now)
             self._mailbox.drop(DropReason.STALE)
             return
-        session = self._open_session(answer.protection, answer.peer_clock, now, hello_at)
+        session = self._open_session(answer.protection, answer.longest_round_trip, answer.peer_clock, now, hello_at)
+        session.liveness.agree(min(rounded_up(round_trip), answer.longest_round_trip), now)
         session.clock.learn(answer.outward_delay, 0.0, 0.0)
         session.measure()
         self._establish(session, address)
@@ -296,7 +307,7 @@ class Endpoint(Conversation):
             self._mailbox.drop(match)
             return
         session, opened = match
-        if now - session.liveness.heard_at > self._parameters.silence:
+        if now - session.liveness.heard_at > self._parameters.silence + self._parameters.longest_round_trip:
             self._mailbox.drop(DropReason.STALE)
             return
         outcome = session.accept(opened, now)
@@ -370,9 +381,17 @@ class Endpoint(Conversation):
         self.connect(now)
 
     def _open_session(
-        self, protection: Protection, peer_clock: float, now: float, confirmed_at: float = -inf
+        self, protection: Protection, longest: float, peer_clock: float, now: float, confirmed_at: float = -inf
     ) -> Session:
-        return Session(protection, self._parameters, self.statistics, peer_clock, now, confirmed_at=confirmed_at)
+        return Session(
+            protection,
+            self._parameters,
+            self.statistics,
+            peer_clock,
+            now,
+            longest_round_trip=longest,
+            confirmed_at=confirmed_at,
+        )
 
     def _end_session(self) -> None:
         self._dialer.stop()

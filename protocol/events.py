@@ -43,7 +43,7 @@ class DropReason(StrEnum):
     UNTIMED = "untimed"
     """An update that arrived before the clocks were mapped, so that its age is unknown."""
     STALE = "stale"
-    """Older than the silence limit on arrival."""
+    """Older on arrival than what counts (`Liveness`)."""
     SUPERSEDED = "superseded"
     """An update older than one that was already delivered."""
 
@@ -71,13 +71,13 @@ class UpdateReceived(NamedTuple):
 
 class UpdateLost(NamedTuple):
     """The peer does not hold our newest update of a stream: it asked for the full state, or the update has not arrived
-    within the silence limit. The owner should send a new state."""
+    within the largest loop age. The owner should send a new state."""
 
     stream: int
 
 
 class PeerSilent(NamedTuple):
-    """The loop age has passed the silence limit: the two ends do not hear each other.
+    """One of the limits of `Liveness` was passed: the two ends do not hear each other.
 
     Args:
         is_heard: whether the peer is still heard, so that it is the peer that does not hear this end. A second event

@@ -26,7 +26,7 @@ from weberlink.protocol.security import Security
 from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
-PROTOCOL_VERSION = 4
+PROTOCOL_VERSION = 5
 PADDED_HELLO = 512
 """A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES = 8
@@ -51,6 +51,7 @@ class LocalEnd(NamedTuple):
         epoch: when our clock was at 0 [s].
         name: of this end.
         expects: name of the only peer that is accepted; "" for any with the key.
+        longest_round_trip: largest one that this end allows [s].
     """
 
     security: Security
@@ -60,6 +61,7 @@ class LocalEnd(NamedTuple):
     epoch: float
     name: str
     expects: str
+    longest_round_trip: float
 
 
 class Caller(NamedTuple):
@@ -78,6 +80,8 @@ class Hello(NamedTuple):
         name, instance: of the sender.
         expects: name of the slave that it wants; "" for any.
         takes_over: whether a master that the slave serves now is to be replaced.
+        longest_round_trip_us: largest one that the sender allows.
+        round_trip_us: the one that the sender has measured, if it is longer than what both ends allow; else 0.
     """
 
     agreement: bytes
@@ -86,6 +90,8 @@ class Hello(NamedTuple):
     instance: bytes
     expects: str
     takes_over: bool
+    longest_round_trip_us: int
+    round_trip_us: int
 
 
 class Welcome(NamedTuple):
@@ -94,6 +100,7 @@ class Welcome(NamedTuple):
     clock_us: int
     delta_us: int
     name: str
+    longest_round_trip_us: int
 
 
 class HelloHeader(NamedTuple):
@@ -183,23 +190,32 @@ def read_hello(body: Mapping[str, object]) -> Hello | None:
     agreement, instance = body.get("agreement"), body.get("instance")
     name, expects, takes_over = body.get("name"), body.get("expects"), body.get("takes_over")
     clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
+    longest, measured = _read_duration(body, "longest_round_trip_us"), _read_duration(body, "round_trip_us")
     if not (isinstance(agreement, bytes) and isinstance(instance, bytes) and len(instance) == INSTANCE_BYTES):
         return None
     if not (isinstance(name, str) and isinstance(expects, str) and isinstance(takes_over, bool)):
         return None
-    if clock_us is None or not _is_name(name) or not (expects == "" or _is_name(expects)):
+    if clock_us is None or longest is None or measured is None:
         return None
-    return Hello(agreement, clock_us, name, instance, expects, takes_over)
+    if not _is_name(name) or not (expects == "" or _is_name(expects)):
+        return None
+    return Hello(agreement, clock_us, name, instance, expects, takes_over, longest, measured)
 
 
 def read_welcome(body: Mapping[str, object]) -> Welcome | None:
     """The fields of a WELCOME that agrees, each of its type and size, or None."""
     clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
     delta_us = read_integer(body, "delta_us", _LONGEST_CLOCK_US)
-    name = body.get("name")
-    if clock_us is None or delta_us is None or not isinstance(name, str) or not _is_name(name):
+    longest, name = _read_duration(body, "longest_round_trip_us"), body.get("name")
+    if clock_us is None or delta_us is None or longest is None or not isinstance(name, str) or not _is_name(name):
         return None
-    return Welcome(clock_us, delta_us, name)
+    return Welcome(clock_us, delta_us, name, longest)
+
+
+def _read_duration(body: Mapping[str, object], name: str) -> int | None:
+    """A number of us, not negative, or None."""
+    duration = read_integer(body, name, _LONGEST_CLOCK_US)
+    return None if duration is None or duration < 0 else duration
 
 
 def read_integer(body: Mapping[str, object], name: str, largest: int) -> int | None:
@@ -227,6 +243,11 @@ def pack_agreement(agreement: Mapping[str, object]) -> bytes:
 def unexpected_slave(expected: str, name: str) -> str:
     """Message to the user: another slave than the expected one answered."""
     return f"the master expects slave {expected!r}, and {name!r} answered"
+
+
+def too_long(round_trip: float, longest: float) -> str:
+    """Message to the user: the link is longer than what one of the two ends allows; both in s."""
+    return f"the round trip is {round_trip * 1e3:.0f} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
 
 
 def version_mismatch(master: int, slave: int) -> str:

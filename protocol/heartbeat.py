@@ -3,17 +3,18 @@
 Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. An end sends early enough for
 the loop age of the *peer* (`weberlink.protocol.liveness`): what the newest datagram of this end echoed had arrived here
 at some time, and without loss the loop age of the peer is at most the time since then plus the round trip. So the next
-datagram is due when that time has become the reach: what round trip, late ticks and questions leave of the silence
-limit. If nothing new has come from the peer, there is nothing new to echo; then a datagram is due one gap after the
-last, which the extrapolation of motion allows. Two ends at rest need three datagrams per reach together.
+datagram is due when that time has become the reach: what round trip, late ticks and questions leave of the largest loop
+age. If nothing new has come from the peer, there is nothing new to echo; then a datagram is due one gap after the last,
+which the extrapolation of motion and the reception limit allow. Two ends at rest need three datagrams per reach
+together.
 
-An end whose own loop age is larger than that asks every few milliseconds, and is answered at once: each answered
-question brings the loop age back to the round trip. The number of questions for which the reach leaves room follows
-from the measured loss, so a false alarm needs the loss of a datagram and of all questions after it. With independent
-losses that happens at most `FALSE_ALARMS_PER_S` often.
+An end whose own loop age is larger than that, or which has heard nothing for longer than the gap of the peer, asks
+every few milliseconds, and is answered at once. The number of questions for which reach and gap leave room follows from
+the measured loss, so a false alarm needs the loss of a datagram and of all questions after it. With independent losses
+that happens at most `FALSE_ALARMS_PER_S` often.
 
-On a lossy path that is too long for the limit, so that an answer would come too late, the datagrams go out so densely
-that as many of them as there would be questions fit before the limit.
+Where the path is so long that an answer would come too late, the datagrams go out so densely that as many of them as
+there would be questions fit before the limit.
 """
 
 from math import ceil, inf, log
@@ -25,9 +26,6 @@ LONGEST_REACH: Final = 0.4
 """Longest reach [s]."""
 LEAST_SHARE: Final = 0.1
 """Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
-ROUND_TRIP_SHARE: Final = 0.4
-"""Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
-session; where these take longer than the limit, it falls silent for some ticks as it begins."""
 LATE_TICKS: Final = 3
 """How late both ends together send their heartbeats [ticks]."""
 INTRODUCTIONS: Final = 5
@@ -72,44 +70,67 @@ class HeartbeatSchedule:
         self._introductions = INTRODUCTIONS
         self._answer_wanted = False
         self._confirmed_at = self._heard_at = self._echoed_at = now
+        self._round_trip = 0.0
         self._told = self._credit = 0
         self._asked_at = -inf
         self._sent_at = self._pulsed_at = self._reported_at = now - REPORT_INTERVAL
         self._due_engaged: float | None = None
-        self.adapt(0.0, 0.0, inf, 0.0)
+        self.adapt(0.0, 0.0, inf, 0.0, 0.0)
 
-    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float) -> None:
+    def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float, round_trip: float) -> None:
         """Take new measurements of the link.
 
         Args:
             outgoing, incoming: loss of each direction, 0..1.
             rtt: round trip [s]; infinite while unknown.
             jitter: by how much few datagrams exceed their least delay [s].
+            round_trip: the one that both ends have agreed on [s].
         """
         path = (0.0 if rtt == inf else rtt) + jitter
         late = LATE_TICKS * self._tick_period
-        overhead = path + late + self._silence / UNITS
+        overhead = path + late + (self._silence + round_trip) / UNITS
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
         shortest = LEAST_SHARE * self._silence
-        clean = max(2.0 * shortest, min(LONGEST_REACH, self._fade - overhead))
-        reach = clean
+        reach = min(LONGEST_REACH, self._fade + round_trip - overhead)
         for limit, rate, least in (
             (self._fade, CHANCE_FADES_PER_S, 0),
             (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
         ):
-            needed = questions_needed(unanswered, rate * shortest)
-            questions = max(least, needed)
-            asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
-            dense = (limit - overhead) / (1 + questions) if needed else 0.0
-            reach = min(reach, max(limit - overhead - asking, dense))
+            needed = max(least, questions_needed(unanswered, rate * shortest))
+            reach = min(reach, self._longest_pause(limit + round_trip - overhead, needed, needed, path))
         self.reach = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, reach)
         self.interval = max(shortest, 0.5 * self.reach)
-        stops = min(1.0, CHANCE_STOPS_PER_S * self.interval)
-        datagrams = 1 + questions_needed(outgoing, stops)
-        self.gap = min(self.reach, max(shortest, (self._horizon - jitter - late) / datagrams))
+        self.gap = self._gap(outgoing, unanswered, shortest, path, jitter + late)
+        self._round_trip = round_trip
         self._ask_after = self.reach + overhead
+        self._ask_after_quiet = self._gap(incoming, unanswered, shortest, path, jitter + late) + jitter + late
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
         self._due_engaged = None
+
+    def _longest_pause(self, room: float, losses: int, questions: int, path: float) -> float:
+        """Longest pause between two datagrams with which a limit holds [s].
+
+        Args:
+            room: what the limit leaves for pauses [s].
+            losses: datagrams one after another that may be lost.
+            questions: that may be lost, or their answers, where answers of this path [s] can be in time.
+            path: round trip with its jitter [s].
+        """
+        asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
+        return max(room - asking, room / (1 + losses))
+
+    def _gap(self, loss: float, unanswered: float, shortest: float, path: float, late: float) -> float:
+        """Longest time between two datagrams of a direction with this loss, so that its receiver stays in touch [s]."""
+        stops = min(1.0, CHANCE_STOPS_PER_S * self.interval)
+        gap = (self._horizon - late) / (1 + questions_needed(loss, stops))
+        for limit, rate, least in (
+            (self._fade, CHANCE_FADES_PER_S, 0),
+            (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
+        ):
+            losses = max(least, questions_needed(loss, rate * shortest))
+            questions = max(least, questions_needed(unanswered, rate * shortest))
+            gap = min(gap, self._longest_pause(limit - late, losses, questions, path))
+        return min(self.reach, max(shortest, gap))
 
     def heard(self, now: float, confirmed_at: float) -> None:
         """A fresh datagram of the peer came, and the peer is known to have heard what left at `confirmed_at` [s]."""
@@ -159,16 +180,24 @@ class HeartbeatSchedule:
         self._due_engaged = None
 
     def asks(self, now: float) -> bool:
-        """Whether a heartbeat sent now asks for an answer: the loop age is too large, and an answer can be in time."""
-        return self._ask_due() <= now <= self._confirmed_at + self._silence - self._answered_in
+        """Whether a heartbeat sent now asks for an answer: a datagram is missing, and an answer can be in time."""
+        last = max(self._confirmed_at + self._round_trip, self._heard_at) + self._silence - self._answered_in
+        return self._ask_due() <= now <= last
 
     def reports(self, now: float) -> bool:
         """Whether a heartbeat sent now must report."""
         return self._introductions > 0 or now >= self._reported_at + REPORT_INTERVAL
 
     def _ask_due(self) -> float:
-        due = max(self._confirmed_at + self._ask_after, self._asked_at + ASK_PACE)
-        return due if due + self._answered_in <= self._confirmed_at + self._silence else inf
+        """When a datagram is missing that was due by either limit, if an answer can come before that limit."""
+        paced, silence = self._asked_at + ASK_PACE, self._silence
+        loop = max(self._confirmed_at + self._ask_after, paced)
+        quiet = max(self._heard_at + self._ask_after_quiet, paced)
+        loop_ends, quiet_ends = self._confirmed_at + silence + self._round_trip, self._heard_at + silence
+        return min(
+            loop if loop + self._answered_in <= loop_ends else inf,
+            quiet if quiet + self._answered_in <= quiet_ends else inf,
+        )
 
     def due(self, *, is_engaged: bool) -> float:
         """Time of the next heartbeat if nothing else is sent [s]."""

@@ -36,6 +36,7 @@ from weberlink.protocol.handshake import (
     read_hello,
     read_hello_header,
     read_map,
+    too_long,
     unexpected_slave,
     version_mismatch,
 )
@@ -83,12 +84,12 @@ class _Master:
 class Listener:
     """Answers HELLOs and keeps the sessions that they may become."""
 
-    def __init__(self, end: LocalEnd, open_session: Callable[[Protection, float, float], Session]) -> None:
+    def __init__(self, end: LocalEnd, open_session: Callable[[Protection, float, float, float], Session]) -> None:
         """Prepare to be called.
 
         Args:
             end: the slave.
-            open_session: makes a session of its keys, the peer's clock [s] and now [s].
+            open_session: makes a session of its keys, the longest round trip [s], the peer's clock [s] and now [s].
         """
         self._end = end
         self._agreement = read_map(end.agreement) or {}
@@ -198,6 +199,9 @@ class Listener:
             return f"slave {self._end.name!r} serves master {self._end.expects!r} only, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
             return message
+        longest = min(self._end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
+        if hello.round_trip_us * 1e-6 > longest:
+            return too_long(hello.round_trip_us * 1e-6, longest)
         was_served = hello.instance == self._masters[identity_of(hello.name)].served
         if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
             return ""
@@ -208,12 +212,14 @@ class Listener:
         self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, address: Address, now: float
     ) -> Reply | DropReason:
         clock, departure = now - self._end.epoch, hello.clock_us * 1e-6
-        welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._end.name)
+        own, peers = self._end.longest_round_trip, hello.longest_round_trip_us * 1e-6
+        delay_us = round((clock - departure) * 1e6)
+        welcome = Welcome(round(clock * 1e6), delay_us, self._end.name, round(own * 1e6))
         answered = exchange.answer(pack_map(welcome._asdict()), self._end.entropy(self._end.security.private_size))
         if answered is None:
             return DropReason.MALFORMED
         message, protection = answered
-        session = self._open_session(protection, departure, now)
+        session = self._open_session(protection, min(own, peers), departure, now)
         master.pending.append(_Pending(session, Caller(hello.name, hello.instance), address))
         return Reply(header.pack_answer() + message, None)
 

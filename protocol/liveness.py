@@ -1,16 +1,20 @@
-"""Measure whether the two ends hear each other: the loop age, on each end's own clock.
+"""Measure whether the two ends hear each other, on each end's own clock, against two limits.
 
-Every datagram echoes the departure of the newest datagram that its sender has heard from the receiver, as a time on the
-receiver's clock. So an end knows the loop age: the time since the departure of its newest datagram that the peer is
-known to have heard. It contains both delays, the wait at the peer and the time since, needs no common clock, and does
-not depend on how the round trip divides. It bounds the age of whatever the peer has sent.
+Reception: something fresh of the peer has come within the silence limit S. This does not depend on the round trip.
 
-An end is engaged only while the loop age is within the silence limit. This is bidirectional forwarding detection (RFC
-5880) with the ages of both directions added: hearing the peer is not enough, the peer must hear this end too.
+Loop age: every datagram echoes the departure of the newest datagram that its sender has heard from the receiver, as a
+time on the receiver's clock. So an end knows the time since the departure of its newest datagram that the peer is known
+to have heard. It contains both delays, the wait at the peer and the time since, needs no common clock, and does not
+depend on how the round trip divides. It bounds the age of whatever the peer has sent. It may be at most S + R, with the
+round trip R that both ends have agreed on (`weberlink.protocol.round_trip`).
 
-The echo has 8 bits: the departure in units of 1/64 of the limit, rounded down, modulo 255; 255 if nothing was heard
-within the limit. It is unambiguous for almost four limits: a datagram that counts is at most one limit old by the
-mapped clocks, which err by less than half a round trip, and is echoed for at most one limit.
+This is bidirectional forwarding detection (RFC 5880) with the ages of both directions added: hearing the peer is not
+enough, the peer must hear this end too. All times that owners need are derived here, so that they compare with S alone.
+
+The echo has 8 bits: the departure in units of 1/64 of S + R, rounded down, modulo 255; 255 if nothing was heard within
+S. R may change in a session; a bit beside the echo, the generation, is the parity of the R that its sender uses. The
+echo is unambiguous for almost four times S + R. It has to be for three: what counts is at most S + R old, is echoed for
+at most S, and that echo is at most S + R old; R at most halves in a change.
 """
 
 from math import floor, inf
@@ -19,10 +23,10 @@ from typing import Final
 DEAF: Final = 255
 """The echo of an end that has heard nothing within the limit."""
 UNITS: Final = 64
-"""Units of the echo in the silence limit; the loop age is overestimated by at most one."""
+"""Units of the echo in S + R; the loop age is overestimated by at most one."""
 _MODULUS: Final = 255
 FADE_SHARE: Final = 0.8
-"""Share of the silence limit at which owners begin to fade force out, as loop age."""
+"""Share of the silence limit at which owners begin to fade force out."""
 HORIZON_SHARE: Final = 0.6
 """Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 
@@ -35,8 +39,15 @@ class Liveness:
         confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, with no update
             known to be missing since its departure [s]; -inf before the first.
-        encodes_until: until when the peer's updates may be executed [s]; -inf if they may not.
-        in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; out of touch since then.
+        encodes_until: until when the peer's encoder counts as running [s]; -inf if it does not run.
+        in_touch_at: the end is in touch until then, and fades as time passes since then [s].
+        round_trip: the one that this end uses now [s].
+        generation: its parity.
+        is_agreed: whether there is one; a responder learns it from the first datagrams of the initiator.
+        is_opening: whether nothing that left in this session was confirmed yet, and the path is so long that the first
+            confirmation cannot be there in time. Then the session is given time for one round trip, but must not drive.
+        opened_at: when the session had a round trip [s]; -inf before.
+        generation_heard_at: arrival of the first datagram that used the present round trip [s]; inf before it.
     """
 
     def __init__(self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf) -> None:
@@ -44,56 +55,116 @@ class Liveness:
 
         Args:
             epoch: when our clock was at 0 [s].
-            silence: the limit, which both ends have agreed on [s].
+            silence: the limit S, which both ends have agreed on [s].
             departure: of that datagram on the peer's clock [s].
             now: its arrival [s].
             confirmed_at: departure of our datagram that it answers [s]; -inf if it answers none.
         """
         self._epoch = epoch
         self._silence = silence
-        self._unit = silence / UNITS
+        self.round_trip = 0.0
+        self._round_trips = [0.0, 0.0]
+        self.generation = 0
+        self.is_agreed = self.is_opening = False
+        self.opened_at = -inf
+        self.generation_heard_at = inf
         self._departure = departure
         self._newest = -1
         self.heard_at = now
         self.confirmed_at = confirmed_at
         self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
 
+    def agree(self, round_trip: float, now: float) -> None:
+        """Begin with this round trip [s], as generation 0."""
+        self._round_trips = [round_trip, round_trip]
+        self.round_trip = round_trip
+        self.is_agreed = True
+        self.is_opening = 2.0 * round_trip > self._silence
+        self.opened_at = now
+        self.generation_heard_at = now
+
+    def expect(self, round_trip: float) -> None:
+        """Read echoes of the other generation with this round trip [s] from now on."""
+        self._round_trips[1 - self.generation] = round_trip
+
+    def switch(self) -> None:
+        """Use the round trip of the other generation, which both ends have agreed on."""
+        self.generation = 1 - self.generation
+        self.round_trip = self._round_trips[self.generation]
+        self.generation_heard_at = inf
+        self._touch()
+
+    @property
+    def limit(self) -> float:
+        """Largest loop age, S + R [s]; nothing is executed, and nothing is repeated, that is older."""
+        return self._silence + self.round_trip
+
+    @property
+    def silent_at(self) -> float:
+        """Time at which one of the limits is passed if nothing more is heard [s]."""
+        if self.is_opening:
+            return self.opened_at + self.limit
+        return min(self.heard_at, self.confirmed_at + self.round_trip) + self._silence
+
+    def is_fresh(self, age: float | None) -> bool:
+        """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
+
+        The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R.
+        """
+        return age is None or age <= self._silence + 0.5 * self.round_trip
+
+    def drives(self, now: float) -> bool:
+        """Whether the peer's updates may be executed, as far as the two limits and the peer's encoder are concerned."""
+        return now <= self.encodes_until and not self.is_opening
+
     def echo(self, now: float) -> int:
         """The echo of a datagram that leaves now."""
         if now - self.heard_at > self._silence:
             return DEAF
-        return floor(self._departure / self._unit) % _MODULUS
+        return floor(self._departure / (self.limit / UNITS)) % _MODULUS
 
     def confirmed_after(self, departure: float) -> float:
         """The least `confirmed_at` that shows that a datagram was heard which left after this one [s, our clock]."""
-        return self._epoch + (floor(departure / self._unit) + 1) * self._unit
+        unit = self.limit / UNITS
+        return self._epoch + (floor(departure / unit) + 1) * unit
 
-    def confirmation(self, echo: int, now: float) -> float:
+    def confirmation(self, echo: int, generation: int, now: float) -> float:
         """Departure of our newest datagram that the sender of this echo had heard [s]; -inf if it had heard none."""
         if echo == DEAF:
             return -inf
-        latest = floor((now - self._epoch) / self._unit) + 1  # a rounding may put an echo of just now ahead of now
-        departed = self._epoch + (latest - (latest - echo) % _MODULUS) * self._unit
+        unit = (self._silence + self._round_trips[generation]) / UNITS
+        latest = floor((now - self._epoch) / unit) + 1  # a rounding may put an echo of just now ahead of now
+        departed = self._epoch + (latest - (latest - echo) % _MODULUS) * unit
         return departed if departed < now else now
 
-    def hear(self, sequence: int, departure: float, echo: int, *, says_encoding: bool | None, now: float) -> bool:
+    def hear(
+        self, sequence: int, departure: float, echo: int, generation: int, *, says_encoding: bool | None, now: float
+    ) -> bool:
         """Take a fresh datagram; returns whether its loop age as it arrives is within the limit.
 
         Args:
             sequence: its number.
             departure: on the peer's clock [s].
-            echo: what it says.
+            echo, generation: what it says.
             says_encoding: whether the sender's encoder ran and this end holds all its updates; None if unknown.
             now: [s].
         """
         self.heard_at = now
         self._departure = departure if departure > self._departure else self._departure
-        confirmation = self.confirmation(echo, now)
-        self.confirmed_at = confirmation if confirmation > self.confirmed_at else self.confirmed_at
+        if generation == self.generation and self.generation_heard_at == inf:
+            self.generation_heard_at = now
+        confirmation = self.confirmation(echo, generation, now)
+        if confirmation > self.confirmed_at:
+            self.confirmed_at = confirmation
+            if confirmation + self.limit / UNITS >= self.opened_at:
+                self.is_opening = False
         if says_encoding is not None and sequence > self._newest:
             self._newest = sequence
             if says_encoding:
                 self.encoder_heard_at = now
             self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf
-        self.in_touch_at = min(self.confirmed_at, self.encoder_heard_at)
-        return now - confirmation <= self._silence
+        self._touch()
+        return now - confirmation <= self.limit
+
+    def _touch(self) -> None:
+        self.in_touch_at = min(self.confirmed_at + self.round_trip, self.encoder_heard_at)

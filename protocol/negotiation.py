@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 from weberlink.protocol.events import ChangeAnswered, ChangeProposed
 
-NUMBERS = 8
+NUMBERS = 4
+"""Of the proposals of one negotiation; a session has two (`NEGOTIATIONS`), whose numbers follow each other."""
+NEGOTIATIONS = 2
 PACE, PACE_SHARE = 0.002, 0.1
 """Time between two repeats: the least [s], and as a share of round trip plus jitter."""
 ACCEPTED, REFUSED = b"\x01", b"\x00"
@@ -21,7 +23,7 @@ class Change(NamedTuple):
     """A proposal or an answer.
 
     Args:
-        number: of the proposal, 0..`NUMBERS` - 1.
+        number: of the proposal, 0..`NUMBERS` - 1, counted on by the negotiations before.
         tick: of the sender, at which to make the change; 0 in an answer.
         body: what is to change, or the answer.
         is_answer: which of the two it is.
@@ -36,8 +38,14 @@ class Change(NamedTuple):
 class ParameterNegotiation:
     """One end's part in the changes of a session: its own proposal, and its answer to the newest one of the peer."""
 
-    def __init__(self) -> None:
-        self._number = 0
+    def __init__(self, place: int = 0) -> None:
+        """Begin.
+
+        Args:
+            place: which of the negotiations of the session this is; 0 is the owner's.
+        """
+        self._first = place * NUMBERS
+        self._number = self._first
         self._proposal: Change | None = None
         self._due = inf
         self._answering: tuple[int, int] | None = None
@@ -63,7 +71,7 @@ class ParameterNegotiation:
             now: [s].
         """
         assert self._proposal is None
-        self._number = (self._number + 1) % NUMBERS
+        self._number = self._after(self._number)
         self._proposal = Change(self._number, tick, body, is_answer=False)
         self._due = now
 
@@ -92,7 +100,7 @@ class ParameterNegotiation:
         if self._answering == (number, tick):
             self._answer_due = self._answer is not None
             return None
-        if number != ((0 if self._answering is None else self._answering[0]) + 1) % NUMBERS:
+        if number != self._after(self._first if self._answering is None else self._answering[0]):
             return None
         self._answering, self._answer, self._answer_due = (number, tick), None, False
         return ChangeProposed(tick, body)
@@ -105,3 +113,6 @@ class ParameterNegotiation:
         self._proposal, self._due = None, inf
         refusal = None if body[:1] == ACCEPTED else body[1:].decode(errors="replace")
         return ChangeAnswered(proposal.tick, proposal.body, refusal)
+
+    def _after(self, number: int) -> int:
+        return self._first + (number - self._first + 1) % NUMBERS

@@ -9,6 +9,7 @@ from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.negotiation import ParameterNegotiation
 from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
+from weberlink.protocol.round_trip import RoundTripAgreement, in_ms
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
@@ -51,7 +52,9 @@ class Parameters(NamedTuple):
         outgoing, incoming: layouts of each direction.
         epoch: when our clock was at 0 [s].
         tick_period: of both ends [s].
-        silence: age beyond which nothing is executed, and loop age beyond which the peer counts as gone [s].
+        silence: time without a fresh datagram after which the peer counts as gone [s].
+        longest_round_trip: largest one that this end allows [s].
+        opens: whether this end begins the sessions, as the initiator does.
     """
 
     outgoing: DirectionLayout
@@ -59,6 +62,8 @@ class Parameters(NamedTuple):
     epoch: float
     tick_period: float
     silence: float
+    longest_round_trip: float
+    opens: bool
 
     def tick_at(self, departure: float) -> int:
         """The tick of an end nearest to a time on its clock [s], which the other end computes alike."""
@@ -92,7 +97,8 @@ class Sender:
 
     Attributes:
         heartbeats: when one is due.
-        negotiation: of the changes that both ends make.
+        negotiation: of the changes that the owners of both ends make.
+        round_trip: the agreement of both ends on it.
         acknowledgements: by stream of the peer.
         is_confirmed: whether the peer was heard under the keys of this session.
         said_encoding: whether our newest datagram said that our encoder runs.
@@ -108,12 +114,14 @@ class Sender:
         credit: Credit,
         loss: LossMeter,
         liveness: Liveness,
+        longest_round_trip: float,
         first_sequence: int,
         now: float,
     ) -> None:
         """Begin; the receiving half updates clock, credit, loss and liveness, which this half reports to the peer.
 
         Args:
+            longest_round_trip: largest one that both ends allow [s].
             first_sequence: number of the first datagram, 1 to 2^15.
             now: [s].
         """
@@ -128,7 +136,6 @@ class Sender:
         self._loss = loss
         self._liveness = liveness
         self._parameters = parameters
-        self._silence = parameters.silence
         _, self._departed = clock.stamp(now)
         self._next_sequence = first_sequence
         self._phase = 0
@@ -136,6 +143,9 @@ class Sender:
         self._rekey_from = first_sequence + REKEY_AFTER
         self.heartbeats = HeartbeatSchedule(now, silence=parameters.silence, tick_period=parameters.tick_period)
         self.negotiation = ParameterNegotiation()
+        self.round_trip = RoundTripAgreement(
+            liveness, longest_round_trip, parameters.tick_period, proposes=parameters.opens
+        )
         self.acknowledgements = tuple(Acknowledgement() for _ in range(parameters.outgoing.acks))
         self.is_confirmed = False
         self.said_encoding = False
@@ -189,6 +199,7 @@ class Sender:
             sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
             report,
             self._credit.granted if self._outgoing.carries_credit else None,
+            round_trip_ms=None if self.is_confirmed or not self._parameters.opens else in_ms(self._liveness.round_trip),
             asks=asks,
             is_encoding=is_encoding,
         )
@@ -228,9 +239,10 @@ class Sender:
         return self._seal(sequence, pack_path(envelope, token, is_answer=is_answer), now)
 
     def send_change(self, now: float) -> bytes:
-        """The datagram of the message of `negotiation` that is due."""
+        """The datagram of the message of a negotiation that is due."""
         rtt = self._clock.rtt
-        change = self.negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
+        negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip.negotiation
+        change = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
         envelope, sequence = self._envelope(now)
         clear = pack_change(
             envelope,
@@ -243,15 +255,22 @@ class Sender:
 
     def adapt(self, lost: int, now: float) -> None:
         """Follow the present measurements of the link; the peer has reported that so many were lost, low bits."""
-        statistics, clock = self._statistics, self._clock
+        clock = self._clock
         self._allowance.adapt(int16(lost - self._lost), self._next_sequence, clock.late, now)
         self._lost = lost
-        outgoing, incoming = statistics.outgoing_loss, self._loss.fraction
+        if clock.least_rtt is not None and clock.rtt is not None:
+            self.round_trip.follow(clock.least_rtt + clock.jitter, clock.rtt, now - self._parameters.epoch, now)
+        self.pace()
+
+    def pace(self) -> None:
+        """Send heartbeats as the present measurements and the agreed round trip need them."""
+        clock = self._clock
         self.heartbeats.adapt(
-            outgoing,
-            incoming,
+            self._statistics.outgoing_loss,
+            self._loss.fraction,
             inf if clock.rtt is None else clock.rtt,
             clock.jitter,
+            self._liveness.round_trip,
         )
 
     def _envelope(self, now: float) -> tuple[Envelope, int]:
@@ -263,7 +282,7 @@ class Sender:
         acks = tuple([each.told(confirmed_at) for each in self.acknowledgements])
         stamp, self._departed = clock.stamp(now)
         self.heartbeats.sent(now, liveness.heard_at, self._credit.granted)
-        return (sequence & SEQUENCE_MASK, stamp, liveness.echo(now), acks), sequence
+        return (sequence & SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), acks), sequence
 
     def acknowledge_update(self, stream: int, number: int) -> None:
         """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
@@ -287,15 +306,20 @@ class Sender:
         if is_encoding:
             for stream in self._streams:
                 due = min(due, -inf if stream.is_forgotten else self._repeat_due(stream))
-        return min(due, self.negotiation.due)
+        return min(due, self._change_due(), self.round_trip.switch_at)
+
+    def _change_due(self) -> float:
+        return min(self.negotiation.due, self.round_trip.negotiation.due)
 
     def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
         """The next datagram that is due, if any; a silent peer is sent heartbeats only."""
+        if self.round_trip.advance(now):
+            self.pace()
         if is_engaged:
             for stream in self._streams if is_encoding else ():
                 if now >= self._repeat_due(stream):
                     return self._send_repeat(stream, now)
-            if now >= self.negotiation.due:
+            if now >= self._change_due():
                 return self.send_change(now)
         if now < self.heartbeats.due(is_engaged=is_engaged):
             return None
@@ -308,7 +332,7 @@ class Sender:
         """
         lost = []
         for number, stream in enumerate(self._streams):
-            if stream.is_forgotten or stream.retransmission.is_late(now, self._silence):
+            if stream.is_forgotten or stream.retransmission.is_late(now, self._liveness.limit):
                 stream.is_forgotten = False
                 stream.retransmission.abandon()
                 lost.append(number)

@@ -19,6 +19,7 @@ from weberlink.protocol.events import (
 )
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
+from weberlink.protocol.negotiation import NUMBERS
 from weberlink.protocol.security import Protection
 from weberlink.protocol.sending import Parameters, Sender
 from weberlink.protocol.timing import Clock
@@ -48,12 +49,13 @@ TICK_LEAD: Final = 1.0
 CHANGE_LEAD: Final = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
 TICK_AGE_SLACK: Final = 0.01
-"""How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
+"""How much older than the largest loop age a sample may be when its datagram leaves [s]: the owner's ticks may be late.
+"""
 EXPIRY: Final = 3.0
-"""How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
+"""How long a session outlives the largest loop age [s]. Time stamps wrap after 84 s."""
 _TICK_MASK: Final = (1 << TICK_BITS) - 1
 LONGEST_SILENCE: Final = 10.0
-"""Largest silence limit [s]; with `EXPIRY` far below half of the range of a time stamp."""
+"""Largest silence limit [s]; with the longest round trip and `EXPIRY` far below half of the range of a time stamp."""
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
 """The content of an authentic datagram, or the reason to drop it; None if only the session needs it."""
@@ -71,7 +73,7 @@ class Session:
         clock: mapping to the peer's clock.
         credit: granted by each end to the other, where the session carries it.
         liveness: whether each end hears the other.
-        is_fresh: whether the datagram accepted last was no older than the silence limit.
+        is_fresh: whether the datagram accepted last was fresh (`Liveness.is_fresh`).
         is_newest: whether no datagram sent after that one was accepted before it.
         sender: makes our datagrams.
     """
@@ -84,12 +86,14 @@ class Session:
         peer_clock: float,
         now: float,
         *,
+        longest_round_trip: float,
         confirmed_at: float = -inf,
         first_sequence: int = 1,
     ) -> None:
         """Begin a session.
 
         Args:
+            longest_round_trip: largest one that both ends allow [s].
             statistics: counted into.
             peer_clock: departure of the peer's handshake datagram on its clock [s].
             now: arrival of that datagram [s].
@@ -121,19 +125,21 @@ class Session:
             credit=self.credit,
             loss=self._loss,
             liveness=self.liveness,
+            longest_round_trip=longest_round_trip,
             first_sequence=first_sequence,
             now=now,
         )
 
     @property
     def silent_at(self) -> float:
-        """Time at which the loop age passes the limit [s]."""
-        return self.liveness.confirmed_at + self._silence
+        """Time at which one of the two limits is passed [s]."""
+        return self.liveness.silent_at
 
     @property
     def expires_at(self) -> float:
         """Time at which the session expires [s]."""
-        return self.liveness.confirmed_at + self._silence + EXPIRY
+        liveness = self.liveness
+        return max(liveness.confirmed_at, liveness.opened_at) + liveness.limit + EXPIRY
 
     def request_full_state(self) -> None:
         """Acknowledge no update any more, so that the peer sends its full state."""
@@ -188,6 +194,8 @@ class Session:
         if sequence <= self._floor:
             return DropReason.STALE
         clock.record(departure, now)
+        if not self.liveness.is_agreed and not self._opens(content, now):
+            return DropReason.UNTIMED
         for stream, ack in enumerate(head.acks):
             self.sender.acknowledged(sequence, ack, departure, stream, is_newest=self.is_newest)
         if isinstance(content, ByeContent):
@@ -199,6 +207,15 @@ class Session:
         if self._incoming.carries_credit and outcome is not DropReason.IMPLAUSIBLE:
             self._take_credit(sequence, content)
         return outcome
+
+    def _opens(self, content: Content, now: float) -> bool:
+        """Whether a datagram opens the session of a responder: it tells a round trip that both ends allow."""
+        if not isinstance(content, HeartbeatContent) or content.round_trip_ms is None:
+            return False
+        if not self.sender.round_trip.open(content.round_trip_ms, now):
+            return False
+        self.sender.pace()
+        return True
 
     def _take_credit(self, sequence: int, content: Content) -> None:
         if isinstance(content, UpdateContent) and content.credit is not None:
@@ -229,11 +246,13 @@ class Session:
 
     def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:
         age = self.clock.age(departure, now)
-        if age is not None and age > self._silence:
+        if not self.liveness.is_fresh(age):
             return DropReason.STALE
         self.is_fresh = True
         says_encoding = True if isinstance(content, UpdateContent) else self._says_encoding(head, content)
-        is_current = self.liveness.hear(sequence, departure, head.echo, says_encoding=says_encoding, now=now)
+        is_current = self.liveness.hear(
+            sequence, departure, head.echo, head.generation, says_encoding=says_encoding, now=now
+        )
         self.sender.heartbeats.heard(now, self.liveness.confirmed_at)
         if not isinstance(content, _OF_THE_OWNER):
             if head.asks:
@@ -244,7 +263,7 @@ class Session:
         if age is None or not is_current:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if isinstance(content, ChangeContent):
-            return self._deliver_change(head, content, departure)
+            return self._deliver_change(head, content, departure, now)
         return self._deliver_update(sequence, head, content, departure, age)
 
     def _says_encoding(self, head: Head, content: Content) -> bool | None:
@@ -270,20 +289,29 @@ class Session:
         lead = tick * tick_period - departure
         if lead > TICK_LEAD or tick < 0:
             return DropReason.IMPLAUSIBLE
-        if -lead > self._silence + TICK_AGE_SLACK:
+        if -lead > self.liveness.limit + TICK_AGE_SLACK:
             return DropReason.STALE
         self.sender.acknowledge_update(stream, sequence)
         self._held_ticks[stream] = tick
         return UpdateReceived(Update(tick, head.selector, content.newest, content.payload), age, stream)
 
     def _deliver_change(
-        self, head: Head, content: ChangeContent, departure: float
+        self, head: Head, content: ChangeContent, departure: float, now: float
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
-        negotiation = self.sender.negotiation
+        number, tick_period = head.selector, self._tick_period
+        negotiation, round_trip = self.sender.negotiation, self.sender.round_trip
         if head.mark:
-            return negotiation.heard_answer(head.selector, content.body)
-        sent_tick = departure / self._parameters.tick_period
+            if number < NUMBERS:
+                return negotiation.heard_answer(number, content.body)
+            round_trip.take_answer(number, content.body, now)
+            return None
+        sent_tick = departure / tick_period
         tick = expand_counter(content.tick, CHANGE_TICK_BITS, int(sent_tick))
-        if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
+        if abs(tick - sent_tick) * tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
-        return negotiation.heard_proposal(head.selector, tick, content.body)
+        if number < NUMBERS:
+            return negotiation.heard_proposal(number, tick, content.body)
+        peer_time = self.clock.peer_time(now)
+        if peer_time is not None:
+            round_trip.take_proposal(number, tick, content.body, tick * tick_period - peer_time, now)
+        return None

@@ -26,9 +26,9 @@ class State(Enum):
     LISTENING = auto()
     """Waiting to be called."""
     ENGAGED = auto()
-    """In a session whose loop age (`Liveness`) is within the silence limit: each end hears the other."""
+    """In a session within both limits (`Liveness`): each end hears the other."""
     SILENT = auto()
-    """In a session whose loop age has passed the silence limit; it ends a few seconds later."""
+    """In a session that has passed one of the limits; it ends a few seconds later."""
     CLOSED = auto()
     """Closed by this end, or refused by the peer. Final."""
 

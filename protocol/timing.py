@@ -21,9 +21,9 @@ WINDOW: Final = 4.0
 """Length of the minimum filter [s]."""
 _BUCKETS: Final = 8
 _BUCKET: Final = WINDOW / _BUCKETS
-STAMP_BITS: Final = 24
+STAMP_BITS: Final = 23
 STAMP_UNIT: Final = 1e-5
-"""Resolution of the time stamps [s]; 24 bits of it wrap every 168 s."""
+"""Resolution of the time stamps [s]; 23 bits of it wrap every 84 s."""
 _STAMP_MASK: Final = (1 << STAMP_BITS) - 1
 _STAMPS_PER_S: Final = 1e5
 
@@ -68,6 +68,7 @@ class Clock:
 
     Attributes:
         late: by how much few datagrams of the outward direction exceed their least delay [s].
+        least_rtt: round trip of the fastest datagrams of the two directions lately [s]; None until both are measured.
         rtt: round trip of the latest datagrams of the two directions [s]; None until both are measured.
         one_way: delay of the latest datagram of the peer [s]; None until both are measured.
         jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
@@ -91,6 +92,7 @@ class Clock:
         self.late = 0.0
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
+        self.least_rtt: float | None = None
         self.rtt: float | None = None
         self.one_way: float | None = None
         self.jitter = 0.0
@@ -178,9 +180,10 @@ class Clock:
         least_rtt = inward + self._outward
         if _LEAST_RTT - EARLY_LIMIT <= least_rtt <= LONGEST_RTT:
             self._offset = 0.5 * (self._outward - inward)
+            self.least_rtt = max(0.0, least_rtt)
             self._early_limit = EARLY_LIMIT + max(0.0, least_rtt)
         else:  # two reports on either side of a stepped clock: no mapping until they agree again
-            self._offset = None
+            self._offset = self.least_rtt = None
             self._early_limit = _EARLY_LIMIT_UNMAPPED
 
     def _measure(self) -> None:

@@ -11,7 +11,8 @@ byte. What a table gives in bytes begins at a whole byte, and its length follows
 | clear | mark | 1 bit | see below |
 | clear | kind | 3 bits | `Kind` |
 | clear | sequence | 16 bits | low bits of the datagram's number, low byte first; each of a direction has its own |
-| head | sent | 24 bits | sender's clock, in 10 us, low bits |
+| head | generation | 1 bit | parity of the round trip that the sender uses, in whose units the echo is (`Liveness`) |
+| head | sent | 23 bits | sender's clock, in 10 us, low bits |
 | head | echo | 8 bits | departure, on the receiver's clock, of the newest datagram heard from it (`Liveness.echo`) |
 | head | tells | 1 bit | whether an acknowledgement follows; for each stream of the other direction |
 | ack | number | 16 bits | low bits of the number of the newest update received of that stream; follows its `tells` |
@@ -30,6 +31,7 @@ byte. What a table gives in bytes begins at a whole byte, and its length follows
 | report | loss | 16 bits | share of datagrams of the other direction that never came, in 1/65535 |
 | report | burst | 16 bits | mean length of the runs of datagrams that never came, in 1/256; 0 for unknown |
 | report | lost | 16 bits | number of the datagrams of the other direction that never came, low bits |
+| opening | round_trip | 16 bits | round trip with which the session begins, in ms |
 | bye | reason | 0-64 bytes | why, UTF-8 |
 | change | tick | 32 bits | sender's tick at which to make the change, low bits; 0 in an answer |
 | change | body | 1-200 bytes | what is to change, or the answer: 1 for yes, 0 and why not |
@@ -40,8 +42,8 @@ complement. Levels are grouped as `UpdateForm` says: values of a similar size.
 
 The mark of an update means that a previous sample, or model parameters in its place, follow; of a heartbeat, that the
 sender wants an answer at once; of a change or path, that it is an answer. The selector of an update is that of its
-predictor; of a heartbeat, 1 is added if the sender's encoder runs (it runs whenever an update is sent), and 2 if a
-report follows; of a change, it is the number of the proposal.
+predictor; of a heartbeat, 1 is added if the sender's encoder runs (it runs whenever an update is sent), 2 if a report
+follows, and 4 if an opening follows; of a change, it is the number of the proposal (4 to 7: of the round trip).
 
 An acknowledgement is sent until the peer is known to have heard a datagram with it. Where there is none, the newest one
 that was received still holds.
@@ -81,7 +83,8 @@ from weberlink.update import (
 
 CLEAR_BYTES: Final = 3
 """Size of kind and sequence number, which are not encrypted."""
-SENT_BITS: Final = 24
+SENT_BITS: Final = 23
+GENERATION_BITS: Final = 1
 ECHO_BITS: Final = 8
 TICK_BITS: Final = 16
 CHANGE_TICK_BITS: Final = 32
@@ -98,6 +101,7 @@ MARK: Final = 0b1000
 PHASE: Final = 0b1000_0000
 ENCODES: Final = 1
 REPORTS: Final = 2
+OPENS: Final = 4
 """Parts of the selector of a heartbeat."""
 
 _KIND_MASK: Final = 0b0111
@@ -108,6 +112,9 @@ _LEVEL_BITS: Final = 16
 _ACK: Final = 1 << ACKNOWLEDGEMENT_BITS
 _ACK_BITS: Final = 1 + ACKNOWLEDGEMENT_BITS
 _ECHO_MASK: Final = (1 << ECHO_BITS) - 1
+_SENT_MASK: Final = (1 << SENT_BITS) - 1
+_TIMES_BITS: Final = GENERATION_BITS + SENT_BITS + ECHO_BITS
+_OPENING_BITS: Final = 16
 _LARGEST: Final = (1 << _LEVEL_BITS - 1) - 1
 _REPORT_WIDTHS = (48, 24, 24, 16, 16, 16)
 _LONGEST_EXCESS: Final = (1 << _REPORT_WIDTHS[1]) - 1
@@ -142,9 +149,10 @@ _UPDATE, _HEARTBEAT, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int
 _BYE, _CHANGE, _PATH = int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 
 
-Envelope = tuple[int, int, int, tuple[int | None, ...]]
-"""What every datagram says beside its content, already truncated: its number; when it leaves, on the sender's clock;
-the echo of `Liveness`; by stream of the other direction, the acknowledgement, or None if it carries none."""
+Envelope = tuple[int, int, int, int, tuple[int | None, ...]]
+"""What every datagram says beside its content, already truncated: its number; generation and echo of `Liveness`, and
+between them when it leaves, on the sender's clock; by stream of the other direction, the acknowledgement, or None if it
+carries none."""
 
 
 class Head(NamedTuple):
@@ -153,6 +161,7 @@ class Head(NamedTuple):
     kind: int
     mark: bool
     selector: int
+    generation: int
     sent: int
     echo: int
     acks: tuple[int | None, ...]
@@ -190,11 +199,13 @@ class UpdateContent(NamedTuple):
 
 
 class HeartbeatContent(NamedTuple):
-    """Of a heartbeat: the truncated sum of ticks, the truncated credit, and the report if it has one."""
+    """Of a heartbeat: the truncated sum of ticks, the truncated credit, and if it has them the report and the round
+    trip with which the session begins [ms]."""
 
     ticks: int
     credit: int | None
     report: Report | None
+    round_trip_ms: int | None = None
 
 
 class ByeContent(NamedTuple):
@@ -232,10 +243,10 @@ def sequence_of(data: bytes) -> int:
 
 def _begun(first: int, envelope: Envelope) -> int:
     """The clear part and the head, as a string of bits (`weberlink.protocol.bits`)."""
-    sequence, sent, echo, acks = envelope
+    sequence, generation, sent, echo, acks = envelope
     # Low byte first: otherwise the sequence number in the start value of `Checksum` would cancel this one.
     string = 1 << 24 | first << 16 | (sequence & 0xFF) << 8 | sequence >> 8
-    string = string << SENT_BITS + ECHO_BITS | sent << ECHO_BITS | echo
+    string = string << _TIMES_BITS | generation << SENT_BITS + ECHO_BITS | sent << ECHO_BITS | echo
     for ack in acks:
         string = string << 1 if ack is None else string << _ACK_BITS | _ACK | ack
     return string
@@ -250,11 +261,12 @@ def pack_heartbeat(
     report: Report | None = None,
     credit: int | None = None,
     *,
+    round_trip_ms: int | None = None,
     asks: bool = False,
     is_encoding: bool = False,
 ) -> bytes:
     """A heartbeat; `ticks` is truncated already, `credit` is None where the session carries none."""
-    selector = is_encoding * ENCODES | (report is not None) * REPORTS
+    selector = is_encoding * ENCODES | (report is not None) * REPORTS | (round_trip_ms is not None) * OPENS
     string = _begun(_HEARTBEAT | asks * MARK | selector << _SELECTOR_SHIFT, envelope) << TICK_BITS | ticks
     if credit is not None:
         string = string << HEARTBEAT_CREDIT_BITS | credit & _U32_MAX
@@ -267,6 +279,8 @@ def pack_heartbeat(
         losses = report.loss_65535, min(report.burst_256, _LONGEST_BURST), report.lost
         for number, width in zip((*delays, *losses), _REPORT_WIDTHS, strict=True):
             string = string << width | number
+    if round_trip_ms is not None:
+        string = string << _OPENING_BITS | round_trip_ms
     return to_bytes(string)
 
 
@@ -400,12 +414,12 @@ class UpdateLayout:
             update: one that `check` accepts.
             acknowledges: whether it carries the acknowledgements.
         """
-        return len(self.pack((0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
+        return len(self.pack((0, 0, 0, 0, (0 if acknowledges else None,) * self._acks), 0, update))
 
     @property
     def lengths(self) -> tuple[int, int]:
         """Bytes of the shortest and of the longest update, without tag."""
-        head = SENT_BITS + ECHO_BITS + self._acks + 1 + self._carries_credit * UPDATE_CREDIT_BITS
+        head = _TIMES_BITS + self._acks + 1 + self._carries_credit * UPDATE_CREDIT_BITS
         most_head = head + self._acks * ACKNOWLEDGEMENT_BITS + WIDTH_BITS + _LEVEL_BITS
         shortest, longest = [], []
         for form in self.forms:
@@ -483,7 +497,7 @@ class DirectionLayout:
             MalformedError: if it is none that a peer of these layouts sends.
         """
         bits = int.from_bytes(body, "big")
-        word, left = take(bits, 8 * len(body), SENT_BITS + ECHO_BITS)
+        word, left = take(bits, 8 * len(body), _TIMES_BITS)
         acks: list[int | None] = []
         for _ in range(self.acks):
             ack: int | None = None
@@ -493,7 +507,8 @@ class DirectionLayout:
             acks.append(ack)
         kind = first & _KIND_MASK
         selector = first >> _SELECTOR_SHIFT & MAX_SELECTOR
-        head = Head(kind, first & MARK != 0, selector, word >> ECHO_BITS, word & _ECHO_MASK, tuple(acks))
+        generation, sent = word >> SENT_BITS + ECHO_BITS, word >> ECHO_BITS & _SENT_MASK
+        head = Head(kind, first & MARK != 0, selector, generation, sent, word & _ECHO_MASK, tuple(acks))
         if kind in (_UPDATE, _SECOND_UPDATE):
             stream = stream_of(kind)
             if stream >= len(self.updates):
@@ -528,17 +543,20 @@ class DirectionLayout:
                 numbers.append(number)
             minimum, latest, late, loss, burst, lost = numbers
             report = Report((minimum ^ _MINIMUM_SIGN) - _MINIMUM_SIGN, latest, late, loss, burst, lost)
+        round_trip_ms: int | None = None
+        if head.selector & OPENS:
+            round_trip_ms, left = take(bits, left, _OPENING_BITS)
         end(bits, left)
-        return HeartbeatContent(ticks, credit, report)
+        return HeartbeatContent(ticks, credit, report, round_trip_ms)
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
         """Shortest and longest datagram of each shape (kind and mark) that a peer of these layouts sends."""
-        least = SENT_BITS + ECHO_BITS + self.acks
+        least = _TIMES_BITS + self.acks
         most = least + self.acks * ACKNOWLEDGEMENT_BITS
         pulse = TICK_BITS + self.carries_credit * HEARTBEAT_CREDIT_BITS
         changes = CHANGE_TICK_BITS, CHANGE_TICK_BITS + 8 * LONGEST_CHANGE
         sizes = {
-            Kind.HEARTBEAT: (pulse, pulse + sum(_REPORT_WIDTHS)),
+            Kind.HEARTBEAT: (pulse, pulse + sum(_REPORT_WIDTHS) + _OPENING_BITS),
             Kind.CHANGE: (changes[0] + 8, changes[1]),
             Kind.PATH: (8 * TOKEN_BYTES, 8 * TOKEN_BYTES),
         }

@@ -16,7 +16,6 @@ from weberlink.codec.replay import code
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
-from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
@@ -145,7 +144,7 @@ def _measured(spec: RobotSpec) -> Iterator[str]:
 
 def _link(system: System) -> Iterator[str]:
     link = system.link
-    yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms"
+    yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms, round trip up to {link.longest_round_trip_ms:g} ms"
     if link.playout_ms > 0.0:
         yield f"          every update is used {link.playout_ms:g} ms later than on its fastest way"
     if link.emulate is not None:
@@ -244,12 +243,11 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
 
 def _link_warnings(system: System) -> Iterator[str]:
     emulate = system.link.emulate or EmulationSettings()
-    round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
-    loop_ms = round_trip_ms + 2e3 * system.tick_period
-    if loop_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
+    round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions) + 2e3 * system.tick_period
+    if round_trip_ms > system.link.longest_round_trip_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {loop_ms:g} ms, a tick "
-            f"of each side included: sessions would be interrupted; use at least {loop_ms / ROUND_TRIP_SHARE:.0f}"
+            f"link.longest_round_trip_ms {system.link.longest_round_trip_ms:g}: the emulated round trip is up to "
+            f"{round_trip_ms:g} ms, a tick of each side included, and gets no session; use at least {round_trip_ms:.0f}"
         )
     if system.link.playout_ms > 0.0 and system.control.scheme == "none":
         yield (

@@ -9,7 +9,6 @@ from typing import Any
 
 from rich.table import Table
 
-from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult, how_much, plain_table
 from weberlink.studies.stability.cells import SystemCell
@@ -128,7 +127,7 @@ def overrides(cell: SystemCell, when: CellTiming) -> list[str]:
             "loss": cell.loss,
             "seed": cell.seed,
         },
-        "link.silence_ms": 200.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s) / ROUND_TRIP_SHARE,
+        "link.longest_round_trip_ms": 400.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s),
         "codec.force.predictor": cell.predictor,
         "codec.force.weber": cell.weber,
         "codec.force.floor_n": cell.floor_n,

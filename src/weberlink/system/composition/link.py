@@ -135,6 +135,7 @@ def build_endpoint(
         epoch=epoch,
         tick_period=system.tick_period,
         silence=system.link.silence_ms * 1e-3,
+        longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
         peer=peer,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
         name=own or identity.name,

@@ -28,6 +28,7 @@ from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
 from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
+from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
 from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
@@ -273,8 +274,11 @@ class LinkSettings(Settings):
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
     silence_ms: float = Field(default=100.0, ge=10, le=1e3 * LONGEST_SILENCE)
-    """Longest time since a datagram left that the other side is known to have heard; beyond it the force is zero, the
-    robot holds, and no command is executed. At least 2.5 round trips are advised."""
+    """Longest time without a datagram of the other side; beyond it the force is zero and the robot holds or retracts.
+    The same at both ends. It does not depend on the round trip."""
+    longest_round_trip_ms: float = Field(default=400.0, ge=0, le=1e3 * LONGEST_ROUND_TRIP)
+    """Longest round trip with which a session begins, and the most by which its loop age may exceed `silence_ms`. The
+    smaller value of the two ends holds; what the link needs of it is measured."""
     emulate: EmulationSettings | None = None
     """Faults to put on the link; leave out for a real one."""
 
