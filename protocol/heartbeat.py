@@ -100,10 +100,10 @@ class HeartbeatSchedule:
             reach = min(reach, self._longest_pause(limit + round_trip - overhead, needed, needed, path))
         self.reach = max(min(DENSEST, 2.0 * shortest) if unanswered > 0.0 else 2.0 * shortest, reach)
         self.interval = max(shortest, 0.5 * self.reach)
-        self.gap = self._gap(outgoing, unanswered, shortest, path, jitter + late)
+        self.gap = self._gap(outgoing, unanswered, shortest, path, jitter)
         self._round_trip = round_trip
         self._ask_after = self.reach + overhead
-        self._ask_after_quiet = self._gap(incoming, unanswered, shortest, path, jitter + late) + jitter + late
+        self._ask_after_quiet = self._gap(incoming, unanswered, shortest, path, jitter) + jitter + late
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
         self._due_engaged = None
 
@@ -119,17 +119,18 @@ class HeartbeatSchedule:
         asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
         return max(room - asking, room / (1 + losses))
 
-    def _gap(self, loss: float, unanswered: float, shortest: float, path: float, late: float) -> float:
+    def _gap(self, loss: float, unanswered: float, shortest: float, path: float, jitter: float) -> float:
         """Longest time between two datagrams of a direction with this loss, so that its receiver stays in touch [s]."""
+        late = LATE_TICKS * self._tick_period
         stops = min(1.0, CHANCE_STOPS_PER_S * self.interval)
-        gap = (self._horizon - late) / (1 + questions_needed(loss, stops))
+        gap = (self._horizon - jitter - late) / (1 + questions_needed(loss, stops))
         for limit, rate, least in (
             (self._fade, CHANCE_FADES_PER_S, 0),
             (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
         ):
             losses = max(least, questions_needed(loss, rate * shortest))
             questions = max(least, questions_needed(unanswered, rate * shortest))
-            gap = min(gap, self._longest_pause(limit - late, losses, questions, path))
+            gap = min(gap, self._longest_pause(limit - jitter - late, losses, questions, path))
         return min(self.reach, max(shortest, gap))
 
     def heard(self, now: float, confirmed_at: float) -> None:
