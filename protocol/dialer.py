@@ -33,9 +33,9 @@ second a master gets through."""
 OPEN_CALLS = 16
 """HELLOs whose answer is still accepted."""
 TOO_LONG_ANSWERS = 3
-TOO_LONG_AFTER, TOO_LONG_AGAIN_AFTER = 1.0, 30.0
-"""How many answers must have been too late, and for how long [s], until the slave is told that the link is too long:
-before the first session, and after it, when the link was short enough once."""
+TOO_LONG_AFTER = 1.0
+"""How many answers must have been too late, and for how long [s], until the slave is told that the link is too long.
+Only before the first session: a link that was short enough once may be so again."""
 
 
 class Answer(NamedTuple):
@@ -113,10 +113,12 @@ class Dialer:
         """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
         self.takes_over = False
         self._has_served = True
-        self._too_long, self._too_long_answers = inf, 0
+        self._too_long_answers = 0
 
     def find_too_long(self, round_trip: float, now: float) -> None:
         """Note an answer that took longer than both ends allow [s]; the next HELLOs may tell the slave."""
+        if self._has_served:
+            return
         if not self._too_long_answers:
             self._too_long_since = now
         self._too_long_answers += 1
@@ -124,8 +126,7 @@ class Dialer:
 
     def _told_too_long(self, now: float) -> float:
         """The round trip that the slave is told to be too long [s]; 0 if it is not, or not yet."""
-        patience = TOO_LONG_AGAIN_AFTER if self._has_served else TOO_LONG_AFTER
-        is_sure = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= patience
+        is_sure = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
         return self._too_long if is_sure else 0.0
 
     def hello(self, now: float) -> bytes:

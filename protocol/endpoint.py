@@ -33,7 +33,7 @@ from weberlink.protocol.handshake import (
 )
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.liveness import FADE_SHARE
-from weberlink.protocol.round_trip import rounded_up
+from weberlink.protocol.round_trip import in_ms, rounded_up
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.session import Opened, Outcome, OwnersOutcome, Session
 from weberlink.protocol.states import Role, State, Trigger
@@ -275,7 +275,7 @@ class Endpoint(Conversation):
             return
         hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
         round_trip = now - hello_at
-        if round_trip > answer.longest_round_trip:
+        if in_ms(round_trip) > in_ms(answer.longest_round_trip):
             self._dialer.find_too_long(round_trip, now)
             self._mailbox.drop(DropReason.STALE)
             return

@@ -106,12 +106,16 @@ class Liveness:
             return self.opened_at + self.limit
         return min(self.heard_at, self.confirmed_at + self.round_trip) + self._silence
 
-    def is_fresh(self, age: float | None) -> bool:
+    def is_fresh(self, age: float | None, generation: int) -> bool:
         """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
 
         The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R.
         """
-        return age is None or age <= self._silence + 0.5 * self.round_trip
+        return age is None or age <= self._silence + 0.5 * self._allowed(generation)
+
+    def _allowed(self, generation: int) -> float:
+        """The R by which a datagram is judged [s]: the smaller one of both ends, or an echo could wrap as R rises."""
+        return min(self.round_trip, self._round_trips[generation])
 
     def drives(self, now: float) -> bool:
         """Whether the peer's updates may be executed, as far as the two limits and the peer's encoder are concerned."""
@@ -164,7 +168,7 @@ class Liveness:
                 self.encoder_heard_at = now
             self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf
         self._touch()
-        return now - confirmation <= self.limit
+        return now - confirmation <= self._silence + self._allowed(generation)
 
     def _touch(self) -> None:
         self.in_touch_at = min(self.confirmed_at + self.round_trip, self.encoder_heard_at)

@@ -75,12 +75,11 @@ class RoundTripAgreement:
         self._liveness.agree(told_ms * 1e-3, now)
         return True
 
-    def follow(self, needed: float, rtt: float, tick_at: float, now: float) -> None:
+    def follow(self, needed: float, tick_at: float, now: float) -> None:
         """Propose another value if the link has changed.
 
         Args:
-            needed: round trip with the jitter of both directions [s].
-            rtt: present round trip [s].
+            needed: round trip that few datagrams of both directions exceed [s].
             tick_at: our clock now [s].
             now: [s].
         """
@@ -95,7 +94,7 @@ class RoundTripAgreement:
         if falls:
             # At most by half: an echo must not wrap while datagrams of the former value are under way.
             wanted = max(wanted, STEP * ceil(0.5 * present / STEP))
-        ahead = 2.0 * rtt + SWITCH_AHEAD
+        ahead = 2.0 * needed + SWITCH_AHEAD
         tick = ceil((tick_at + ahead) / self._tick_period)
         self._switches_at = now + ahead
         self._settled_after = max(present, wanted)

@@ -258,8 +258,8 @@ class Sender:
         clock = self._clock
         self._allowance.adapt(int16(lost - self._lost), self._next_sequence, clock.late, now)
         self._lost = lost
-        if clock.least_rtt is not None and clock.rtt is not None:
-            self.round_trip.follow(clock.least_rtt + clock.jitter, clock.rtt, now - self._parameters.epoch, now)
+        if clock.bound is not None:
+            self.round_trip.follow(clock.bound, now - self._parameters.epoch, now)
         self.pace()
 
     def pace(self) -> None:

@@ -246,7 +246,7 @@ class Session:
 
     def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:
         age = self.clock.age(departure, now)
-        if not self.liveness.is_fresh(age):
+        if not self.liveness.is_fresh(age, head.generation):
             return DropReason.STALE
         self.is_fresh = True
         says_encoding = True if isinstance(content, UpdateContent) else self._says_encoding(head, content)

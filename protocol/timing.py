@@ -68,7 +68,7 @@ class Clock:
 
     Attributes:
         late: by how much few datagrams of the outward direction exceed their least delay [s].
-        least_rtt: round trip of the fastest datagrams of the two directions lately [s]; None until both are measured.
+        bound: round trip that few datagrams of the two directions together exceed [s]; None until both are measured.
         rtt: round trip of the latest datagrams of the two directions [s]; None until both are measured.
         one_way: delay of the latest datagram of the peer [s]; None until both are measured.
         jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
@@ -92,7 +92,7 @@ class Clock:
         self.late = 0.0
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
-        self.least_rtt: float | None = None
+        self.bound: float | None = None
         self.rtt: float | None = None
         self.one_way: float | None = None
         self.jitter = 0.0
@@ -180,10 +180,9 @@ class Clock:
         least_rtt = inward + self._outward
         if _LEAST_RTT - EARLY_LIMIT <= least_rtt <= LONGEST_RTT:
             self._offset = 0.5 * (self._outward - inward)
-            self.least_rtt = max(0.0, least_rtt)
             self._early_limit = EARLY_LIMIT + max(0.0, least_rtt)
         else:  # two reports on either side of a stepped clock: no mapping until they agree again
-            self._offset = self.least_rtt = None
+            self._offset = None
             self._early_limit = _EARLY_LIMIT_UNMAPPED
 
     def _measure(self) -> None:
@@ -195,3 +194,4 @@ class Clock:
         self.rtt = None if outward is None else rtt if rtt > 0.0 else 0.0
         self.one_way = None if offset is None else one_way if one_way > 0.0 else 0.0
         self.jitter = self.late if self.late > late else late
+        self.bound = None if outward is None else max(0.0, self._inward.value + outward) + self.late + late

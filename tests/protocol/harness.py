@@ -267,11 +267,6 @@ class Pair:
             side.collect(self.now)
 
 
-def patience(delay: float) -> float:
-    """A silence limit that is long enough for a path with this one-way delay [s]."""
-    return max(SILENCE, 3.0 * 2.0 * delay)
-
-
 def suites() -> list[Security]:
     return [PresharedKey(KEY), Checksum()]
 

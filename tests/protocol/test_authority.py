@@ -191,14 +191,14 @@ def test_a_master_keeps_to_the_first_slave_that_answered() -> None:
 @pytest.mark.parametrize("security", suites())
 def test_a_master_refuses_a_welcome_under_another_name(security: Security) -> None:
     """The peer has the key, and ignores the name that the master expects."""
-    end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000")
+    end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000", 0.4)
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     for name in ("toy:47000", "robot:47000"):
         dialer.start(0.0)
         hello = dialer.hello(0.0)
         heard = security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:])
         assert heard is not None
-        answered = heard.answer(pack_map(Welcome(0, 0, name)._asdict()), bytes(security.private_size))
+        answered = heard.answer(pack_map(Welcome(0, 0, name, 400_000)._asdict()), bytes(security.private_size))
         header = read_hello_header(hello)
         assert answered is not None and header is not None
         outcome = dialer.receive(header.pack_answer() + answered[0])

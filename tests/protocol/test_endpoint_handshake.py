@@ -34,7 +34,7 @@ def test_hello_is_repeated_with_growing_pauses_until_someone_answers() -> None:
     pair.run(3.0)
     times = [at for at, side, _ in pair.tap if side is pair.master]
     pauses = [round(later - earlier, 9) for earlier, later in pairwise(times)]
-    assert pauses[0] == pytest.approx(FIRST_INTERVAL)
+    assert FIRST_INTERVAL <= pauses[0] <= 1.5 * FIRST_INTERVAL
     assert pauses == sorted(pauses)
     assert pauses[-1] == pytest.approx(LONGEST_INTERVAL)
     assert pair.master.endpoint.state is State.CONNECTING
@@ -46,7 +46,7 @@ def test_hello_is_repeated_with_growing_pauses_until_someone_answers() -> None:
 def test_connects_through_heavy_loss() -> None:
     for seed in range(8):
         lossy = Emulation(delay_s=0.02, jitter_s=0.01, loss=0.3, duplicate=0.2, reorder=0.2)
-        pair = Pair(forward=lossy, backward=lossy, seed=seed, slave={"silence": 0.3}, master={"silence": 0.3})
+        pair = Pair(forward=lossy, backward=lossy, seed=seed)
         pair.connect().run(3.0)
         assert pair.master.endpoint.state is State.ENGAGED, f"seed {seed}"
         assert pair.slave.endpoint.state is State.ENGAGED, f"seed {seed}"
@@ -139,11 +139,12 @@ def test_a_replayed_hello_does_not_hurt_a_live_session() -> None:
 
 def test_a_call_is_answered_however_long_the_path() -> None:
     """HELLOs are repeated before the first answer is back; the slave keeps the session of each that long."""
-    for one_way, silence in ((0.045, 0.3), (0.2, 1.2), (0.9, 5.0), (1.8, 10.0)):
+    for one_way, longest in ((0.045, 0.1), (0.2, 0.4), (0.9, 2.0), (1.8, 4.0)):
         slow = Emulation(delay_s=one_way)
-        pair = Pair(forward=slow, backward=slow, master={"silence": silence}, slave={"silence": silence})
+        ends = {"longest_round_trip": longest}
+        pair = Pair(forward=slow, backward=slow, master=ends, slave=ends)
         pair.connect().run(3.2 * one_way)
-        assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED, silence
+        assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED, longest
         assert len(pair.slave.of(Connected)) == 1
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import GAP, MENDED_WITHIN, SILENCE, Pair, Side, forms, patience
+from tests.protocol.harness import GAP, MENDED_WITHIN, SILENCE, Pair, Side, forms
 from weberlink.protocol import PeerSilent, State
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import ASK_PACE, DENSEST
@@ -29,8 +29,7 @@ def test_newest_update_arrives_after_any_pattern_of_losses(
 ) -> None:
     """For 80 ms, any of the first datagrams of each direction are lost; updates go out at any pace meanwhile."""
     link = Emulation(delay_s=delay)
-    ends = {"silence": patience(delay)}
-    pair = Pair(seed=seed, forward=link, backward=link, master=ends, slave=ends).engage()
+    pair = Pair(seed=seed, forward=link, backward=link).engage()
     ends_at = pair.now + 0.08
     fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
     pair.swallow = lambda side, data: pair.now < ends_at and next(fates[id(side)], False)
@@ -74,9 +73,8 @@ def test_early_repeats_keep_to_their_allowance(burst: float) -> None:
         if now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
             pair.master.send(pair.now, pair.ticks)
 
-    ends = {"silence": patience(0.045)}
     backward = Emulation(delay_s=0.045)
-    pair = Pair(forward=lossy, backward=backward, master=ends, slave=ends, on_tick=on_tick, every=20, seed=2)
+    pair = Pair(forward=lossy, backward=backward, on_tick=on_tick, every=20, seed=2)
     pair.connect().run(10.0)
     # Newer updates come sooner than evidence can, so every repeat is an early one.
     assert 0 < pair.master.endpoint.statistics.repeats <= MOST_EARLY_PER_S * 11.0

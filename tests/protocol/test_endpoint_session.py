@@ -12,7 +12,6 @@ from tests.protocol.harness import (
     Side,
     forms,
     make_endpoint,
-    patience,
     sample_update,
     suites,
 )
@@ -173,10 +172,14 @@ def test_short_blackout_keeps_session_and_restores_newest_state() -> None:
     assert matches(pair.slave.updates()[-1], last)
 
 
+@pytest.mark.parametrize("delay", [0.001, 0.05, 0.15])
 @pytest.mark.parametrize("toward", ["slave", "master"])
-def test_one_way_cut_silences_both_within_the_limit(toward: str) -> None:
-    """Both fall silent within the limit of the last datagram heard, each knows why, and both return together."""
-    pair = Pair().engage().run(0.5)
+def test_one_way_cut_silences_both_within_the_limits(toward: str, delay: float) -> None:
+    """Each end that hears nothing falls silent after one limit, the other after both; they return together."""
+    slow = Emulation(delay_s=delay)
+    pair = Pair(forward=slow, backward=slow).connect().run(3.0)
+    for side in pair.sides:
+        side.events.clear()
     deaf, heard = pair.sides[::-1] if toward == "slave" else pair.sides
     clear = pair.forward, pair.backward
     if toward == "slave":
@@ -184,16 +187,18 @@ def test_one_way_cut_silences_both_within_the_limit(toward: str) -> None:
     else:
         pair.backward = pair.link(DARK)
     cut = pair.now
-    while pair.now < cut + SILENCE + 0.002:
+    pair.run(delay + SILENCE + 0.002)
+    assert deaf.endpoint.state is State.SILENT
+    while pair.now < cut + SILENCE + heard.endpoint.liveness.round_trip + 0.002:
         pair.run(0.001)
     assert [side.endpoint.state for side in pair.sides] == [State.SILENT] * 2
     assert deaf.of(PeerSilent) == [PeerSilent(is_heard=False)]
     assert heard.of(PeerSilent) == [PeerSilent(is_heard=True)]
     pair.forward, pair.backward = clear
-    pair.run(0.6)
+    pair.run(0.6 + 4.0 * delay)
     assert [side.endpoint.state for side in pair.sides] == [State.ENGAGED] * 2
     for side in pair.sides:
-        assert side.of(PeerReturned) or len(side.of(Connected)) == 2
+        assert side.of(PeerReturned) or side.of(Connected)
 
 
 def test_a_peer_that_falls_silent_after_it_was_only_unheard_is_reported_as_silent() -> None:
@@ -213,7 +218,7 @@ def test_session_expires_after_silence_and_another_follows() -> None:
     pair = Pair().engage()
     clear = pair.forward, pair.backward
     pair.forward = pair.link(DARK)
-    pair.run(SILENCE + EXPIRY + 0.1)
+    pair.run(SILENCE + EXPIRY + 0.15)
     assert len(pair.master.of(SessionExpired)) == len(pair.slave.of(SessionExpired)) == 1
     assert pair.master.endpoint.state is State.CONNECTING
     assert pair.slave.endpoint.state is State.LISTENING
@@ -227,7 +232,7 @@ def test_a_stale_update_is_never_delivered() -> None:
     pair = Pair().engage()
     pair.master.send(pair.now, pair.ticks)
     held = pair.master.endpoint.datagrams_to_send()
-    pair.run(0.11)
+    pair.run(SILENCE + 0.5 * pair.slave.endpoint.liveness.round_trip + 0.005)
     for data, _ in held:
         pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
     pair.run(0.003)
@@ -252,18 +257,11 @@ def test_a_stale_datagram_does_not_count_as_being_heard() -> None:
     assert pair.slave.endpoint.peer == MASTER
 
 
-def test_delay_beyond_the_limit_prevents_a_session() -> None:
-    slow = Emulation(delay_s=0.15)
-    pair = Pair(forward=slow, backward=slow).connect().run(2.0)
-    assert not pair.master.of(Connected)
-    assert not pair.slave.of(Connected)
-    assert DropReason.STALE in pair.master.faults()
-
-
 @pytest.mark.parametrize("toward", ["slave", "master"])
 def test_asymmetric_path_does_not_halve_the_age(toward: str) -> None:
     """152 ms one way and nothing back is 76 ms by the mapped clocks, which believe in halves."""
-    pair = Pair().engage()
+    ends = {"longest_round_trip": 0.05}
+    pair = Pair(master=ends, slave=ends).engage()
     slow = pair.link(Emulation(delay_s=0.152))
     if toward == "slave":
         pair.forward = slow
@@ -376,8 +374,9 @@ def test_heartbeats_keep_their_gap_and_their_absence_is_silence() -> None:
     before = len(pair.tap)
     pair.run(10.0)
     assert pair.slave.endpoint.liveness.heard_at > heard
-    reach = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=0.001).reach - 0.002  # 1 ms each way
-    assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / reach, rel=0.05)
+    schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=0.001)
+    schedule.adapt(0.0, 0.0, 0.002, 0.0, pair.master.endpoint.liveness.round_trip)  # 1 ms each way
+    assert len(pair.tap) - before == pytest.approx(10.0 * 3.0 / schedule.reach, rel=0.05)
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
         assert len(times) <= 25.0 * 10.0
@@ -388,11 +387,10 @@ def test_heartbeats_keep_their_gap_and_their_absence_is_silence() -> None:
     assert pair.slave.of(PeerSilent) == [PeerSilent(is_heard=False)]
 
 
-@pytest.mark.parametrize(("loss", "delay"), [(0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
+@pytest.mark.parametrize(("loss", "delay"), [(0.02, 0.15), (0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
 def test_losses_on_a_long_path_cause_no_silence(loss: float, delay: float) -> None:
     lossy = Emulation(delay_s=delay, loss=loss)
-    ends = {"silence": patience(delay)}
-    pair = Pair(forward=lossy, backward=lossy, seed=21, master=ends, slave=ends).connect().run(10.0)
+    pair = Pair(forward=lossy, backward=lossy, seed=21).connect().run(10.0)
     for side in pair.sides:
         side.events.clear()
     pair.run(15.0)

@@ -26,7 +26,9 @@ from weberlink.protocol.handshake import (
 )
 from weberlink.protocol.wire import Kind
 
-HELLO = Hello(pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True)
+HELLO = Hello(
+    pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True, 400_000, 0
+)
 
 
 @pytest.mark.parametrize("overhead", [20, 48])
@@ -106,7 +108,7 @@ def test_a_hello_with_a_false_field_is_none(field: str, value: object) -> None:
 @pytest.mark.parametrize("field", Welcome._fields)
 @pytest.mark.parametrize("value", [*FALSE, True])
 def test_a_welcome_with_a_false_field_is_none(field: str, value: object) -> None:
-    good = Welcome(1, -2, "robot:47000")
+    good = Welcome(1, -2, "robot:47000", 400_000)
     assert read_welcome(good._asdict()) == good
     assert read_welcome({**good._asdict(), field: value}) is None
 

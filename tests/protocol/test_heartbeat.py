@@ -3,7 +3,7 @@
 from math import inf
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
@@ -64,10 +64,11 @@ def test_any_datagram_postpones_heartbeats_except_reports() -> None:
 def test_the_next_datagram_is_due_when_what_was_echoed_becomes_too_old() -> None:
     """That is when the loop age of the peer does; if nothing new has come, only the gap counts."""
     schedule = introduced()
-    schedule.adapt(0.0, 0.0, 0.001, 0.0)
-    schedule.heard(0.5, 0.5)
-    schedule.sent(0.52, 0.5, 0)
+    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
+    schedule.heard(0.519, 0.51)
+    schedule.sent(0.52, 0.519, 0)
     assert schedule.due(is_engaged=True) == 0.52 + schedule.gap
+    schedule.sent(0.52, 0.5, 0)
     schedule.heard(0.54, 0.52)
     assert schedule.due(is_engaged=True) == 0.5 + schedule.reach < 0.52 + schedule.gap
 
@@ -88,7 +89,7 @@ def test_loss_shortens_reach_and_gap_down_to_a_limit() -> None:
     schedule = introduced()
     reaches, gaps = [], []
     for loss in (0.0, 0.01, 0.1, 0.3, 1.0):
-        schedule.adapt(loss, loss, 0.001, 0.0)
+        schedule.adapt(loss, loss, 0.001, 0.0, 0.0)
         reaches.append(schedule.reach)
         gaps.append(schedule.gap)
     assert reaches == sorted(reaches, reverse=True)
@@ -105,7 +106,7 @@ def test_two_ends_at_rest_keep_the_loop_age_with_few_datagrams(silence: float, m
     for tick in range(1, ticks):
         now = tick * TICK
         for own in range(2):
-            ends[own].adapt(0.0, 0.0, 0.0, 0.0)
+            ends[own].adapt(0.0, 0.0, 0.0, 0.0, 0.0)
             if now < ends[own].due(is_engaged=True):
                 continue
             sent += 1
@@ -125,20 +126,37 @@ def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> Non
     assert count == 0 or unanswered**count > rate * (1.0 - 1e-9)
 
 
-@given(st.floats(0.0, 0.05), st.floats(0.0, 0.01), st.floats(0.0, 0.3))
-def test_reach_leaves_room_for_path_and_questions(rtt: float, jitter: float, loss: float) -> None:
+@given(st.floats(0.0, 0.4), st.floats(0.0, 0.01), st.floats(0.0, 0.3), st.floats(0.0, 0.4))
+@example(0.3, 0.0, 0.0, 0.3)
+@example(0.05, 0.01, 0.02, 0.05)
+def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
+    rtt: float, jitter: float, loss: float, round_trip: float
+) -> None:
     schedule = introduced()
-    schedule.adapt(loss, loss, rtt, jitter)
+    schedule.adapt(loss, loss, rtt, jitter, round_trip)
     shortest = LEAST_SHARE * SILENCE
-    worst = schedule.reach + rtt + jitter + LATE + SILENCE / UNITS
-    answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
-    fits = worst <= FADE + 1e-9 and worst + answered <= SILENCE + 1e-9
     unanswered = 1.0 - (1.0 - loss) ** 2
-    least = 1 + questions_needed(unanswered, shortest / 3600.0)
-    is_dense = loss > 0.0 and rtt + jitter + LATE + SILENCE / UNITS + least * schedule.reach <= SILENCE + 1e-9
-    assert schedule.reach == (DENSEST if loss > 0.0 else 2.0 * shortest) or fits or is_dense
+    alone = rtt + jitter + LATE + (SILENCE + round_trip) / UNITS  # the loop age without any wait
+    answered = LEAST_QUESTIONS * (ASK_PACE + TICK) + rtt + jitter
+    for pause, limit, passed, share in (
+        (schedule.reach, round_trip, alone, unanswered),
+        (schedule.gap, 0.0, jitter + LATE, loss),
+    ):
+        least = max(LEAST_QUESTIONS, questions_needed(share, shortest / 3600.0))
+        fits = passed + pause + answered <= SILENCE + limit + 1e-9
+        is_dense = passed + (1 + least) * pause <= SILENCE + limit + 1e-9
+        is_densest = pause <= max(DENSEST if unanswered > 0.0 else 2.0 * shortest, shortest) + 1e-9
+        assert is_densest or (passed + pause <= FADE + limit + 1e-9 and (fits or is_dense))
     assert schedule.gap == min(shortest, schedule.reach) or schedule.gap + jitter + LATE <= HORIZON + 1e-9
     assert schedule.gap <= schedule.reach <= LONGEST_REACH
+
+
+@given(st.floats(0.0, 0.4), st.sampled_from([0.0, 0.02]))
+def test_a_long_path_needs_no_more_than_thirty_five_heartbeats_a_second(rtt: float, loss: float) -> None:
+    """Where both ends have agreed on its round trip, whatever it is."""
+    schedule = introduced()
+    schedule.adapt(loss, loss, rtt, 0.0, rtt)
+    assert schedule.reach >= (1.0 / 35.0 if loss == 0.0 else 1.0 / 60.0)
 
 
 @given(st.floats(0.001, 0.3), st.sampled_from([0.1, 0.4, 1.0]))
@@ -146,7 +164,7 @@ def test_reach_leaves_room_for_path_and_questions(rtt: float, jitter: float, los
 def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) -> None:
     """It needs the loss of a datagram or of what it echoes, and then of all questions that fit, or of their answers."""
     schedule = introduced(silence=silence)
-    schedule.adapt(loss, loss, 0.001, 0.0)
+    schedule.adapt(loss, loss, 0.001, 0.0, 0.0)
     unanswered = 1.0 - (1.0 - loss) ** 2
     room = silence - schedule.reach - 2 * 0.001 - LATE - silence / UNITS
     questions = room / (ASK_PACE + TICK)
@@ -159,7 +177,7 @@ def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) ->
 def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
     schedule = introduced()
     schedule.heard(0.0, 0.0)
-    schedule.adapt(0.0, 0.0, rtt, 0.0)
+    schedule.adapt(0.0, 0.0, rtt, 0.0, 0.0)
     asked = []
     for tick in range(1, 200):
         now = tick * TICK
@@ -169,13 +187,13 @@ def test_asks_only_while_an_answer_can_be_in_time(rtt: float) -> None:
             if asks:
                 asked.append(now)
     assert len(asked) <= SILENCE / ASK_PACE
-    assert all(schedule.reach < at <= SILENCE - rtt for at in asked)
-    assert bool(asked) is (rtt < 0.05)
+    assert all(min(schedule.gap, schedule.reach) < at <= SILENCE - rtt for at in asked)
+    assert bool(asked) is (rtt < inf)
 
 
 def test_confirmed_peer_is_not_asked_and_question_answered_once() -> None:
     schedule = introduced()
-    schedule.adapt(0.0, 0.0, 0.001, 0.0)
+    schedule.adapt(0.0, 0.0, 0.001, 0.0, 0.0)
     assert schedule.asks(0.085)
     schedule.heard(0.05, 0.05)
     assert not schedule.asks(0.085)
@@ -188,7 +206,7 @@ def test_confirmed_peer_is_not_asked_and_question_answered_once() -> None:
 
 def test_absent_owner_causes_no_storm() -> None:
     schedule = introduced()
-    schedule.adapt(0.3, 0.3, 0.001, 0.0)
+    schedule.adapt(0.3, 0.3, 0.001, 0.0, 0.0)
     schedule.heard(0.0, 0.0)
     sent = 0
     while schedule.due(is_engaged=True) <= 0.5:

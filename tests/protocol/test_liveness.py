@@ -19,7 +19,7 @@ def test_echo_tells_departure_on_own_clock(own: float, other: float, there: floa
     echo = peer.echo(3.0 + there + wait + other)
     end = Liveness(0.0, SILENCE, 0.0, own)
     now = 3.0 + there + wait + back + own
-    age = now - end.confirmation(echo, now)
+    age = now - end.confirmation(echo, 0, now)
     true = there + wait + back
     rounding = 1e-9 * (1.0 + abs(own))
     assert true - rounding <= age <= true + SILENCE / UNITS + rounding
@@ -34,24 +34,24 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
     peer = Liveness(0.0, SILENCE, floor(now * 1e5) * 1e-5, now)
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     for arrival in (now, nextafter(now, -inf), nextafter(now, inf)):
-        assert end.hear(0, now, peer.echo(now), says_encoding=None, now=arrival)
+        assert end.hear(0, now, peer.echo(now), 0, says_encoding=None, now=arrival)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:
     peer = Liveness(0.0, SILENCE, 5.0, 5.0)
     assert peer.echo(5.0 + SILENCE) != DEAF
     assert peer.echo(5.0 + SILENCE + 1e-6) == DEAF
-    assert Liveness(0.0, SILENCE, 5.0, 5.0).confirmation(DEAF, 5.0) == -inf
+    assert Liveness(0.0, SILENCE, 5.0, 5.0).confirmation(DEAF, 0, 5.0) == -inf
 
 
 def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
-    end.hear(2, 0.02, DEAF, says_encoding=False, now=0.03)
-    end.hear(1, 0.01, DEAF, says_encoding=True, now=0.04)
+    end.hear(2, 0.02, DEAF, 0, says_encoding=False, now=0.03)
+    end.hear(1, 0.01, DEAF, 0, says_encoding=True, now=0.04)
     assert end.encodes_until == end.encoder_heard_at == -inf
-    end.hear(3, 0.05, DEAF, says_encoding=None, now=0.06)
+    end.hear(3, 0.05, DEAF, 0, says_encoding=None, now=0.06)
     assert end.encodes_until == -inf
-    end.hear(4, 0.06, DEAF, says_encoding=True, now=0.07)
+    end.hear(4, 0.06, DEAF, 0, says_encoding=True, now=0.07)
     assert end.encoder_heard_at == 0.07
     assert end.encodes_until == 0.07 + SILENCE

@@ -1,4 +1,4 @@
-"""A session of one stream: its datagrams equal those recorded with protocol 4."""
+"""A session of one stream: its datagrams equal those recorded with protocol 5."""
 
 from hashlib import sha256
 
@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "1e57d61c992d0c61b357178cb4f3be99f0db93204f3b16d9fc4951a14837c98d",
-    ("checksum", True): "869e262d493b098c1c2e5487f77c321aba984a0905d3cb1f64a654281be1ab2b",
-    ("psk", False): "7c681a5b6b087a00025101a3c3a5a12b108d9df3d4824f41496f13eb95683b30",
-    ("psk", True): "c458685c082d90d315fc21bba0620c4f18bf7705f1458bf7d902df430aecd3c6",
+    ("checksum", False): "c1e9b80e94d867164cfd4df3035d299626183d438477c4936ddd72fbd2ce54cb",
+    ("checksum", True): "95b8d23d8c92493b84b1af7d6127bff8708bba976bed44ebc00e07f0783b89cb",
+    ("psk", False): "a8fd71a34dec35bb22c42f2e1f7f69c3381c250429148ae0ef4d4f803409299a",
+    ("psk", True): "4fb9614c9f221c6b0539f3d792195e4831bbaf8d9daf12ba0442ebaf6e604959",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 

@@ -38,7 +38,7 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
     """HELLOs of earlier runs of a master: proven, with rising stamps."""
     stamps = iter(range(first, first + count * step, step))
     entropy = Random(f"{name} {first}").randbytes
-    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), PROTOCOL_VERSION, 0.0, name, "")
+    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), PROTOCOL_VERSION, 0.0, name, "", 0.4)
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: next(stamps))
     dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
@@ -170,7 +170,7 @@ def test_answer_about_stamps_never_lowers_the_stamp() -> None:
     pair.slave.endpoint.receive_datagram(recorded(1, first=10**12)[0], STRANGER, 0.0)
     pair.slave.endpoint.datagrams_to_send()
     pair.master.endpoint.connect(0.0)
-    pair.run(0.05)
+    pair.run(0.06)
     stamps = [read_hello_header(data) for _, side, data in pair.tap if side is pair.master and kind_of(data) == 1]
     assert [header.stamp > 10**12 for header in stamps if header is not None] == [False, True, True]
     assert pair.master.faults() == [], "it expects no answer to the first one any more"

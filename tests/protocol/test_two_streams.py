@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import MENDED_WITHIN, Pair, Side, forms, make_endpoint, patience, sample_update, suites
+from tests.protocol.harness import MENDED_WITHIN, Pair, Side, forms, make_endpoint, sample_update, suites
 from weberlink.protocol import DropReason, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.wire import Kind, kind_of
@@ -125,8 +125,7 @@ def test_newest_updates_arrive_after_any_pattern_of_losses(
             if 0.2 <= now < ends_at and tick % gap == 0:
                 newest[stream] = pair.master.send(pair.now, pair.ticks, stream)
 
-    ends = {**BOTH, "silence": patience(delay)}
-    pair = two(seed=seed, forward=link, backward=link, master=ends, slave=ends, on_tick=on_tick).engage()
+    pair = two(seed=seed, forward=link, backward=link, on_tick=on_tick).engage()
     fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
     pair.swallow = lambda side, data: pair.now < ends_at and next(fates[id(side)], False)
     pair.run(ends_at - pair.now)

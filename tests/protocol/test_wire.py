@@ -63,7 +63,7 @@ def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries
     stream = (UpdateForm(groups, groups), UpdateForm(groups, None))
     direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
     limits, count = direction.lengths(0), sum(groups)
-    envelopes: list[Envelope] = [(1, 2, 3, (None,) * acks), (1, 2, 3, (7,) * acks)]
+    envelopes: list[Envelope] = [(1, 0, 2, 3, (None,) * acks), (1, 1, 2, 3, (7,) * acks)]
     for ends, level in enumerate((0, WIDEST)):
         head = ["clear", "head", *["ack"] * (acks * ends)]
         update = ["update", *["lag"] * ends, *["update_credit"] * carries_credit]
@@ -91,8 +91,10 @@ def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries
             assert bounds == limits[plain[0] & 0xF]
             assert bounds[ends] == (len(plain), max(len(paired), len(parametric)))[ends]
         credit = 9 if carries_credit else None
-        pulse = wire.pack_heartbeat(envelopes[ends], 5, Report(0, 0, 0, 0, 0, 0) if ends else None, credit)
-        assert len(pulse) == size("heartbeat", *["heartbeat_credit"] * carries_credit, *["report"] * ends)
+        pulse = wire.pack_heartbeat(
+            envelopes[ends], 5, Report(0, 0, 0, 0, 0, 0) if ends else None, credit, round_trip_ms=7 if ends else None
+        )
+        assert len(pulse) == size("heartbeat", *["heartbeat_credit"] * carries_credit, *["report", "opening"] * ends)
         assert limits[pulse[0] & 0xF][ends] == len(pulse)
         bye = wire.pack_bye(envelopes[ends], "x" * 100 * ends)
         assert len(bye) == size("bye") == limits[bye[0] & 0xF][ends]
@@ -102,7 +104,7 @@ def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries
         assert len(path) == size("path") == limits[path[0] & 0xF][ends]
     assert set(documented()) == {
         *("clear", "head", "ack", "update", "lag", "previous", "update_credit", "parameters"),
-        *("heartbeat", "heartbeat_credit", "report", "bye", "change", "path"),
+        *("heartbeat", "heartbeat_credit", "report", "opening", "bye", "change", "path"),
     }
 
 
@@ -138,7 +140,9 @@ PAYLOADS = st.one_of(
 )
 UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
 ACKS = st.lists(st.none() | st.integers(0, 2**16 - 1), min_size=2, max_size=2).map(tuple)
-ENVELOPES = st.tuples(st.integers(0, 2**16 - 1), st.integers(0, 2**24 - 1), st.integers(0, 255), ACKS)
+ENVELOPES = st.tuples(
+    st.integers(0, 2**16 - 1), st.integers(0, 1), st.integers(0, 2**23 - 1), st.integers(0, 255), ACKS
+)
 CREDITS = st.none() | st.integers(0, 2**40)
 
 
@@ -156,9 +160,7 @@ def test_an_update_survives_the_wire(
     assert wire.sequence_of(data) == envelope[0]
     head, content = direction.read(data[0], data[CLEAR_BYTES:])
     assert (head, content) == direction.read(data[0] | wire.PHASE, data[CLEAR_BYTES:])
-    assert head == wire.Head(
-        wire.kind_of(data), update.payload is not None, update.selector, envelope[1], envelope[2], envelope[3]
-    )
+    assert head == wire.Head(wire.kind_of(data), update.payload is not None, update.selector, *envelope[1:])
     assert head.is_encoding
     assert content == UpdateContent(lag, update.newest, update.payload, None if credit is None else credit % 2**16)
     assert wire.length_fault(data, direction.lengths(0)) is None
@@ -178,24 +180,25 @@ def test_an_update_survives_the_wire(
         st.integers(0, 2**16 - 1),
     ),
     CREDITS,
+    st.none() | st.integers(0, 2**16 - 1),
 )
 def test_a_heartbeat_survives_the_wire(
-    envelope: Envelope, ticks: int, report: Report | None, credit: int | None
+    envelope: Envelope, ticks: int, report: Report | None, credit: int | None, opening: int | None
 ) -> None:
     direction = DirectionLayout([forms(3)], carries_credit=credit is not None, acks=2)
-    data = wire.pack_heartbeat(envelope, ticks, report, credit)
+    data = wire.pack_heartbeat(envelope, ticks, report, credit, round_trip_ms=opening)
     head, content = direction.read(data[0], data[CLEAR_BYTES:])
-    assert content == HeartbeatContent(ticks, None if credit is None else credit % 2**32, report)
-    assert (head.sent, head.echo, head.acks) == envelope[1:]
+    assert content == HeartbeatContent(ticks, None if credit is None else credit % 2**32, report, opening)
+    assert (head.generation, head.sent, head.echo, head.acks) == envelope[1:]
     assert not (head.asks or head.is_encoding)
-    asking = wire.pack_heartbeat(envelope, ticks, report, credit, asks=True, is_encoding=True)
+    asking = wire.pack_heartbeat(envelope, ticks, report, credit, round_trip_ms=opening, asks=True, is_encoding=True)
     head, _ = direction.read(asking[0], asking[CLEAR_BYTES:])
     assert head.asks and head.is_encoding
     assert asking[1:] == data[1:]
 
 
 def test_a_report_saturates() -> None:
-    data = wire.pack_heartbeat((5, 6, 7, (None,)), 0, Report(0, 2**40, 2**40, 0, 2**20, 7))
+    data = wire.pack_heartbeat((5, 0, 6, 7, (None,)), 0, Report(0, 2**40, 2**40, 0, 2**20, 7))
     _, content = DirectionLayout([forms(3)]).read(data[0], data[CLEAR_BYTES:])
     assert content == HeartbeatContent(0, None, Report(0, 2**24 - 1, 2**24 - 1, 0, 2**16 - 1, 7))
 
@@ -240,7 +243,7 @@ def test_any_bytes_are_read_or_refused_and_what_is_read_has_one_form(
 @pytest.mark.parametrize("payload", [None, PreviousSample(3, (1, 2, 4))])
 def test_an_update_that_is_cut_or_goes_on_is_refused(payload: PreviousSample | None, harm: object) -> None:
     direction = DirectionLayout([forms(3)])
-    data = direction.updates[0].pack((1, 2, 3, (None,)), 0, Update(1, 0, (1, 2, 3), payload))
+    data = direction.updates[0].pack((1, 0, 2, 3, (None,)), 0, Update(1, 0, (1, 2, 3), payload))
     direction.read(data[0], data[CLEAR_BYTES:])
     with pytest.raises(MalformedError):
         direction.read(data[0], harm(data[CLEAR_BYTES:]))  # type: ignore[operator]

@@ -82,7 +82,7 @@ def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> 
         raise ValueError("no genuine HELLO was recorded to make others of")
     header = read_hello_header(hello)
     assert header is not None
-    end = LocalEnd(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, said.name, "")
+    end = LocalEnd(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, said.name, "", 0.4)
 
     def before(_now: float) -> int:
         return header.stamp - count  # and rising, as those of a recording

@@ -1,0 +1,187 @@
+"""The round trip that both ends agree on: at the beginning, as the link changes, and beyond what a user allows."""
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.protocol.harness import SILENCE, TICK, Pair, Side
+from weberlink.protocol import Connected, PeerSilent, Refused
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.round_trip import FALL_AFTER, STEP, rounded_up
+from weberlink.protocol.states import State
+from weberlink.protocol.wire import Kind, kind_of
+
+
+def over(delay: float, **changes: object) -> Pair:
+    link = Emulation(delay_s=delay)
+    return Pair(forward=link, backward=link, master=changes, slave=changes)
+
+
+def agreed(pair: Pair) -> list[float]:
+    return [side.endpoint.liveness.round_trip for side in pair.sides]
+
+
+@given(st.floats(0.0, 0.2))
+@example(0.0)
+@example(0.2)
+def test_both_ends_begin_with_the_round_trip_of_the_handshake(delay: float) -> None:
+    pair = over(delay).connect().run(3.2 * delay + 0.01)
+    assert [side.endpoint.state for side in pair.sides] == [State.ENGAGED] * 2
+    least = rounded_up(2.0 * delay)
+    assert agreed(pair) == pytest.approx([min(least, 0.4)] * 2, abs=STEP)
+    pair.run(5.0)
+    assert not any(side.of(PeerSilent) for side in pair.sides)
+    assert [len(side.of(Connected)) for side in pair.sides] == [1, 1]
+
+
+@pytest.mark.parametrize(("own", "other"), [(0.4, 0.4), (0.3, 2.0), (2.0, 0.3)])
+def test_a_link_beyond_the_smaller_limit_never_engages_and_both_ends_say_why(own: float, other: float) -> None:
+    link = Emulation(delay_s=0.23)
+    pair = Pair(forward=link, backward=link, master={"longest_round_trip": own}, slave={"longest_round_trip": other})
+    pair.connect().run(5.0)
+    said = [side.of(Refused)[0] for side in pair.sides]
+    assert said[0] == said[1]
+    assert "460 ms" in said[0].message and f"{min(own, other) * 1e3:g}" in said[0].message
+    assert not any(side.of(Connected) for side in pair.sides)
+    assert [side.endpoint.state for side in pair.sides] == [State.CLOSED, State.LISTENING]
+
+
+def test_a_link_that_was_short_enough_once_is_called_again_for_ever() -> None:
+    pair = over(0.05).engage()
+    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.3))
+    pair.run(20.0)
+    assert pair.master.endpoint.state is State.CONNECTING
+    assert not any(side.of(Refused) for side in pair.sides)
+    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.05))
+    pair.run(1.0)
+    assert [side.endpoint.state for side in pair.sides] == [State.ENGAGED] * 2
+
+
+def test_it_rises_with_the_link_and_falls_slowly_without_an_interruption() -> None:
+    pair = over(0.01).engage().run(2.0)
+    forward, backward = pair.forward, pair.backward
+    for delay in [0.001 * milliseconds for milliseconds in range(13, 61, 3)]:
+        pair.forward = pair.backward = pair.link(Emulation(delay_s=delay))
+        pair.run(3.0)
+        assert agreed(pair)[0] == agreed(pair)[1]
+        assert 2.0 * delay <= agreed(pair)[0] <= 2.0 * delay + 0.03
+    risen = agreed(pair)[0]
+    pair.forward, pair.backward = forward, backward
+    pair.run(FALL_AFTER - 1.5)  # a report comes once a second
+    assert agreed(pair) == [risen] * 2
+    pair.run(FALL_AFTER)
+    assert agreed(pair)[0] == agreed(pair)[1] >= 0.5 * risen
+    pair.run(6.0 * FALL_AFTER)
+    assert agreed(pair)[0] == agreed(pair)[1] <= 0.06
+    assert not any(side.of(PeerSilent) for side in pair.sides)
+
+
+def test_it_never_exceeds_what_the_user_allows() -> None:
+    """Somebody on the path holds datagrams back for longer and longer."""
+    ends = {"longest_round_trip": 0.1}
+    pair = Pair(master=ends, slave=ends).engage()
+    for delay in (0.02, 0.04, 0.06, 0.08, 0.1):
+        pair.forward = pair.backward = pair.link(Emulation(delay_s=delay))
+        pair.run(2.0)
+        assert max(agreed(pair)) <= 0.1
+    assert pair.master.endpoint.state is not State.ENGAGED
+    assert pair.slave.endpoint.state is not State.ENGAGED
+
+
+def test_a_lost_answer_leaves_the_two_values_apart_for_a_while_only() -> None:
+    pair = over(0.01).engage().run(1.0)
+    before = agreed(pair)
+    cut_until = pair.now + 1.5
+    pair.swallow = lambda side, data: side is pair.slave and kind_of(data) == Kind.CHANGE and pair.now < cut_until
+    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.013))
+    pair.run(1.4)
+    assert agreed(pair)[0] == before[0] < agreed(pair)[1]
+    pair.run(0.5)
+    assert agreed(pair)[0] == agreed(pair)[1] > before[0]
+    assert not any(side.of(PeerSilent) for side in pair.sides)
+
+
+class Truth:
+    """What really has arrived, to compare with what the ends believe."""
+
+    def __init__(self, pair: Pair) -> None:
+        self.pair = pair
+        self.delays = [0.0, 0.0]
+        self.flying: tuple[list[tuple[float, float]], list[tuple[float, float]]] = [], []
+        self.newest = [0.0, 0.0]
+        self.held: list[tuple[Side, bytes, float]] = []
+        self.holds = [False, False]
+        pair.swallow = self.sent
+
+    def turn(self, delays: tuple[float, float]) -> None:
+        """Change the delay of each direction; what is under way is lost."""
+        self.delays = list(delays)
+        self.pair.forward, self.pair.backward = (self.pair.link(Emulation(delay_s=each)) for each in delays)
+
+    def sent(self, side: Side, data: bytes) -> bool:
+        own = self.pair.sides.index(side)
+        if self.holds[own]:
+            self.held.append((side, data, self.pair.now))
+            return True
+        self.flying[own].append((self.pair.now, self.pair.now + self.delays[own]))
+        return False
+
+    def release(self) -> None:
+        for side, data, left in self.held:
+            own = self.pair.sides.index(side)
+            other = self.pair.sides[1 - own]
+            self.newest[own] = max(self.newest[own], left)
+            other.endpoint.receive_datagram(data, side.address, self.pair.now)
+        self.held.clear()
+
+    def check(self) -> None:
+        """No end believes that the peer has heard more than has arrived: it never underestimates its loop age."""
+        for own, side in enumerate(self.pair.sides):
+            arrived = [left for left, arrives in self.flying[own] if arrives <= self.pair.now + 1e-9]
+            self.newest[own] = max([self.newest[own], *arrived])
+            assert side.endpoint.liveness.confirmed_at <= self.newest[own] + 1e-9
+
+
+STEPS = st.lists(
+    st.tuples(st.floats(0.0, 0.19), st.floats(0.0, 0.19), st.integers(0, 3), st.floats(0.05, 1.5)), max_size=6
+)
+
+
+@given(st.integers(0, 2**32), STEPS)
+@example(0, [(0.0, 0.1, 1, 0.4), (0.0, 0.0, 0, 1.0)])
+@examples(25)
+def test_no_end_ever_underestimates_its_loop_age(seed: int, steps: list[tuple[float, float, int, float]]) -> None:
+    """Delays jump, and datagrams of either direction are held back and released, as R changes."""
+    pair = Pair(seed=seed)
+    truth = Truth(pair)
+    truth.turn((0.001, 0.001))
+    pair.connect()
+    for forward, backward, held, duration in [(0.001, 0.001, 0, 0.3), *steps]:
+        truth.turn((forward, backward))
+        truth.holds = [bool(held & 1), bool(held & 2)]
+        ends_at = pair.now + duration
+        while pair.now < ends_at:
+            pair.run(5 * TICK)
+            truth.check()
+        truth.release()
+        pair.run(TICK)
+        truth.check()
+
+
+@given(st.floats(0.0, 0.15), st.integers(1, 3), st.floats(0.0, 3.0), st.integers(0, 2**32))
+@example(0.15, 1, 0.0, 0)
+@examples(40)
+def test_after_a_cut_both_ends_are_silent_within_both_limits(delay: float, cut: int, after: float, seed: int) -> None:
+    """At any time of a session, also while it opens; none drives later."""
+    link = Emulation(delay_s=delay)
+    pair = Pair(forward=link, backward=link, seed=seed).connect().run(3.0 * delay + 0.01 + after)
+    longest = max(agreed(pair))
+    dark = Emulation(loss=1.0)
+    if cut & 1:
+        pair.forward = pair.link(dark)
+    if cut & 2:
+        pair.backward = pair.link(dark)
+    pair.run(SILENCE + longest + TICK)
+    for side in pair.sides:
+        assert not side.endpoint.is_peer_encoding(pair.now)
