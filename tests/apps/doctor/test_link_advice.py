@@ -90,18 +90,25 @@ def test_rotation_has_none_and_says_what_is_missing() -> None:
 
 @pytest.mark.parametrize("seen", [0.0, 0.35])
 def test_silence_limit_covers_each_need(seen: float) -> None:
-    figures = link(0.1, 0.005, loss=0.1, loop_age=seen)
+    figures = link(0.1, 0.005, loss=0.5, loop_age=seen)
     needs = silence_needs(figures, 0.001)
-    assert needs.trips == pytest.approx((0.11 + 0.002) / 0.4)
     assert needs.losses > silence_needs(link(0.1, 0.005, loss=0.01), 0.001).losses
     (line,) = [line for line in lines(list(found(figures).values())) if "silence" in line]
     limit = float(line.partition("=")[2])
     assert 1e3 * max(needs) <= limit <= 1e3 * max(needs) + 10
 
 
+@pytest.mark.parametrize(("rtt", "grade"), [(0.001, Grade.OK), (0.398, Grade.OK), (0.41, Grade.PROBLEM)])
+def test_longest_round_trip_covers_the_measured_one(rtt: float, grade: Grade) -> None:
+    finding = found(link(rtt))["longest round trip"]
+    assert finding.grade is grade
+    if grade is Grade.PROBLEM:
+        assert finding.fix == "--set link.longest_round_trip_ms=420"
+
+
 def test_measured_gap_beyond_the_limit_is_a_problem() -> None:
     assert found(link(0.01, loop_age=0.15))["silence limit"].grade is Grade.PROBLEM
-    assert found(link(0.05))["silence limit"].grade is Grade.ADVICE
+    assert found(link(0.01, loss=0.5))["silence limit"].grade is Grade.ADVICE
     assert found(link(0.01))["silence limit"].grade is Grade.OK
 
 
@@ -140,9 +147,12 @@ def test_followed_advice_leaves_no_advice(rtt: float, jitter: float, loss: float
 
 
 def test_link_too_bad_for_any_limit_is_said() -> None:
-    finding = found(link(5.0))["silence limit"]
+    finding = found(link(11.0))["longest round trip"]
     assert finding.grade is Grade.PROBLEM
-    assert "no silence limit" in finding.found
+    assert finding.fix == "use another network"
+    finding = found(link(0.01, jitter=11.0))["silence limit"]
+    assert finding.grade is Grade.PROBLEM
+    assert finding.fix == "use another network"
 
 
 def test_course_begins_where_auto_does() -> None:

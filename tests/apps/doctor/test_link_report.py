@@ -44,7 +44,7 @@ def shown(found: DoctorReport) -> list[str]:
 
 
 def test_report_fits_a_terminal_and_lines_can_be_copied() -> None:
-    faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.1, burst=3.0)
+    faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
     found = report(measured(faults, PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)))
     text = shown(found)
     assert max(map(len, text)) <= 80

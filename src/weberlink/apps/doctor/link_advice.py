@@ -1,4 +1,4 @@
-"""Settings that a measured link calls for, as findings: silence limit, control scheme, play-out and look-ahead.
+"""Settings that a measured link calls for, as findings: longest round trip, silence limit, control scheme, play-out and look-ahead.
 
 Every threshold is one by which a session itself decides (`weberlink.protocol.heartbeat`, `weberlink.control.auto`).
 What both ends must hold alike has to be set on both hosts.
@@ -11,7 +11,8 @@ from typing import NamedTuple
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.link_figures import LinkFigures
 from weberlink.control.auto import MMT, NONE, ORDER, RISING, TDPA, SchemeChoice
-from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE, HeartbeatSchedule
+from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
 from weberlink.system.check import fits_a_surface
@@ -29,13 +30,32 @@ Delays = Sequence[tuple[float, float, float]]
 def recommend(figures: LinkFigures, delays: Delays, system: System) -> Iterator[Finding]:
     """Judge the settings of a file by a measurement."""
     course = scheme_course(delays)
+    yield longest_round_trip(figures, system)
     yield silence(figures, system)
     yield from scheme(figures, course, system)
     yield playout(figures, course[-1], system)
     yield from lookahead(course[-1], system)
 
 
-# --- silence limit
+# --- the two limits of the link
+
+
+def needed_round_trip(figures: LinkFigures, tick_period: float) -> float:
+    """The round trip that a session on this link agrees on [s]."""
+    return rounded_up(figures.rtt_s[2] + 2.0 * tick_period)
+
+
+def longest_round_trip(figures: LinkFigures, system: System) -> Finding:
+    """Whether a session on this link is allowed its round trip."""
+    check, allowed_ms = "longest round trip", system.link.longest_round_trip_ms
+    needed_ms = in_ms(needed_round_trip(figures, system.tick_period))
+    why = f"99 % of the round trips take at most {1e3 * figures.rtt_s[2]:.1f} ms"
+    if needed_ms > 1e3 * LONGEST:
+        return problem(f"no session is possible: {why}", "use another network", check)
+    if needed_ms <= allowed_ms:
+        return ok(f"longest round trip: {allowed_ms:g} ms are enough: {why}", check)
+    found = f"longest round trip: {allowed_ms:g} ms are too short: {why}; on both hosts:"
+    return problem(found, f"--set link.longest_round_trip_ms={needed_ms}", check)
 
 
 def silence(figures: LinkFigures, system: System) -> Finding:
@@ -44,8 +64,8 @@ def silence(figures: LinkFigures, system: System) -> Finding:
     needs = silence_needs(figures, system.tick_period)
     needed_ms = SILENCE_STEP_MS * ceil(1e3 * max(needs) / SILENCE_STEP_MS - 1e-9)
     why = (
-        f"round trips of {1e3 * figures.rtt_s[2]:.1f} ms ask for {1e3 * needs.trips:.0f} ms, losses for "
-        f"{1e3 * needs.losses:.0f} ms, the longest time without an answer was {1e3 * needs.longest:.0f} ms"
+        f"losses ask for {1e3 * needs.losses:.0f} ms, the longest time without an answer, beside the round trip, was "
+        f"{1e3 * needs.longest:.0f} ms"
     )
     if needed_ms > 1e3 * LONGEST_SILENCE:
         return problem(f"no silence limit is long enough: {why}", "use another network", check)
@@ -60,33 +80,31 @@ class SilenceNeeds(NamedTuple):
     """Least silence limits [s].
 
     Args:
-        trips: for which the round trip is at most `ROUND_TRIP_SHARE`, a tick of each end included; `check` asks for it.
         losses: for which heartbeats can be dense enough that losses hardly ever cause a silence.
-        longest: the largest loop age of the measurement.
+        longest: the largest loop age of the measurement, without the round trip.
     """
 
-    trips: float
     losses: float
     longest: float
 
 
 def silence_needs(figures: LinkFigures, tick_period: float) -> SilenceNeeds:
     return SilenceNeeds(
-        (figures.rtt_s[2] + 2.0 * tick_period) / ROUND_TRIP_SHARE,
         _least_silence(figures, tick_period),
-        figures.loop_age_s,
+        max(0.0, figures.loop_age_s - needed_round_trip(figures, tick_period)),
     )
 
 
 def _least_silence(figures: LinkFigures, tick_period: float) -> float:
     """The shortest limit, in steps, for which heartbeats may be less dense than on a hopeless path [s]."""
     loss = figures.to_slave.loss, figures.to_master.loss
+    round_trip = needed_round_trip(figures, tick_period)
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
-        schedule.adapt(*loss, LONGEST_RTT, 0.0)
+        schedule.adapt(*loss, LONGEST_RTT, 0.0, 0.0)
         densest = schedule.reach
-        schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1])
+        schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1], round_trip)
         if schedule.reach > densest:  # else it would need more heartbeats than it may send
             return limit
     return 2.0 * LONGEST_SILENCE

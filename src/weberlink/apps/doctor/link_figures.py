@@ -55,7 +55,7 @@ class LinkFigures:
         rtt_s: round trip [s]: its least, 50 %, 99 %, largest.
         to_slave, to_master: each direction.
         jitter_s: as the endpoint measured it [s]: 50 % and 99 % of the time at most this.
-        loop_age_s: largest loop age [s], which the silence limit bounds (`weberlink.protocol.liveness`).
+        loop_age_s: largest loop age [s], which silence limit and round trip bound (`weberlink.protocol.liveness`).
         silences: how often the session fell silent.
     """
 
