@@ -150,7 +150,7 @@ def test_link_too_bad_for_any_limit_is_said() -> None:
     finding = found(link(11.0))["longest round trip"]
     assert finding.grade is Grade.PROBLEM
     assert finding.fix == "use another network"
-    finding = found(link(0.01, jitter=11.0))["silence limit"]
+    finding = found(link(0.01, loop_age=12.0))["silence limit"]
     assert finding.grade is Grade.PROBLEM
     assert finding.fix == "use another network"
 
