@@ -11,7 +11,7 @@ from time import monotonic
 
 from tests.safety import cases, held
 from tests.safety.run import run
-from tests.safety.tables import by_fault, by_predictor, of_held
+from tests.safety.tables import by_delay, by_fault, by_predictor, of_held
 from weberlink.system.environment import environment, footer
 
 
@@ -38,11 +38,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "",
             f"{len(runs)} runs in virtual time; {len(broken)} broke a law.",
             "",
+            *by_delay(runs),
+            "",
             *by_fault(runs),
             "",
             *by_predictor(runs),
             "",
-            f"Held datagrams: {too_old} updates were executed that were older than the limit when they arrived.",
+            f"Held datagrams: {too_old} updates were executed that were older, when they arrived, than the silence limit "
+            "and the agreed round trip together.",
             "",
             *of_held(rows),
             "",

@@ -40,6 +40,8 @@ TO_SLAVE, TO_MASTER, BOTH = "to slave", "to master", "both ways"
 DIRECTIONS = (TO_SLAVE, TO_MASTER, BOTH)
 SCHEMES = ("none", "tdpa", "mmt")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
+DELAYS_S = (0.002, 0.0, 0.05, 0.15)
+"""One way [s]."""
 FORCE = (*PREDICTORS, HYBRID, ADAPTIVE)
 POSITION = ("zoh", "linear", "path", HYBRID, ADAPTIVE)
 PREDICTION = (*((force, "linear") for force in FORCE), *((HYBRID, each) for each in POSITION if each != "linear"))
@@ -113,10 +115,10 @@ class Case:
 
 def every() -> Iterator[Case]:
     """All cases."""
-    for direction, flap, scheme, (force, position), motion in product(
-        DIRECTIONS, (0.0, *FLAPS_HZ), SCHEMES, PREDICTION, MOTIONS
+    for delay, direction, flap, scheme, (force, position), motion in product(
+        DELAYS_S, DIRECTIONS, (0.0, *FLAPS_HZ), SCHEMES, PREDICTION, MOTIONS
     ):
-        yield Case(motion, direction, scheme, force, position, flap)
+        yield Case(motion, direction, scheme, force, position, flap, delay_s=(delay, delay))
     yield from special()
 
 
@@ -131,5 +133,5 @@ def special() -> Iterator[Case]:
 
 def selection() -> Sequence[Case]:
     """A short selection: each predictor, scheme, motion, direction and frequency, but not all combinations."""
-    chosen = [case for index, case in enumerate(every()) if index % 74 == 0]
+    chosen = [case for index, case in enumerate(every()) if index % 298 == 0]
     return [*chosen, *(case for index, case in enumerate(special()) if index % 5 == 0)]

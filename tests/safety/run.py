@@ -21,7 +21,8 @@ STILL = 1e-9
 WALL_M_S = 1.0
 """The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
 BACK_S = 0.5
-"""In this time after the link is good again both ends engage, the robot approaches and the force fades in [s]."""
+"""In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
+fades in [s]."""
 CODING_M = 0.5e-3
 """What the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]."""
 
@@ -45,6 +46,8 @@ class Figures:
         fault_ms: from the cut to the first named fault of each end; None for none.
         faults: their names.
         returned: whether both ends are in a session at the end.
+        round_trip_ms: largest round trip that the ends agreed on until the link was good again; the age and the time
+            after a cut may exceed the silence limit by this.
     """
 
     robot_ms: float | None
@@ -62,6 +65,7 @@ class Figures:
     fault_ms: tuple[float | None, float | None]
     faults: tuple[tuple[str, ...], tuple[str, ...]]
     returned: bool
+    round_trip_ms: float
 
 
 @dataclass(frozen=True)
@@ -94,20 +98,32 @@ def run(case: Case) -> Run:
         for way, delay in zip((TO_SLAVE, TO_MASTER), case.delay_s, strict=True)
     ]
     simulated = simulation(loaded, *ways)
-    ticks = round((case.restored + AFTER) / loaded.system.tick_period)
+    ticks = round((case.restored + AFTER + 4.0 * sum(case.delay_s)) / loaded.system.tick_period)
+    records, agreed = [], 0.0
     try:
-        masters, slaves = zip(*(simulated.step() for _ in range(ticks)), strict=True)
+        for number in range(ticks):
+            records.append(simulated.step())
+            if number * loaded.system.tick_period < case.restored:
+                agreed = max(agreed, *(side.endpoint.round_trip_limit for side in (simulated.master, simulated.slave)))
     except Exception as error:
         return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
-    figures = measure(case, as_array(masters), as_array(slaves), *ways, loaded=loaded)
+    masters, slaves = zip(*records, strict=True)
+    figures = measure(case, as_array(masters), as_array(slaves), *ways, agreed=agreed, loaded=loaded)
     return Run(case, figures, tuple(violated(case, figures, loaded)))
 
 
 def measure(
-    case: Case, master: Any, slave: Any, forward: ObservedLink, backward: ObservedLink, *, loaded: Configuration
+    case: Case,
+    master: Any,
+    slave: Any,
+    forward: ObservedLink,
+    backward: ObservedLink,
+    *,
+    agreed: float,
+    loaded: Configuration,
 ) -> Figures:
-    """The figures of a run, from the records of both sides and of the two links."""
-    at, limit = master["at"], loaded.system.link.silence_ms * 1e-3
+    """The figures of a run, from the records of both sides and of the two links, and the agreed round trip [s]."""
+    at, limit = master["at"], loaded.system.link.silence_ms * 1e-3 + agreed
     failing = (at >= CUT) & (at < case.restored)
     force = np.linalg.norm(master["output"], axis=1)
     moved = np.concatenate([[0.0], np.linalg.norm(np.diff(slave["output"], axis=0), axis=1)])
@@ -116,7 +132,7 @@ def measure(
     if case.retract:  # how it backs off is measured apart
         moving &= ~alone
     felt = force > STILL
-    after = (at >= case.restored - (at[1] - at[0])) & (at < case.restored + BACK_S)
+    after = (at >= case.restored - (at[1] - at[0])) & (at < case.restored + BACK_S + 2.0 * sum(case.delay_s))
     went = np.concatenate([[0.0], np.linalg.norm(np.diff(master["position"], axis=0), axis=1)])
     before = (at > CUT - limit) & (at < CUT + limit)
     retreat = slave["output"][alone]
@@ -141,23 +157,23 @@ def measure(
         fault_ms=(_first_fault(at, master, failing), _first_fault(at, slave, failing)),
         faults=(_faults(master[failing]), _faults(slave[failing])),
         returned=bool(master["state"][-1] == slave["state"][-1] == State.ENGAGED.value),
+        round_trip_ms=1e3 * agreed,
     )
 
 
 def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
     """The laws that a run has broken."""
     system = loaded.system
-    limit_ms, tick_ms = system.link.silence_ms, 1e3 * system.tick_period
+    limit_ms, tick_ms = system.link.silence_ms + figures.round_trip_ms, 1e3 * system.tick_period
     within = limit_ms + tick_ms + 0.01
-    delayed = within + 1e3 * sum(case.delay_s)
     limits = system.master.limits
     found = [
         f"{name} {value:.0f} ms > {most:.0f} ms"
         for name, value, most in (
             ("the robot moved at a loop age of", figures.robot_age_ms, within),
             ("force was on the hand at a loop age of", figures.force_age_ms, within),
-            ("the robot moved after the cut for", figures.robot_ms or 0.0, delayed),
-            ("force was on the hand after the cut for", figures.force_ms or 0.0, delayed),
+            ("the robot moved after the cut for", figures.robot_ms or 0.0, within),
+            ("force was on the hand after the cut for", figures.force_ms or 0.0, within),
         )
         if value > most
     ]
@@ -171,18 +187,18 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
         found.append(f"the force changed by {figures.step_n:.2f} N in a tick, {most_step:.2f} N allowed")
     if not figures.returned:
         found.append("no session once the link was good again")
-    if case.longest_dark > 1e-3 * limit_ms + 2.0 * sum(case.delay_s):
-        found += _after_silence(case, figures, loaded, delayed)
+    if case.longest_dark > 1e-3 * limit_ms + sum(case.delay_s):
+        found += _after_silence(case, figures, loaded, within)
     return found
 
 
-def _after_silence(case: Case, figures: Figures, loaded: Configuration, delayed: float) -> list[str]:
-    """What holds where the link was cut for longer than the limit."""
+def _after_silence(case: Case, figures: Figures, loaded: Configuration, within: float) -> list[str]:
+    """What holds where the link was cut for longer than the limits."""
     system, found = loaded.system, []
     for side, first in zip(("master", "slave"), figures.fault_ms, strict=True):
         if first is None:
             found.append(f"the {side} names no fault")
-        elif not case.flap_hz and first > delayed:
+        elif not case.flap_hz and first > within:
             found.append(f"the {side} names a fault after {first:.0f} ms only")
     tick = system.tick_period
     if not case.flap_hz and figures.early_n > STILL:

@@ -6,6 +6,7 @@ from tests.safety.held import ALL, ALONE, Held
 from tests.safety.run import Run
 
 COLUMNS = (
+    ("agreed round trip", lambda run: run.figures.round_trip_ms, "{:.0f} ms"),
     ("robot stops", lambda run: run.figures.robot_ms, "{:.0f} ms"),
     ("hand free", lambda run: run.figures.force_ms, "{:.0f} ms"),
     ("robot moved at loop age", lambda run: run.figures.robot_age_ms, "{:.0f} ms"),
@@ -20,6 +21,17 @@ COLUMNS = (
 def by_fault(runs: Iterable[Run]) -> list[str]:
     """The worst over motions and predictors, for each fault of the link and scheme of control."""
     return _table("fault of the link | control", runs, lambda run: (run.case.fault, run.case.scheme))
+
+
+def by_delay(runs: Iterable[Run]) -> list[str]:
+    """The worst over everything else for one cut, for each delay and fault of the link."""
+    cuts = [run for run in runs if not run.case.flap_hz]
+    return _table("one way | fault of the link", cuts, lambda run: (_delays(run), run.case.fault))
+
+
+def _delays(run: Run) -> str:
+    there, back = (1e3 * each for each in run.case.delay_s)
+    return f"{there:g} ms" if there == back else f"{there:g} and {back:g} ms"
 
 
 def by_predictor(runs: Iterable[Run]) -> list[str]:

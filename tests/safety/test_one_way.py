@@ -6,7 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.safety.cases import BOTH, CUT, DIRECTIONS, FLAPS_HZ, MOTIONS, PREDICTION, SCHEMES, Case, every, selection
+from tests.safety.cases import (
+    BOTH,
+    CUT,
+    DELAYS_S,
+    DIRECTIONS,
+    FLAPS_HZ,
+    MOTIONS,
+    PREDICTION,
+    SCHEMES,
+    Case,
+    every,
+    selection,
+)
 from tests.safety.observed_link import ObservedLink, loop_ages
 from tests.safety.run import Figures, measure, run, violated
 from tests.system.systems import configuration, steps, system
@@ -34,6 +46,7 @@ SAFE = Figures(
     fault_ms=(99.0, 100.0),
     faults=(("SILENCE",), ("SILENCE",)),
     returned=True,
+    round_trip_ms=0.0,
 )
 
 
@@ -59,6 +72,7 @@ def test_selection_covers_every_value_of_each_factor() -> None:
     assert {case.scheme for case in chosen} == set(SCHEMES)
     assert {case.motion for case in chosen} == set(MOTIONS)
     assert {(case.force, case.position) for case in chosen} == set(PREDICTION)
+    assert {case.delay_s for case in chosen} >= {(delay, delay) for delay in DELAYS_S}
     assert {case.retract for case in chosen} == {True, False}
     assert set(chosen) <= set(every())
 
@@ -109,7 +123,7 @@ def test_figures_are_those_of_the_records() -> None:
     links = ObservedLink(Emulation()), ObservedLink(Emulation())
     for link in links:  # a datagram in every tick until the cut
         link.arrivals += [(float(now), float(now)) for now in at[at < CUT]]
-    figures = measure(CASE, master, slave, *links, loaded=configuration())
+    figures = measure(CASE, master, slave, *links, agreed=0.0, loaded=configuration())
     assert figures.robot_ms == pytest.approx(300.0, abs=1.5)
     assert figures.force_ms == pytest.approx(199.0, abs=1.5)
     assert figures.robot_age_ms == pytest.approx(301.0, abs=1.5)
