@@ -40,6 +40,8 @@ TO_SLAVE, TO_MASTER, BOTH = "to slave", "to master", "both ways"
 DIRECTIONS = (TO_SLAVE, TO_MASTER, BOTH)
 SCHEMES = ("none", "tdpa", "mmt")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
+ROBOT_N_M = 2500.0
+"""Stiffness of the robot towards its command [N/m]; a contact pushes its tip back by force / stiffness."""
 DELAYS_S = (0.002, 0.0, 0.05, 0.15)
 """One way [s]."""
 FORCE = (*PREDICTORS, HYBRID, ADAPTIVE)
@@ -108,6 +110,7 @@ class Case:
             f"master.device.home_m={list(home)}",
             f"master.device.script={script}",
             f"slave.robot.home_m={list(home)}",
+            f"slave.robot.stiffness_n_m={ROBOT_N_M}",
             "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
             f"slave.limits.on_silence={'retract' if self.retract else 'hold'}",
         )

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.safety.cases import AFTER, BOTH, CUT, TO_MASTER, TO_SLAVE, Case
+from tests.safety.cases import AFTER, BOTH, CUT, ROBOT_N_M, TO_MASTER, TO_SLAVE, Case
 from tests.safety.observed_link import ObservedLink, loop_ages
 from tests.system.systems import configuration
 from weberlink.protocol.emulation import Emulation
@@ -38,7 +38,7 @@ class Figures:
         force_age_ms: largest true age of the loop in a tick with a force on the hand.
         beyond_mm: how far the robot was from the nearest place where the hand had been by then.
         allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
-        retreat_mm: how far the robot backed off without a session, and how far it moved otherwise.
+        retreat_mm: how far the robot was sent back from where it was without a session, and how far otherwise.
         hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
         step_n: largest change of the force on the hand in a tick, from the cut on.
         early_n: how far the force was above an even rise to its limit, in the ramp after the link is good again.
@@ -139,7 +139,8 @@ def measure(
     backed, otherwise = (0.0, 0.0)
     if len(retreat) and not case.flap_hz:
         steps = np.diff(retreat, axis=0)
-        backed = float(retreat[-1, 2] - retreat[0, 2])
+        pressed = float(slave["raw"][alone][0, 2]) / ROBOT_N_M
+        backed = float(retreat[-1, 2] - retreat[0, 2] - pressed)  # it counts from the tip, not from the command
         otherwise = float(np.abs(steps[:, :2]).sum() - np.minimum(steps[:, 2], 0.0).sum())
     return Figures(
         robot_ms=None if case.flap_hz else _last(at, failing & moving),

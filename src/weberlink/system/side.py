@@ -454,8 +454,11 @@ class Side:
             and port.enabled
             and not pace.settling
             and self._faults.active is not _DEVICE
+            # What ended a moment ago fades out first: to begin afresh closes the gate at once.
+            and (self._encodes or port.at_rest)
         )
         engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
+        engaged = engaged and (self.engaged or port.at_rest)
         encoded, was_engaged = self._encodes, self.engaged
         if self._leads:  # told before energy is booked: what is said now carries the credit of the last tick
             self.endpoint.report_encoding(now, is_encoding=encodes)
