@@ -483,6 +483,8 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer, size: tuple[in
             page.scheme(scheme)
             assert axe.findings(page, script) == [], scheme
         press(page, "page-events")
+        server.say(session.felt(2.0, 4.0, 19.2))
+        page.wait(lambda: page.data("felt-zone") == "over", "the felt error")
         page.run("document.querySelector('[data-window=\"all\"]').click()")
         assert axe.findings(page, script) == []
     finally:
