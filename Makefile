@@ -1,6 +1,5 @@
 # Everything is set up in .venv from the pinned lock files; Python (3.11 or newer, with venv) and make are all it takes.
 PYTHON ?= python3
-DURATION ?= 20
 TRACES ?= tue omega3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -31,8 +30,8 @@ system:  ## Debian packages for tests of HID devices, in a browser, of views and
 	command -v nft >/dev/null && command -v ip >/dev/null || apt-get install -y -q --no-install-recommends nftables iproute2
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
-demo: $(RUN)  ## feel a remote scene in a browser, through two processes and a real UDP socket; a script does until you take the handle
-	$(BIN)/weberlink try --scripted --duration $(DURATION)
+demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (s); a script moves the handle until you take it
+	$(BIN)/weberlink try --scripted $(if $(DURATION),--duration $(DURATION))
 
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV)  ## the whole test suite, on all processors; live sessions last
@@ -118,7 +117,7 @@ vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--extra monitor --output-file requirements.lock pyproject.toml
+		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
 		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra anywhere --extra docs \

@@ -5,6 +5,7 @@ import importlib
 import json
 import pkgutil
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -56,6 +57,13 @@ def test_make_targets_that_the_documents_name_are_there() -> None:
     assert {"demo", "docs", "soak"} <= set(named)
 
 
+@pytest.mark.parametrize(("given", "length"), [((), ""), (("DURATION=20",), "--duration 20")])
+def test_demo_has_a_length_only_if_it_is_given(given: tuple[str, ...], length: str) -> None:
+    made = subprocess.run(["make", "-n", "demo", *given], cwd=ROOT, capture_output=True, text=True, check=True)
+    _, _, options = made.stdout.splitlines()[-1].partition("weberlink try --scripted")
+    assert options.strip() == length
+
+
 def test_shipped_schema_is_that_of_the_code() -> None:
     shipped = json.loads((ROOT / "configs" / "weberlink.schema.json").read_text(encoding="utf-8"))
     assert shipped == json.loads(json.dumps(schema())), "run: make schema"
@@ -69,9 +77,9 @@ def test_lock_files_pin_every_dependency() -> None:
     def names(requirements: list[str]) -> set[str]:
         return {re.split(r"[<>=\[ ]", requirement)[0].lower() for requirement in requirements}
 
-    needed = names(PROJECT["project"]["dependencies"])
-    assert needed <= pinned("requirements.lock")
-    for extra in PROJECT["project"]["optional-dependencies"].values():
+    needed, extras = names(PROJECT["project"]["dependencies"]), PROJECT["project"]["optional-dependencies"]
+    assert needed | names(extras["monitor"]) | names(extras["recording"]) <= pinned("requirements.lock")
+    for extra in extras.values():
         needed |= names(extra)
     assert needed <= pinned("requirements-dev.lock")
 

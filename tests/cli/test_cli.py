@@ -9,12 +9,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from tests.system.systems import CONFIGS, UNUSABLE
 from weberlink.cli import app
+from weberlink.master.trace import read_trace
+from weberlink.system.configuration import load
+from weberlink.system.simulate import simulate
 
 FILES = sorted({path.name for path in CONFIGS.glob("*.yaml")} - set(UNUSABLE))
 HARDWARE = ("franka.yaml", "koch-so101.yaml", "phantom-arm.yaml")
@@ -207,6 +211,33 @@ def test_a_simulated_trace_can_be_evaluated(tmp_path: Path) -> None:
     assert (result.exit_code, result.stderr) == (0, "")
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert rows_of(run("evaluate", trace, "--predictor", "zoh", "--json", "-"))[0]["packets"] > 0
+
+
+@pytest.mark.parametrize("rate_hz", [1000, 4000, 7000])
+def test_a_trace_of_any_rate_is_the_signal_to_the_last_digit(rate_hz: int, tmp_path: Path) -> None:
+    path, settings = tmp_path / "trace.csv", [f"rate_hz={rate_hz}"]
+    result = run("simulate", CONFIGS / "scene-plane.yaml", "--duration", 1, "--trace", path, "--set", *settings)
+    assert (result.exit_code, result.stderr) == (0, "")
+    read, made = read_trace(path), simulate(load(CONFIGS / "scene-plane.yaml", settings), 1.0)[1].trace
+    for name in ("time_s", "position_m", "force_n"):
+        assert getattr(read, name).tolist() == getattr(made, name).tolist()
+    assert np.abs(made.force_n).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", CONFIGS / "fig6.yaml", "--trace"),
+        ("simulate", CONFIGS / "fig6.yaml", "--record"),
+        ("ratings", CONFIGS, "--csv"),
+        ("evaluate", OPERATOR, "--plots"),
+    ],
+    ids=lambda arguments: arguments[-1],
+)
+def test_only_json_and_log_go_to_standard_output(arguments: tuple[object, ...]) -> None:
+    duration = AT_ONCE if arguments[0] == "simulate" else ()
+    assert f"weberlink: {arguments[-1]}: - is standard output" in complaint(run(*arguments, "-", *duration))
+    assert not Path("-").exists()
 
 
 def test_a_simulation_without_a_tick_is_no_failure(tmp_path: Path) -> None:

@@ -40,3 +40,9 @@ def test_bad_targets_say_what_to_do(check: Callable[[Path], None], name: str, to
     (tmp_path / "file").touch()
     with pytest.raises(TargetError, match=told):
         check(tmp_path / name)
+
+
+@pytest.mark.parametrize(("check", "told"), [(check_file, "name of a file"), (check_folder, "name of a folder")])
+def test_standard_output_is_neither_a_file_nor_a_folder(check: Callable[[Path], None], told: str) -> None:
+    with pytest.raises(TargetError, match=told):
+        check(Path("-"))

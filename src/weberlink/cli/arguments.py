@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from weberlink.cli.output import STANDARD_OUTPUT, fail
+from weberlink.cli.output import fail
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
-from weberlink.system.targets import TargetError, check_file, check_folder
+from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
@@ -43,8 +43,13 @@ Duration = Annotated[
 
 
 def file_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
-    """Refuse a file that cannot be written, before anything is computed; "-" is standard output."""
+    """Refuse a file that cannot be written, before anything is computed."""
     return _target(context, parameter, value, check_file)
+
+
+def json_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
+    """The same; "-" is standard output."""
+    return value if value == STANDARD_OUTPUT else file_target(context, parameter, value)
 
 
 def folder_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
@@ -55,7 +60,7 @@ def folder_target(context: typer.Context, parameter: typer.CallbackParam, value:
 def _target(
     context: typer.Context, parameter: typer.CallbackParam, value: Path | None, check: Callable[[Path], None]
 ) -> Path | None:
-    if value is not None and value != STANDARD_OUTPUT and not context.resilient_parsing:  # that of completion
+    if value is not None and not context.resilient_parsing:  # that of completion
         try:
             check(value)
         except TargetError as error:
@@ -66,7 +71,7 @@ def _target(
 Json = Annotated[
     Path | None,
     typer.Option(
-        "--json", metavar="OUT", callback=file_target, help="Write the figures as JSON; - for standard output only."
+        "--json", metavar="OUT", callback=json_target, help="Write the figures as JSON; - for standard output only."
     ),
 ]
 Record = Annotated[

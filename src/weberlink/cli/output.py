@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 import typer
 
 from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
+from weberlink.system.targets import STANDARD_OUTPUT
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
-
-STANDARD_OUTPUT = Path("-")
 
 
 class Study(Protocol):

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
-from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish, progress_bar, tell
+from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell
 from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
+from weberlink.system.targets import STANDARD_OUTPUT
 
 PeerLabel = Annotated[
     str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peers) only.")

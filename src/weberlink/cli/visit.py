@@ -11,6 +11,8 @@ from weberlink.cli.output import errors, fail, finish
 from weberlink.system.order import FAILED, MISCONFIGURED
 
 NAME = "weberlink try"
+LEFT_S = 60.0
+"""How long the page of one person may be closed before the session ends [s]."""
 
 
 def visit(
@@ -39,7 +41,10 @@ def visit(
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
-    """Feel a remote scene with the mouse, in a browser."""
+    """Feel a remote scene with the mouse, in a browser.
+
+    Until Ctrl-C, or until its page has been closed for a minute; with --public until Ctrl-C.
+    """
     from weberlink.apps.monitor import access, address  # noqa: PLC0415 - each command imports what it needs
     from weberlink.system.configuration.extras import need  # noqa: PLC0415
 
@@ -54,7 +59,10 @@ def visit(
     except address.MonitorError as error:
         fail(str(error), FAILED)
     token = access.new_token()
-    _tell(f"{address.url(listening)} (Ctrl-C ends it)")
+    # Visitors of other hosts come and go.
+    left_s = LEFT_S if duration is None and access.is_loopback(listen) else None
+    _tell(f"open {address.url(listening)} in a browser; drag the blue ball")
+    _tell(_ends(duration, left_s))
     if port is None and listening.getsockname()[1] != MONITOR_PORT:
         _tell(f"port {MONITOR_PORT} is in use, so this page has another one")
     if not access.is_loopback(listen):
@@ -62,12 +70,19 @@ def visit(
         _tell("warning: who has this address may drive and change the session, and nothing is encrypted")
     from weberlink.apps.monitor.program import MonitorSettings, Visit, run  # noqa: PLC0415 - takes most of a second
 
-    result = run(MonitorSettings(listen, browse=browse), Visit(order, listening, token))
+    result = run(MonitorSettings(listen, browse=browse), Visit(order, listening, token, left_s))
     if result is None:
         raise typer.Exit
     if result.report is None:
         fail(result.complaint, result.status)
     finish(result.report | {"status": result.status}, NAME, json_out)
+
+
+def _ends(duration: float | None, left_s: float | None) -> str:
+    """How it ends, for the user."""
+    if duration is not None:
+        return f"it ends after {duration:g} s, or by Ctrl-C"
+    return "Ctrl-C ends it" if left_s is None else f"Ctrl-C ends it, and so does a page that is closed for {left_s:g} s"
 
 
 def _order(

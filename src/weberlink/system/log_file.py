@@ -12,8 +12,8 @@ from types import TracebackType
 from typing import Self
 
 from weberlink.system.configuration import ConfigurationError
+from weberlink.system.targets import STANDARD_OUTPUT
 
-STANDARD_OUTPUT = "-"
 LONGEST_LINE = 4096
 """A pipe that accepts data takes so many bytes at once (PIPE_BUF of Linux, pipe(7))."""
 
@@ -31,7 +31,7 @@ class LogFile:
     def __init__(self, target: Path) -> None:
         self.lost = 0
         """Lines that could not be written."""
-        self._own = str(target) != STANDARD_OUTPUT
+        self._own = target != STANDARD_OUTPUT
         self._torn = False
         try:
             # O_NONBLOCK: a FIFO without a reader is refused instead of waited for.

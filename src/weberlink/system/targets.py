@@ -7,6 +7,8 @@ from errno import EDQUOT, ENAMETOOLONG, ENOENT, ENOSPC
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
+STANDARD_OUTPUT = Path("-")
+"""For the options that can write there."""
 BLOCK = bytes(4096)
 """Written on trial, since a file system that is full still creates empty files."""
 
@@ -21,6 +23,7 @@ def check_file(path: Path) -> None:
     Raises:
         TargetError: it cannot.
     """
+    _refuse_standard_output(path, "file")
     try:
         if path.is_dir():
             raise TargetError(f"{path} is a folder; give the name of a file")
@@ -41,6 +44,7 @@ def check_folder(path: Path) -> None:
     Raises:
         TargetError: they cannot.
     """
+    _refuse_standard_output(path, "folder")
     try:
         there = next(each for each in (path, *path.absolute().parents) if each.exists())
         if not there.is_dir():
@@ -50,6 +54,11 @@ def check_folder(path: Path) -> None:
             file.flush()
     except OSError as error:
         raise TargetError(_words(path, error)) from None
+
+
+def _refuse_standard_output(path: Path, kind: str) -> None:
+    if path == STANDARD_OUTPUT:
+        raise TargetError(f"{path} is standard output, for --json and --log alone; give the name of a {kind}")
 
 
 def _check_existing(path: Path) -> None:

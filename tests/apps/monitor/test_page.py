@@ -1,7 +1,7 @@
 """The page in a browser, with scripted messages."""
 
 from collections.abc import Iterator
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +154,7 @@ def test_arm_shows_axes_by_name(page: Browser, server: ScriptedServer) -> None:
     }
     assert page.run("return document.getElementById('panel-scene').clientHeight") == 0
     table = "return [...document.getElementById(arguments[0]).rows].map(r => [...r.cells].map(c => c.textContent))"
-    page.wait(lambda: page.run(table, "axes")[0][1] not in ("", UNKNOWN), "the angles")
+    page.wait(lambda: not {"", UNKNOWN} & set(page.run(table, "axes")[0]), "both sides")
     rows = page.run(table, "axes")
     assert [row[0] for row in rows] == session.ARM
     last = {side: session.arm(side, 0.0, 6.0)["columns"] for side in ("master", "slave")}
@@ -367,6 +367,20 @@ def test_released_button_and_trip_are_shown(page: Browser, server: ScriptedServe
     assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
     assert page.number("contact-limited") == REPORT["limited"]["contact_ticks"]
     clean(page, server)
+
+
+@pytest.mark.parametrize(("deadbands", "zone"), [(0.4, "within"), (1.0, "within"), (19.2, "over"), (None, "")])
+def test_felt_error_is_named_by_its_value(
+    page: Browser, server: ScriptedServer, deadbands: float | None, zone: str
+) -> None:
+    rows = [*(session.samples(side, 0.0, 2.0) for side in ("master", "slave")), session.felt(0.0, 2.0, deadbands)]
+    visit(page, server, session.hello(), *rows)
+    shown = nan if deadbands is None else deadbands
+    page.wait(lambda: page.number("felt-deadbands-now") == pytest.approx(shown, nan_ok=True), "the value")
+    assert page.data("felt-zone") == zone
+    assert page.text("felt-zone").partition(" ")[0] == zone
+    style = "return getComputedStyle(document.getElementById(arguments[0]))[arguments[1]]"
+    assert page.run(style, "felt-zone", "color") == page.run(style, "felt-bar", "backgroundColor")
 
 
 def test_ended_session_keeps_figures_until_the_next(page: Browser, server: ScriptedServer) -> None:

@@ -106,6 +106,10 @@ def drives(server: ScriptedServer) -> list[Message]:
     return [asked for asked in server.asked if asked["type"] == "drive"]
 
 
+def stops(server: ScriptedServer) -> list[Message]:
+    return [asked for asked in server.asked if asked["type"] == "session"]
+
+
 def target(server: ScriptedServer) -> Target:
     return np.array(drives(server)[-1]["target"])
 
@@ -228,11 +232,25 @@ def test_keys_move_target_and_release_it(page: Browser, server: ScriptedServer) 
         page.wait(lambda: not drives(server)[-1]["held"], "the release")
     chain(page).key_down(Keys.SPACE).key_down(Keys.ESCAPE).perform()
     page.wait(lambda: page.data("handle-state") == "free", "Escape to let go")
-    chain(page).key_up(Keys.ESCAPE).key_up(Keys.SPACE).perform()
+    chain(page).key_up(Keys.ESCAPE).key_up(Keys.SPACE).send_keys(Keys.ESCAPE).perform()
+    assert not stops(server)
     sent = len(drives(server))
     chain(page).key_down(Keys.SHIFT).send_keys(Keys.ARROW_LEFT).key_up(Keys.SHIFT).perform()
     sleep(0.1)
     assert len(drives(server)) == sent  # that turns the view
+
+
+def test_emergency_stop_comes_at_once_while_the_handle_is_held(page: Browser, server: ScriptedServer) -> None:
+    from selenium.webdriver.common.keys import Keys  # noqa: PLC0415 - an optional library
+
+    server.answer = lambda asked: {"type": "answer", "accepted": True, "to": asked["type"]}
+    page.run("document.getElementById('scene').focus()")
+    chain(page).key_down(Keys.SPACE).perform()
+    page.wait(lambda: page.data("handle-state") == "held", "the hold")
+    chain(page).send_keys(Keys.F2).perform()
+    page.wait(lambda: stops(server), "the request")
+    chain(page).key_up(Keys.SPACE).perform()
+    assert len(stops(server)) == 1
 
 
 def test_target_under_keys_stays_near_handle(page: Browser, server: ScriptedServer) -> None:

@@ -41,8 +41,12 @@ window.fetch = (...request) => {
   return fetch(...request);
 };
 """
-KEYS = [("record-text", "\ue00c"), ("emergency", "\ue007"), ("emergency", " ")]
-"""What has the focus, and Escape, Enter, Space."""
+ESCAPE, ENTER, STOP = "\ue00c", "\ue007", "\ue032"
+FOCUSED = ("record-text", "weber", "room-scene", "scene", "pause", "emergency")
+"""A text, a slider, a choice, the view, and buttons."""
+KEYS = [*((name, STOP) for name in FOCUSED), ("emergency", ENTER), ("emergency", " ")]
+"""What has the focus, and the key."""
+SHOWN = "return getComputedStyle(document.getElementById(arguments[0])).visibility"
 WIDE = "return document.documentElement.scrollWidth - innerWidth"
 SCENES = [{"name": "dome", "title": "Dome on a plane"}, {"name": "box", "title": "Box"}]
 ALARM: Message = {"name": "missed_ticks", "level": "degraded", "text": "7 % of ticks missed"}
@@ -194,6 +198,50 @@ def test_emergency_stop_by_keyboard(page: Browser, server: ScriptedServer) -> No
     assert len(server.asked) == len(KEYS)
 
 
+def test_key_of_the_emergency_stop_is_on_its_button(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, hello(), *told())
+    keys = "const b = document.getElementById('emergency'); return [b.getAttribute('aria-keyshortcuts'), b.innerText]"
+    name, text = page.run(keys)
+    assert name == "F2" and name in text.split()
+
+
+@pytest.mark.parametrize("modifier", ["\ue009", "\ue00a"], ids=["control", "alt"])
+def test_key_of_the_emergency_stop_with_another_is_none(page: Browser, server: ScriptedServer, modifier: str) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains  # noqa: PLC0415 - an optional library
+
+    visit(page, server, hello(), *told())
+    ActionChains(page.driver).key_down(modifier).send_keys(STOP).key_up(modifier).perform()
+    page.click("#pause")
+    page.click("#pause")
+    assert server.asked == []
+
+
+def test_escape_closes_help_and_stops_nothing(page: Browser, server: ScriptedServer) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains  # noqa: PLC0415 - an optional library
+
+    visit(page, server, hello(), *told(), figures())
+    button = page.driver.find_element("css selector", "[aria-describedby=help-controls]")
+    other = page.driver.find_element("id", "title-controls")
+    chain = lambda: ActionChains(page.driver, duration=0)  # noqa: E731
+    ways = {
+        "clicked": chain().move_to_element(button).click(),
+        "pointed at": chain().move_to_element(button),
+        "focused": chain().move_to_element(other).click().send_keys("\ue004"),  # Tab
+    }
+    for way, opens in ways.items():
+        opens.perform()
+        page.wait(lambda: page.run(SHOWN, "help-controls") == "visible", f"the help that is {way}")
+        chain().send_keys(ESCAPE).perform()
+        page.wait(lambda: page.run(SHOWN, "help-controls") == "hidden", f"the end of the help that is {way}")
+        page.run("document.activeElement.blur()")
+        chain().move_to_element(other).perform()
+    for name in FOCUSED:
+        page.driver.find_element("id", name).send_keys(ESCAPE)
+    server.say(figures(ended=True))
+    page.wait(lambda: page.data("state") == "ended", "the end of the session")
+    assert server.asked == server.posted == []
+
+
 def test_emergency_that_fails_says_so(page: Browser, server: ScriptedServer) -> None:
     server.answer = lambda asked: {"type": "answer", "accepted": False, "to": asked["type"], "why": "wrong token"}
     visit(page, server, hello(), *told())
@@ -291,6 +339,18 @@ def test_recording_and_marks(page: Browser, server: ScriptedServer) -> None:
     assert page.text("recording") == ""
     server.say(on, on | {"state": "failed", "why": "no space left on the disk"})
     page.wait(lambda: page.text("notice") == "recording failed: no space left on the disk (a.mcap)", "the failure")
+
+
+def test_page_says_why_it_cannot_record(page: Browser, server: ScriptedServer) -> None:
+    hidden = "return document.getElementById(arguments[0]).offsetParent === null"
+    visit(page, server, hello(), *told())
+    ready(page, "record-switch")
+    assert page.run(hidden, "record-why")
+    visit(page, server, hello() | {"records": False, "records_why": "recording: needs mcap"}, *told(), figures())
+    page.wait(lambda: page.text("record-why") == "recording: needs mcap", "the reason")
+    assert page.run(hidden, "record")
+    server.say(figures(ended=True))
+    page.wait(lambda: page.run(hidden, "record-why"), "the end of the session")
 
 
 def test_replay_controls_send_requests(page: Browser, server: ScriptedServer) -> None:
@@ -423,6 +483,8 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer, size: tuple[in
             page.scheme(scheme)
             assert axe.findings(page, script) == [], scheme
         press(page, "page-events")
+        server.say(session.felt(2.0, 4.0, 19.2))
+        page.wait(lambda: page.data("felt-zone") == "over", "the felt error")
         page.run("document.querySelector('[data-window=\"all\"]').click()")
         assert axe.findings(page, script) == []
     finally:

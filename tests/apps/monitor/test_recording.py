@@ -105,6 +105,16 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     feed.close()
 
 
+def test_missing_package_is_the_reason_that_a_page_is_told(rig: Rig, tmp_path: Path) -> None:
+    assert rig.desk.hello(rig.session, rig.page) == {"records": True, "records_why": None}
+    without = RecordingDesk(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
+    told_ = without.hello(rig.session, rig.page)
+    assert not told_["records"] and "needs a_package_of_no_distribution" in told_["records_why"]
+    assert rig.ask(do="start")["why"] == told_["records_why"]
+    reader = Viewer(None, may_change=False)
+    assert without.hello(rig.session, reader) == {"records": False, "records_why": None}
+
+
 def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     rig.tick()
     first = rig.state()

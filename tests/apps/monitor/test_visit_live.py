@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import aiohttp
@@ -16,6 +16,7 @@ import pytest
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import ENGAGED, PATIENCE, Telemetry, document, until
 from weberlink.apps.monitor.web import PROOF_HEADER
+from weberlink.cli.visit import LEFT_S
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
@@ -281,10 +282,32 @@ def test_visit_of_limited_length_ends_with_status_0(tmp_path: Path) -> None:
     assert status == 0 and "completed" in said, said
 
 
+@pytest.mark.realtime
+@pytest.mark.hunt
+def test_page_that_is_closed_for_a_minute_ends_the_visit(tmp_path: Path) -> None:
+    async def look(monitor: Monitor) -> float:
+        async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
+            for _ in range(2):  # the second time within the minute
+                async with opened(client, monitor.url):
+                    await asyncio.sleep(1.0)
+                await asyncio.sleep(1.0)
+        return monotonic()
+
+    with Monitor(tmp_path, command="try") as monitor:
+        closed = asyncio.run(look(monitor))
+        sleep(LEFT_S / 2)
+        assert "has been closed" not in monitor.said
+        sleep(LEFT_S / 2)
+        status, said = monitor.finish()
+    assert monotonic() - closed < LEFT_S + PATIENCE
+    assert status == 0 and said.count("has been closed") == 1 and "interrupted" in said, said
+
+
 def test_wrong_configuration_is_one_line(tmp_path: Path) -> None:
     with Monitor(tmp_path, "--set", "codec.force.weber=x", command="try") as monitor:
         status, said = monitor.finish()
     assert status == 2
-    address, complaint = said.splitlines()
-    assert address.startswith("weberlink try: http://127.0.0.1:")
+    address, end, complaint = said.splitlines()
+    assert "http://127.0.0.1:" in address and "Ctrl-C" in end
+    assert max(map(len, (address, end))) <= 80
     assert complaint.startswith("weberlink: ") and "codec.force.weber" in complaint

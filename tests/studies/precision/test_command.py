@@ -7,7 +7,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests.system.systems import CONFIGS
+from weberlink.studies.precision import coding
 from weberlink.studies.precision.command import codec, combined
+from weberlink.system.configuration import load
+from weberlink.system.simulate import simulate
 
 
 def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
@@ -16,6 +20,13 @@ def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
     assert told == [(0, 1, "signal of scene-plane"), (1, 1, "coding")]
     assert section.document["signal_s"]["scene-plane"] == pytest.approx(1.5, abs=0.1)
     assert {row["trace"] for row in section.document["rows"]} == {"operator", "scene-plane"}
+    unrounded = simulate(load(CONFIGS / "scene-plane.yaml"), 1.5)[1].trace
+    for row, of_unrounded in zip(
+        [row for row in section.document["rows"] if row["trace"] == "scene-plane"],
+        coding.study({"scene-plane": unrounded}).rows,
+        strict=True,
+    ):
+        assert row["error_rms_n"] == of_unrounded.error_rms_n
     whole = combined(
         {"codec": section}, {"machine": "m", "cores": 1, "system": "s", "python": "p", "packages": {}, "commit": None}
     )

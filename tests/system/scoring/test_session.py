@@ -104,7 +104,34 @@ def test_reduction_counts_updates_and_datagrams_per_engaged_tick() -> None:
     assert force["reduction"] == pytest.approx(0.95)
     assert force["reduction_all"] == pytest.approx(0.93)
     assert force["selected"] == {"zoh": 5, "plane": 5}
-    assert force["violation_floor"] == pytest.approx(0.05)
+
+
+@examples(50)
+@given(st.lists(st.sampled_from([np.nan, 0.0, 300.0, 3000.0, 20e3, 60e3]), min_size=1, max_size=5), st.data())
+def test_delay_explains_the_ticks_with_an_update_on_its_way_whatever_it_was_before(
+    delays_us: list[float], data: st.DataObject
+) -> None:
+    """Against a search of every tick; the delay changes while the session runs."""
+    ticks = 400
+    master, slave = records(ticks), records(ticks)
+    master["one_way_us"] = np.repeat(delays_us, -(-ticks // len(delays_us)))[:ticks]
+    sends = data.draw(st.lists(st.integers(0, ticks - 2), max_size=20, unique=True))
+    slave["sent"][sends] = 1
+    slave["updates_sent"] = np.cumsum(slave["sent"])
+    master["ramping"][:50] = 1
+    delayed = [1 if np.isnan(us) else max(1, round(us / 1e3)) for us in master["one_way_us"].tolist()]
+    on_its_way = [any(0 <= tick - sent < delayed[tick] for sent in sends) for tick in range(50, ticks - 1)]
+    floor = score(master, slave, data.draw(st.integers(1, 7)))["force"]["violation_floor"]
+    assert floor == pytest.approx(sum(on_its_way) / len(on_its_way))
+
+
+def test_a_delay_that_begins_late_explains_the_late_ticks() -> None:
+    """Ten seconds, of which the last four have 50 ms of delay and an update every 25 ms."""
+    master, slave = records(10_000), records(10_000)
+    master["one_way_us"] = np.where(np.arange(10_000) < 6000, 100.0, 50e3)
+    slave["sent"][6000::25] = 1
+    slave["updates_sent"] = np.cumsum(slave["sent"])
+    assert score(master, slave)["force"]["violation_floor"] == pytest.approx(0.4, abs=0.001)
 
 
 def test_the_longest_violation_spans_pieces() -> None:

@@ -4,10 +4,11 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sized
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
@@ -39,6 +40,8 @@ STOP_LIMIT_S = 1.0
 """Time limit for closing the pages."""
 FAREWELL_S = 0.1
 """How long the pages may take to read the last figures of a visit."""
+LOOK_S = 0.25
+"""Period of looking whether a page is open."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,8 @@ class Visit:
     """Of the page."""
     token: str
     """Who has it may drive and change."""
+    left_s: float | None = None
+    """How long the page may be closed, once it was open, before the visit ends [s]; None for ever."""
 
 
 def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult | None:
@@ -124,6 +129,9 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
         watch.look(monotonic())
         if not watch.sessions and settings.source is None and visit is None:
             say("waiting for a daemon; start weberlink loopback")
+        if visit is not None and visit.left_s is not None:
+            leaving = end_when_left(watch.viewers, visit.left_s, over, say)
+            stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
         ended = over.wait() if keeper is None else _visited(keeper, over, watch)
         running: list[Coroutine[Any, Any, Any]] = [watch.run(), ended]
         if settings.source is not None:
@@ -146,6 +154,19 @@ async def _visited(keeper: SessionKeeper, over: asyncio.Event, watch: SessionWat
     await keeper.run(over)
     watch.look(monotonic())  # so that the pages get the last figures
     await asyncio.sleep(FAREWELL_S)
+
+
+async def end_when_left(
+    pages: Sized, limit_s: float, over: asyncio.Event, say: Callable[[str], None], look_s: float = LOOK_S
+) -> None:
+    """Set `over` once no page has been open for a time [s] after one was, and say so."""
+    open_at = inf
+    while monotonic() - open_at < limit_s:
+        await asyncio.sleep(look_s)
+        if pages:
+            open_at = monotonic()
+    say(f"the page has been closed for {limit_s:g} s, so this ends")
+    over.set()
 
 
 def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:

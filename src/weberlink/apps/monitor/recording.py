@@ -2,10 +2,9 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -14,6 +13,8 @@ from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
 from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
 from weberlink.system.wording import INFO, WARN, Words
 from weberlink.telemetry.recording.marks import shortened
@@ -79,12 +80,16 @@ class RecordingDesk:
         watch: its sessions and pages.
         folder: for the files; created on first use.
         tell: called with lines for the user.
+        needs: packages without which nothing can be recorded.
     """
 
-    def __init__(self, watch: SessionWatcher, folder: Path, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, watch: SessionWatcher, folder: Path, tell: Callable[[str], None], needs: Sequence[str] = NEEDS
+    ) -> None:
         self._watch = watch
         self._folder = folder.absolute()
         self._tell = tell
+        self._needs = needs
         self._recordings: dict[str, _Recording] = {}
         """The newest recording of each session."""
         self._failures: dict[str, str] = {}
@@ -110,9 +115,9 @@ class RecordingDesk:
                 del self._recordings[name]
 
     def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
-        """Whether the page can record the session."""
-        is_possible = viewer.may_change and self._refusal(session) is None
-        return {"records": is_possible}
+        """Whether the page can record the session; if not, why, for one that may change it."""
+        why = self._refusal(session) if viewer.may_change else None
+        return {"records": viewer.may_change and why is None, "records_why": why}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
         viewer.put(MessageKind.RECORDING, to_json(self._message(session.name)))
@@ -147,13 +152,15 @@ class RecordingDesk:
             self._mark(session, recording, request.get("text"))
         return _answer({"accepted": True})
 
-    @staticmethod
-    def _refusal(session: WatchedSession) -> str | None:
+    def _refusal(self, session: WatchedSession) -> str | None:
         """Why a session cannot be recorded; None if it can."""
         if session.ended or session.remote or session.ring is None or "system" not in session.description:
             return "only a running session of this host can be recorded"
-        if any(find_spec(package) is None for package in NEEDS):
-            return 'recording needs mcap; install it with: pip install "weberlink[recording]"'
+        try:
+            for package in self._needs:
+                need(package, "recording", "recording")
+        except ConfigurationError as error:
+            return str(error)
         return None
 
     def _start(self, session: WatchedSession, name: object) -> Answer:

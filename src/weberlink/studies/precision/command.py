@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from rich.table import Table
@@ -137,10 +136,7 @@ def codec(
 def _signal(name: str, duration: float) -> Trace:
     """Commands and forces of the robot in a shipped configuration, in virtual time."""
     _, recorder = simulate(load(Path(str(files("weberlink.configs") / f"{name}.yaml"))), duration)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}.csv"
-        recorder.save(path)
-        return read_trace(path)
+    return recorder.trace
 
 
 def _length(trace: Trace) -> float:

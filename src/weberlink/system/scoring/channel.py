@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import isnan
+from math import inf, isnan
 from typing import Any
 
 import numpy as np
@@ -122,6 +122,44 @@ class ChannelScore:
         if self._measures is not None:
             deviations = deviations_of(displayed, sender, self._measures)
         statistics.add(errors, np.asarray(sender[f"{self._prefix}bound"], dtype=np.float64), deviations)
+
+
+class UpdatesOnTheirWay:
+    """Counts the ticks in which an update was sent that the receiver cannot display yet.
+
+    It displays an update after the delay of that time, and at least one tick after the send.
+
+    Args:
+        period: of a tick [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._sent_at = -inf  # the newest update [s]
+        self._ticks = self._counted = 0
+
+    def add(self, sender: Records, one_way_us: NDArray[Any], counts: NDArray[np.bool_]) -> None:
+        """Take the next ticks of the sender.
+
+        Args:
+            sender: its records, shape (n,).
+            one_way_us: delay to the receiver in these ticks [us], shape (n,); NaN while it is unknown.
+            counts: whether a tick counts for the error, shape (n,).
+        """
+        if not len(sender):
+            return
+        at = np.asarray(sender["at"], dtype=np.float64)
+        sent_at = np.maximum(np.maximum.accumulate(np.where(sender["sent"] > 0, at, -inf)), self._sent_at)
+        self._sent_at = float(sent_at[-1])
+        delay = np.fmax(np.asarray(one_way_us, dtype=np.float64) * 1e-6, self._period)
+        on_its_way = at - sent_at < delay - 0.5 * self._period  # a delay of n ticks is n ticks long
+        self._ticks += int((on_its_way & counts).sum())
+        self._counted += int(counts.sum())
+
+    @property
+    def share(self) -> float | None:
+        """Of the ticks that count; None if there are none."""
+        return self._ticks / self._counted if self._counted else None
 
 
 def angles_between(a: NDArray[Any], b: NDArray[Any]) -> Series:

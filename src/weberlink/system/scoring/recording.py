@@ -27,17 +27,14 @@ class TraceRecorder:
         return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
 
     def save(self, path: Path) -> int:
-        """Write the trace, to the micrometre and the millinewton; returns the number of rows.
+        """Write the trace with all digits, so that the same numbers are read back; returns the number of rows.
 
         Raises:
             OSError: the file cannot be written.
         """
         records = np.concatenate([np.empty(0, DTYPE), *self._pieces])
         time = records["at"] - (records["at"][0] if len(records) else 0.0)
-        lines = [",".join(COLUMNS)]
-        for at, position, force in zip(time, records["output"], records["raw"], strict=True):
-            # + 0.0 turns a rounded -0.0 into 0.0.
-            numbers = [*(round(value, 6) + 0.0 for value in position), *(round(value, 3) + 0.0 for value in force)]
-            lines.append(",".join([f"{at:.3f}", *(f"{value:g}" for value in numbers)]))
+        rows = np.column_stack((time, records["output"], records["raw"])).tolist()
+        lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return len(records)

@@ -17,6 +17,7 @@ from weberlink.system.configuration import System
 from weberlink.system.scoring.arm import ArmLayout, AxesScore, arm_in
 from weberlink.system.scoring.channel import (
     ChannelScore,
+    UpdatesOnTheirWay,
     angles_between,
     distances,
     engaged,
@@ -132,6 +133,9 @@ class SessionScore:
     gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
     the link between the ports, while errors count too (`weberlink.system.scoring.energy`).
 
+    `violation_floor` is the share of the ticks of the felt error that no codec can keep within the deadband, because an
+    update is on its way (`weberlink.system.scoring.channel.UpdatesOnTheirWay`).
+
     `connection` says of each side how long it waited for its first session, was connected, unconnected (silent, or lost
     by silence) and away (left by the peer in order), and in `ended` and `last_s` which of these it was at the end.
     `faults` counts how often records with each fault began.
@@ -178,6 +182,7 @@ class SessionScore:
         self._work: list[Series] = [np.empty(0), np.empty(0)]
         """Work at the port of each side, up to each of the waiting records [J]."""
         self._link_energy = LinkEnergy()
+        self._on_its_way = UpdatesOnTheirWay(self._period)
         self._ways = WaysScore()
         self._first: float | None = None
         self._until = 0.0
@@ -252,7 +257,7 @@ class SessionScore:
         }
         for name, channel in self._from_slave.items():
             summary[name] = _packets(slave, master, duration, name) | channel.summary()
-        summary[self._felt] |= self._quality.summary() | {"violation_floor": self._violation_floor()}
+        summary[self._felt] |= self._quality.summary() | {"violation_floor": self._on_its_way.share}
         for name, channel in self._from_master.items():
             summary[name] = _packets(master, slave, duration, name) | channel.summary()
         return summary
@@ -260,14 +265,6 @@ class SessionScore:
     def ways(self) -> dict[str, Any]:
         """The figures of the link, each way apart: see `WaysScore.summary`."""
         return self._ways.summary()
-
-    def _violation_floor(self) -> float | None:
-        """Sends per tick times latency in ticks: an update is felt at least one tick after its send."""
-        master, slave = self._sides
-        if not slave.engaged:
-            return None
-        latency = master.one_way.percentile(50.0) * 1e-6 if master.one_way.count else 0.0
-        return min(1.0, slave.counter("updates_sent") / slave.engaged * max(1.0, latency / self._period))
 
     def _join(self) -> None:
         master, slave = self._waiting
@@ -281,6 +278,7 @@ class SessionScore:
         self._work = [self._work[0][passed:], self._work[1][ready:]]
         self._link_energy.add(given, taken, in_session(matched) & in_session(now))
         counts = close & in_session(matched) & in_session(now)
+        self._on_its_way.add(now, matched["one_way_us"], counts)
         matched, now = matched[counts], now[counts]
         if not self._is_arm:
             displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))

@@ -9,6 +9,7 @@ const SAME_PRESS_MS = 1000;
 const INSTEAD = "use the emergency stop of the robot or the device, or press Ctrl-C in the terminal of the session";
 
 const button = document.getElementById("emergency");
+const KEY = button.getAttribute("aria-keyshortcuts");
 
 export class Emergency {
   // `said()` is called when the state has changed.
@@ -23,10 +24,8 @@ export class Emergency {
     });
     // A click without pointer or key: assistive technology.
     button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
-    // While the person drives, Escape lets go of the handle and comes no further; the next one stops.
-    addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && !event.repeat && store.running) this.press();
-    });
+    // Whatever has the focus: the key writes nothing, and moves nothing, in any control.
+    addEventListener("keydown", (event) => this.#key(event), true);
   }
 
   press() {
@@ -61,6 +60,13 @@ export class Emergency {
     this.state = "";
     this.store.stopped = false;
     button.dataset.value = "";
+  }
+
+  // With another key held it belongs to the desktop or a screen reader.
+  #key(event) {
+    if (event.key !== KEY || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    if (!event.repeat) this.press();
   }
 
   async #post() {

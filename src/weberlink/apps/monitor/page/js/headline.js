@@ -86,9 +86,10 @@ export class Headline {
     const deadbands = store.ended ? (felt(store.figures.figures)?.error_p99_deadbands ?? NaN) : store.feltNow();
     show(by("felt-of"), store.ended ? "deadbands, p99" : "deadbands", null);
     show(by("felt-deadbands-now"), Number.isFinite(deadbands) ? deadbands.toFixed(2) : "–", deadbands);
-    const bar = by("felt-bar");
-    bar.style.transform = `scaleX(${Number.isFinite(deadbands) ? Math.min(1, deadbands / 2) : 0})`;
-    bar.classList.toggle("over", deadbands > 1);
+    by("felt-bar").style.transform = `scaleX(${Number.isFinite(deadbands) ? Math.min(1, deadbands / 2) : 0})`;
+    const zone = deadbands > 1 ? "over" : deadbands <= 1 ? "within" : "";
+    show(by("felt-zone"), zone && `${zone} 1 deadband`, zone);
+    for (const name of ["felt-bar", "felt-zone"]) by(name).classList.toggle("over", zone === "over");
   }
 
   #delay() {

@@ -5,6 +5,7 @@ import { ArmTable } from "./arm.js";
 import { ARM_PANELS } from "./arm_panels.js";
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
+import "./dismiss.js";
 import { Emergency } from "./emergency.js";
 import { EventLog } from "./events.js";
 import { Headline, fillFigures } from "./headline.js";
@@ -31,7 +32,7 @@ const by = (id) => document.getElementById(id);
 const store = new Store();
 const link = new Link("ws", receive, connect);
 const ask = (message, repeat) => link.send(message, repeat);
-const touch = new Touch(store, ask); // before the emergency stop: Escape lets go of a held handle, and only then stops
+const touch = new Touch(store, ask);
 const emergency = new Emergency(store, link, () => schedule());
 const headline = new Headline(store);
 const charts = [...PANELS, ...ARM_PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));

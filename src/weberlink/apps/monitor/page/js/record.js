@@ -45,8 +45,11 @@ export class Recording {
   // After a greeting, an end, or when the connection came or went.
   refresh() {
     const { on } = this;
-    const possible = this.store.may && this.store.running;
-    by("record").hidden = !this.store.hello?.records && this.last.state === "off";
+    const { hello, may, running } = this.store;
+    const possible = may && running;
+    by("record").hidden = !hello?.records && this.last.state === "off";
+    by("record-why").textContent = (running && hello.records_why) || "";
+    by("record-why").hidden = !by("record-why").textContent;
     const button = by("record-switch");
     button.textContent = on ? "Stop recording" : "Record";
     button.setAttribute("aria-pressed", String(on));
