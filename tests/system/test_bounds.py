@@ -150,8 +150,14 @@ def test_the_default_file_has_nothing_to_say() -> None:
         (
             ["rate_hz=10", "slave.robot.stiffness_n_m=40"],
             "link.silence_ms 100",
-            ["round trip of up to 200 ms, a tick of each side included", "use at least 500"],
+            ["shorter than 5 ticks", "use at least 500"],
             ["link.silence_ms=500"],
+        ),
+        (
+            ["link.emulate={delay_ms: 230}", "control.scheme=tdpa"],
+            "link.longest_round_trip_ms 400",
+            ["round trip is up to 462 ms", "use at least 462"],
+            ["link.longest_round_trip_ms=462"],
         ),
     ],
 )  # fmt: skip

@@ -36,6 +36,8 @@ from weberlink.system.configuration.model import (
 UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
+SILENCE_TICKS = 5
+"""Ticks that the silence limit should span: both ends look at the link in ticks, and two datagrams may be late by some."""
 
 
 @runtime_checkable
@@ -248,6 +250,12 @@ def _link_warnings(system: System) -> Iterator[str]:
         yield (
             f"link.longest_round_trip_ms {system.link.longest_round_trip_ms:g}: the emulated round trip is up to "
             f"{round_trip_ms:g} ms, a tick of each side included, and gets no session; use at least {round_trip_ms:.0f}"
+        )
+    least_ms = SILENCE_TICKS * 1e3 * system.tick_period
+    if system.link.silence_ms < least_ms:
+        yield (
+            f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
+            f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
         )
     if system.link.playout_ms > 0.0 and system.control.scheme == "none":
         yield (

@@ -127,6 +127,7 @@ def overrides(cell: SystemCell, when: CellTiming) -> list[str]:
             "loss": cell.loss,
             "seed": cell.seed,
         },
+        "link.silence_ms": 200.0,
         "link.longest_round_trip_ms": 400.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s),
         "codec.force.predictor": cell.predictor,
         "codec.force.weber": cell.weber,
