@@ -141,16 +141,12 @@ class Liveness:
         departed = self._epoch + (latest - (latest - echo) % _MODULUS) * unit
         return departed if departed < now else now
 
-    def hear(
-        self, sequence: int, departure: float, echo: int, generation: int, *, says_encoding: bool | None, now: float
-    ) -> bool:
+    def hear(self, departure: float, echo: int, generation: int, now: float) -> bool:
         """Take a fresh datagram; returns whether its loop age as it arrives is within the limit.
 
         Args:
-            sequence: its number.
             departure: on the peer's clock [s].
             echo, generation: what it says.
-            says_encoding: whether the sender's encoder ran and this end holds all its updates; None if unknown.
             now: [s].
         """
         self.heard_at = now
@@ -162,13 +158,19 @@ class Liveness:
             self.confirmed_at = confirmation
             if confirmation + self.limit / UNITS >= self.opened_at:
                 self.is_opening = False
-        if says_encoding is not None and sequence > self._newest:
-            self._newest = sequence
-            if says_encoding:
-                self.encoder_heard_at = now
-            self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf
         self._touch()
         return now - confirmation <= self._silence + self._allowed(generation)
+
+    def hear_encoder(self, sequence: int, now: float, *, runs: bool) -> None:
+        """Take what a fresh datagram of this number says of the peer's encoder: it ran, and this end holds all its
+        updates, or it did not run. An update says so only if it is executed: otherwise somebody who holds updates back
+        could keep an old one in use."""
+        if sequence > self._newest:
+            self._newest = sequence
+            if runs:
+                self.encoder_heard_at = now
+            self.encodes_until = self.encoder_heard_at + self._silence if runs else -inf
+            self._touch()
 
     def _touch(self) -> None:
         self.in_touch_at = min(self.confirmed_at + self.round_trip, self.encoder_heard_at)

@@ -249,10 +249,9 @@ class Session:
         if not self.liveness.is_fresh(age, head.generation):
             return DropReason.STALE
         self.is_fresh = True
-        says_encoding = True if isinstance(content, UpdateContent) else self._says_encoding(head, content)
-        is_current = self.liveness.hear(
-            sequence, departure, head.echo, head.generation, says_encoding=says_encoding, now=now
-        )
+        is_current = self.liveness.hear(departure, head.echo, head.generation, now)
+        if isinstance(content, HeartbeatContent) and (runs := self._encodes(head, content)) is not None:
+            self.liveness.hear_encoder(sequence, now, runs=runs)
         self.sender.heartbeats.heard(now, self.liveness.confirmed_at)
         if not isinstance(content, _OF_THE_OWNER):
             if head.asks:
@@ -264,19 +263,20 @@ class Session:
             return DropReason.UNTIMED if age is None else DropReason.STALE
         if isinstance(content, ChangeContent):
             return self._deliver_change(head, content, departure, now)
-        return self._deliver_update(sequence, head, content, departure, age)
+        outcome = self._deliver_update(sequence, head, content, departure, age)
+        if isinstance(outcome, UpdateReceived):
+            self.liveness.hear_encoder(sequence, now, runs=True)
+        return outcome
 
-    def _says_encoding(self, head: Head, content: Content) -> bool | None:
-        """Whether the peer's encoder runs and this end holds what it encodes; None if no update, and not said.
+    def _encodes(self, head: Head, content: HeartbeatContent) -> bool | None:
+        """Whether the peer's encoder runs and this end holds what it encodes; None if an update is missing.
 
         A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It does
         not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
         """
-        if isinstance(content, HeartbeatContent):
-            if head.is_encoding and content.ticks != sum(self._held_ticks) & _TICK_MASK:
-                return None
-            return head.is_encoding
-        return None
+        if head.is_encoding and content.ticks != sum(self._held_ticks) & _TICK_MASK:
+            return None
+        return head.is_encoding
 
     def _deliver_update(
         self, sequence: int, head: Head, content: UpdateContent, departure: float, age: float

@@ -242,6 +242,33 @@ def test_a_stale_update_is_never_delivered() -> None:
     assert len(pair.slave.updates()) == 1, "what was held back is repeated, with a new time stamp"
 
 
+def test_an_update_that_is_refused_for_its_loop_age_is_no_sign_of_the_encoder() -> None:
+    """Somebody lets heartbeats pass, and holds every update for a while: fresh, but not executed."""
+    pair = Pair().engage()
+    pair.master.send(pair.now, pair.ticks)
+    pair.run(0.05)
+    held: list[tuple[float, bytes]] = []
+
+    def hold(side: Side, data: bytes) -> bool:
+        if side is pair.master and kind_of(data) == Kind.UPDATE:
+            if pair.now - side.endpoint.liveness.heard_at > 0.015:  # what it echoes makes its loop age too large
+                held.append((pair.now, data))
+            return True
+        return False
+
+    pair.swallow = hold
+    taken, delivered = len(pair.slave.updates()), 0
+    for _ in range(60):
+        pair.master.send(pair.now, pair.ticks)
+        pair.run(0.005)
+        while held and held[0][0] < pair.now - 0.0985:
+            pair.slave.endpoint.receive_datagram(held.pop(0)[1], MASTER, pair.now)
+            delivered += 1
+    assert delivered > 10
+    assert len(pair.slave.updates()) == taken
+    assert not pair.slave.endpoint.is_peer_encoding(pair.now)
+
+
 def test_a_stale_datagram_does_not_count_as_being_heard() -> None:
     pair = Pair().engage()
     pair.master.send(pair.now, pair.ticks)

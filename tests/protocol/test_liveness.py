@@ -34,7 +34,7 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
     peer = Liveness(0.0, SILENCE, floor(now * 1e5) * 1e-5, now)
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     for arrival in (now, nextafter(now, -inf), nextafter(now, inf)):
-        assert end.hear(0, now, peer.echo(now), 0, says_encoding=None, now=arrival)
+        assert end.hear(now, peer.echo(now), 0, arrival)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:
@@ -47,11 +47,9 @@ def test_nothing_heard_within_limit_echoes_deaf() -> None:
 def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
-    end.hear(2, 0.02, DEAF, 0, says_encoding=False, now=0.03)
-    end.hear(1, 0.01, DEAF, 0, says_encoding=True, now=0.04)
+    end.hear_encoder(2, 0.03, runs=False)
+    end.hear_encoder(1, 0.04, runs=True)
     assert end.encodes_until == end.encoder_heard_at == -inf
-    end.hear(3, 0.05, DEAF, 0, says_encoding=None, now=0.06)
-    assert end.encodes_until == -inf
-    end.hear(4, 0.06, DEAF, 0, says_encoding=True, now=0.07)
+    end.hear_encoder(4, 0.07, runs=True)
     assert end.encoder_heard_at == 0.07
     assert end.encodes_until == 0.07 + SILENCE

@@ -44,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "",
             *by_predictor(runs),
             "",
-            f"Held datagrams: {too_old} updates were executed that were older, when they arrived, than the silence limit "
-            "and the agreed round trip together.",
+            f"Held datagrams: {too_old} updates were executed that were older, when they arrived, than the silence "
+            "limit and the agreed round trip together.",
             "",
             *of_held(rows),
             "",

@@ -37,7 +37,7 @@ UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 SILENCE_TICKS = 5
-"""Ticks that the silence limit should span: both ends look at the link in ticks, and two datagrams may be late by some."""
+"""Ticks that the silence limit should span: both ends look at the link in ticks."""
 
 
 @runtime_checkable
@@ -146,7 +146,8 @@ def _measured(spec: RobotSpec) -> Iterator[str]:
 
 def _link(system: System) -> Iterator[str]:
     link = system.link
-    yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms, round trip up to {link.longest_round_trip_ms:g} ms"
+    yield f"link      {link.slave}, security {link.security}"
+    yield f"limits    {link.silence_ms:g} ms of silence, round trips up to {link.longest_round_trip_ms:g} ms"
     if link.playout_ms > 0.0:
         yield f"          every update is used {link.playout_ms:g} ms later than on its fastest way"
     if link.emulate is not None:

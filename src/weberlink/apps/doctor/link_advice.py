@@ -1,4 +1,4 @@
-"""Settings that a measured link calls for, as findings: longest round trip, silence limit, control scheme, play-out and look-ahead.
+"""Settings that a measured link calls for, as findings: its two limits, control scheme, play-out and look-ahead.
 
 Every threshold is one by which a session itself decides (`weberlink.protocol.heartbeat`, `weberlink.control.auto`).
 What both ends must hold alike has to be set on both hosts.
