@@ -33,6 +33,7 @@ from weberlink.protocol.handshake import (
 )
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.liveness import FADE_SHARE
+from weberlink.protocol.retransmission import copies_needed
 from weberlink.protocol.round_trip import in_ms, rounded_up
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.session import Opened, Outcome, OwnersOutcome, Session
@@ -169,7 +170,9 @@ class Endpoint(Conversation):
         self._due = None
         self._turn(Trigger.CLOSE)
         if self._session is not None:
-            self._post(self._session.sender.send_bye(now, reason))
+            # Nothing is heard or repeated from here on, so a lossy link gets copies at once.
+            for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
+                self._post(self._session.sender.send_bye(now, reason))
         self._end_session()
         self._listener.settle()
 

@@ -92,6 +92,8 @@ class UdpShell:
         if self._loop is not None:
             for data, address in self._endpoint.datagrams_to_send():
                 self._carrier.send(data, address)
+            for data, address in self._link.receive(inf) if self._link is not None else ():
+                self._carrier.send(data, address)  # sooner than the emulated delay, which ends with this process
             self._loop = None
         self._carrier.close()
 

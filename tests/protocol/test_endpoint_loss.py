@@ -144,3 +144,17 @@ def test_overdue_peer_is_asked_and_answers() -> None:
     assert not pair.master.of(PeerSilent)
     asks = [data for _, _, data in pair.tap if kind_of(data) == Kind.HEARTBEAT and data[0] & MARK]
     assert len(asks) >= 10
+
+
+def test_a_farewell_on_a_lossy_link_is_sent_more_than_once() -> None:
+    """Nothing is repeated after it; on a link without loss it is one datagram."""
+    counts = {}
+    for loss in (0.0, 0.2):
+        pair = Pair(backward=Emulation(delay_s=0.001, loss=loss), seed=4).connect().run(10.0)
+        before = len(pair.tap)
+        pair.slave.endpoint.close(pair.now, "completed")
+        pair.run(0.01)
+        farewells = [data for _, side, data in pair.tap[before:] if side is pair.slave and kind_of(data) == Kind.BYE]
+        counts[loss] = len(farewells)
+    assert counts[0.0] == 1
+    assert counts[0.2] > 1

@@ -11,10 +11,10 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 
 RECORDED = {
-    ("checksum", False): "c1e9b80e94d867164cfd4df3035d299626183d438477c4936ddd72fbd2ce54cb",
-    ("checksum", True): "95b8d23d8c92493b84b1af7d6127bff8708bba976bed44ebc00e07f0783b89cb",
-    ("psk", False): "a8fd71a34dec35bb22c42f2e1f7f69c3381c250429148ae0ef4d4f803409299a",
-    ("psk", True): "4fb9614c9f221c6b0539f3d792195e4831bbaf8d9daf12ba0442ebaf6e604959",
+    ("checksum", False): "ab1eafbd06e9e6a8fb52fc6b9b07078ed5fe158beab3b71910dafbaee626a9d8",
+    ("checksum", True): "7213f399c71ec2c7842f46d9bc4370b0122af14e49aea3286858ec0a7f9974ec",
+    ("psk", False): "dfed04d0a0b15e0b3d68cb24ca897da5de1a5c4715e3cf8654aaae5c790438f3",
+    ("psk", True): "d57330851c1c8c715c33fc7069a505e9381e4a26539992942221399dd4abaa13",
 }
 """SHA-256 over all datagrams of the session below, in the order in which they left."""
 

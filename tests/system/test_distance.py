@@ -1,0 +1,67 @@
+"""The shipped files work at any distance as they are: nothing but the link is set."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.system.processes import Program, document
+from weberlink.system.configuration import load
+from weberlink.system.simulate import simulate
+from weberlink.system.verdict import verdict
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+KEYLESS = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")
+FILES = {
+    "loopback.yaml": (),
+    "lan.yaml": KEYLESS,
+    "anywhere.yaml": (*KEYLESS, "link.path=direct"),
+    "try.yaml": (),
+    "arms.yaml": ("link.security=none",),
+}
+DELAYS_MS = (0, 5, 10, 20, 40, 50, 75, 100, 150)
+QUICK = {("loopback.yaml", 50), ("lan.yaml", 150), ("anywhere.yaml", 100), ("try.yaml", 20), ("arms.yaml", 75)}
+"""Run without `--hunt`."""
+
+
+@pytest.mark.parametrize(
+    ("file", "delay_ms"),
+    [
+        pytest.param(file, delay_ms, marks=() if (file, delay_ms) in QUICK else pytest.mark.hunt)
+        for file in FILES
+        for delay_ms in DELAYS_MS
+    ],
+)
+def test_a_shipped_file_is_connected_from_start_to_end(file: str, delay_ms: int) -> None:
+    emulate = f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}"
+    summary, _ = simulate(load(CONFIGS / file, (*FILES[file], emulate)), 6.0)
+    assert summary["outcome"] == "completed"
+    assert summary["faults"] == {"master": {}, "slave": {}}
+    for side in ("master", "slave"):
+        connection = summary["connection"][side]
+        assert (connection["interruptions"], connection["unconnected_s"], connection["ended"]) == (0, 0.0, "connected")
+    assert {cause.name for cause in verdict(summary).causes} <= {"felt", "delay", "loss"}
+
+
+def test_a_link_beyond_the_limit_is_refused_with_both_figures_and_works_with_a_higher_one() -> None:
+    far = "link.emulate={delay_ms: 250, seed: 0}"
+    summary, _ = simulate(load(CONFIGS / "loopback.yaml", (far,)), 4.0)
+    for side in ("master", "slave"):
+        assert summary["faults"][side]["refused"] >= 1
+        assert summary["connection"][side]["connected_s"] == 0.0
+    assert "500 ms" in summary["outcome"] and "400" in summary["outcome"]
+    summary, _ = simulate(load(CONFIGS / "loopback.yaml", (far, "link.longest_round_trip_ms=600")), 4.0)
+    assert summary["faults"] == {"master": {}, "slave": {}}
+    assert summary["connection"]["master"]["interruptions"] == 0
+    assert summary["connection"]["master"]["connected_s"] > 3.0
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("delay_ms", [50, pytest.param(150, marks=pytest.mark.hunt)])
+def test_two_processes_are_connected_over_a_long_link(delay_ms: int) -> None:
+    emulate = f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}"
+    with Program("loopback", CONFIGS / "loopback.yaml", "--duration", 4, "--set", emulate, "--json", "-") as program:
+        summary = document(program.finish()[1])
+    for side in ("master", "slave"):
+        connection = summary["connection"][side]
+        assert (connection["interruptions"], connection["ended"]) == (0, "connected" if side == "master" else "away")
+    assert summary["link"]["rtt_us"]["p50"] > 2e3 * delay_ms
