@@ -46,6 +46,8 @@ class DropReason(StrEnum):
     """Older on arrival than what counts (`Liveness`)."""
     SUPERSEDED = "superseded"
     """An update older than one that was already delivered."""
+    UNREADABLE = "unreadable"
+    """Not of the peer: no message, on the socket to the process that finds paths (`weberlink.protocol.aio`)."""
 
 
 class Connected(NamedTuple):

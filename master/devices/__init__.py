@@ -20,7 +20,7 @@ BUILT_IN = {
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 
 COMPUTED = frozenset({"operator", "pointer", "replay", "ros2"})
-"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
+"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
 
 SCRIPTED = frozenset({"operator", "replay"})
 """Drivers that a program moves; no person feels anything with them."""
@@ -34,8 +34,3 @@ def load(name: str) -> DeviceDriver:
         return DEVICES.load(name)
     except ValueError as error:
         raise ValueError(f"driver: {error}") from None
-
-
-def is_hardware(name: str) -> bool:
-    """Whether a driver of this name may move something real."""
-    return name not in COMPUTED

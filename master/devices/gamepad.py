@@ -18,7 +18,7 @@ from weberlink.master.devices.rate_control import WAIT_S, Deflection, RateDevice
 
 NAME = "gamepad"
 EV_SYN, EV_KEY, EV_ABS, EV_FF = 0x00, 0x01, 0x03, 0x15
-SYN_DROPPED = 3
+SYN_REPORT, SYN_DROPPED = 0, 3
 FF_RUMBLE = 0x50
 BTN_GAMEPAD = 0x130
 """Every gamepad has it: its lower button, Documentation/input/gamepad.rst of the kernel."""
@@ -121,6 +121,8 @@ class GamepadExchange:
         self._ranges: dict[int, tuple[int, int]] = {}
         self._values: dict[int, int] = {}
         self._keys: set[int] = set()
+        self._has_lost = False
+        """Whether events were lost, and the report is not complete in which they were."""
         self._rumble: Rumble | None = None
 
     def start_afresh(self) -> None:
@@ -138,6 +140,7 @@ class GamepadExchange:
         try:
             self._poll = poll()
             self._poll.register(self._pad.fd, POLLIN)
+            self._has_lost = False
             self._resynchronize()
             self._check_axes()
             can_rumble = FF_RUMBLE in self._pad.capabilities().get(EV_FF, ())
@@ -175,13 +178,25 @@ class GamepadExchange:
                 pad.close()
 
     def _follow(self) -> None:
+        """Take the events that have come; after lost ones, the state in their place.
+
+        What follows the lost events up to the next report is a part of one (Documentation/input/event-codes.rst of the
+        kernel), and all that was read is older than the state: the kernel takes the keys up to it out of its queue.
+        """
+        is_old = self._has_lost
         for event in self._pad.read():
-            if event.type == EV_ABS:
+            if event.type == EV_SYN and event.code == SYN_DROPPED:
+                self._has_lost = is_old = True
+            elif event.type == EV_SYN and event.code == SYN_REPORT:
+                self._has_lost = False
+            elif is_old:
+                continue
+            elif event.type == EV_ABS:
                 self._values[event.code] = event.value
             elif event.type == EV_KEY:
                 (self._keys.add if event.value else self._keys.discard)(event.code)
-            elif event.type == EV_SYN and event.code == SYN_DROPPED:
-                self._resynchronize()
+        if is_old:
+            self._resynchronize()
 
     def _resynchronize(self) -> None:
         """Ask for the state, at the start and after events were lost."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from math import ceil
 from random import Random
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
@@ -31,6 +31,8 @@ class HandDevice:
         tick_period: [s]
         turning: The rotation vector [rad] that the hand means to have at a model time [s]; only with a wrist.
     """
+
+    COMPUTED: ClassVar[bool] = True
 
     def __init__(
         self,

@@ -13,7 +13,7 @@ BUILT_IN = {
 LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
 
 COMPUTED = frozenset({"arm_operator", "remote_leader"})
-"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
+"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
 
 SCRIPTED = frozenset({"arm_operator"})
 """Drivers that a program moves; no person feels anything with them."""
@@ -27,8 +27,3 @@ def load(name: str) -> LeaderDriver:
         return LEADERS.load(name)
     except ValueError as error:
         raise ValueError(f"driver: {error}") from None
-
-
-def is_hardware(name: str) -> bool:
-    """Whether a driver of this name may move something real."""
-    return name not in COMPUTED

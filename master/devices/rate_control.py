@@ -33,8 +33,9 @@ LIVE_S = 0.02
 """Without a finished exchange for this long [s], time stands still: the loop then notices that readings are old."""
 LOOP_S = 0.005
 """Delay from a position to its force [s] up to which the stated stiffness does not oscillate; a local link has less."""
-LONGEST_STEP = 0.01
-"""A longer gap between two readings [s] makes the position pause; it does not jump."""
+LONGEST_STEP, LONGEST_TICKS = 0.01, 3
+"""A gap between two readings that is longer than both, in seconds and in ticks, makes the position pause; it does not
+jump."""
 
 
 class RateOptions(BaseModel):
@@ -153,10 +154,11 @@ class RateDevice:
             rest=ZERO,
             period=PERIOD_S,
             on_command=False,
-            stale=max(STALE_S, 3.0 * tick_period),
+            stale=max(STALE_S, LONGEST_TICKS * tick_period),
             bad_replies=1,
             reconnect=options.reconnect_s,
         )
+        self._longest_step = max(LONGEST_STEP, LONGEST_TICKS * tick_period)
         self._spin = spin
         self._control = RateControl(options)
         self._orientation: Quaternion = IDENTITY
@@ -193,7 +195,7 @@ class RateDevice:
         deflection, seen_at = self._worker.newest
         until = min(now, seen_at + LIVE_S)
         if until > reading.at:
-            self._advance(deflection, min(until - reading.at, LONGEST_STEP))
+            self._advance(deflection, min(until - reading.at, self._longest_step))
             self._reading = reading = self._reading_at(until, deflection.buttons)
         return reading
 

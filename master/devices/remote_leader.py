@@ -111,6 +111,7 @@ class RemoteLeader:
         source: of the targets; None for the shared memory of this process.
     """
 
+    COMPUTED: ClassVar[bool] = True
     Options: ClassVar[type[RemoteLeaderOptions]] = RemoteLeaderOptions
 
     def __init__(self, options: RemoteLeaderOptions, tick_period: float, source: LeaderTargets | None = None) -> None:

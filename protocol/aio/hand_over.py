@@ -5,15 +5,21 @@ From then on the daemon reads it, and returns STUN messages to the finder, which
 same socket. So the datagrams of a session take no way through a second process.
 """
 
+import os
 import socket
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from ipaddress import ip_address
 from typing import Any, NamedTuple
 
 import msgpack
 
 from weberlink.protocol.events import Address
+from weberlink.text import one_line
 
 LONGEST_MESSAGE = 4096
+LONGEST_TEXT = 500
+"""Characters of each text in a message, all of them printable."""
 STUN_COOKIE = b"\x21\x12\xa4\x42"
 """Bytes 4 to 7 of every STUN message (RFC 8489 section 5)."""
 ENGAGED, SILENT, GONE = "engaged", "silent", "gone"
@@ -60,11 +66,16 @@ class PathLost(NamedTuple):
 
 
 class PathNews(NamedTuple):
-    """Finder to daemon: one line for a person; `is_final` if no path will be found."""
+    """Finder to daemon: one line for a person, of printable characters; `is_final` if no path will be found."""
 
     peer: str
     text: str
     is_final: bool = False
+
+    @classmethod
+    def of(cls, peer: str, text: str, is_final: bool) -> "PathNews":
+        """News of any text."""
+        return cls(peer, one_line(text, LONGEST_TEXT), is_final)
 
 
 class StunReceived(NamedTuple):
@@ -89,7 +100,57 @@ class SessionState(NamedTuple):
 
 
 Message = PathFound | PathLost | PathNews | StunReceived | SessionState | PathSilent
-_KINDS: tuple[type[Any], ...] = (PathFound, PathLost, PathNews, StunReceived, SessionState, PathSilent)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= LONGEST_TEXT and value.isprintable()
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int) and 0 <= value < 1 << 32
+
+
+def _is_uint16(value: object) -> bool:
+    return isinstance(value, int) and 0 <= value < 1 << 16
+
+
+def _is_channel(value: object) -> bool:
+    return value is None or _is_uint16(value)
+
+
+def _is_flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
+def _is_data(value: object) -> bool:
+    return isinstance(value, bytes)
+
+
+def _is_address(value: object) -> bool:
+    """Whether a value is a numeric address: a name would be resolved where it is used, which blocks."""
+    if not isinstance(value, tuple) or len(value) != 2 or not isinstance(value[0], str):
+        return False
+    try:
+        ip_address(value[0])
+    except ValueError:
+        return False
+    return _is_uint16(value[1])
+
+
+_Check = Callable[[object], bool]
+_FIELDS: tuple[tuple[type[Any], tuple[_Check, ...]], ...] = (
+    (
+        PathFound,
+        (_is_number, _is_number, _is_text, _is_address, _is_channel, _is_text, _is_text, _is_text),
+    ),
+    (PathLost, (_is_number,)),
+    (PathNews, (_is_text, _is_text, _is_flag)),
+    (StunReceived, (_is_number, _is_address, _is_data)),
+    (SessionState, (_is_text, _is_text)),
+    (PathSilent, (_is_number,)),
+)
+"""Each kind of message, by the number that stands for it, and what its fields may be."""
+_KINDS = [kind for kind, _ in _FIELDS]
 
 
 class PathFacts(NamedTuple):
@@ -127,8 +188,15 @@ def pair() -> tuple[socket.socket, socket.socket]:
 
 
 def send(end: socket.socket, message: Message, carried: socket.socket | None = None) -> bool:
-    """Send a message, with a socket that it hands over; False if the other end is gone or its buffer full."""
-    data = msgpack.packb([_KINDS.index(type(message)), *message])
+    """Send a message, with a socket that it hands over; False if the other end is gone or its buffer full.
+
+    Raises:
+        ValueError: `receive` would refuse the message.
+    """
+    number = _KINDS.index(type(message))
+    data = msgpack.packb([number, *message])
+    if not _fits(_FIELDS[number][1], message) or len(data) > LONGEST_MESSAGE:
+        raise ValueError(f"a {type(message).__name__} of {len(data)} bytes that does not fit")
     with suppress(OSError):
         socket.send_fds(end, [data], [] if carried is None else [carried.fileno()])
         return True
@@ -140,10 +208,46 @@ def receive(end: socket.socket) -> tuple[Message, socket.socket | None] | None:
 
     Raises:
         BlockingIOError: there is none now.
+        ValueError: what arrived is no message; it is gone.
     """
-    data, descriptors, _, _ = socket.recv_fds(end, LONGEST_MESSAGE, 1)
-    if not data:
-        return None
-    kind, *values = msgpack.unpackb(data, use_list=False)
-    carried = socket.socket(fileno=descriptors[0]) if descriptors else None
-    return _KINDS[kind](*values), carried
+    data, descriptors, flags, _ = socket.recv_fds(end, LONGEST_MESSAGE, 1)
+    with ExitStack() as refused:
+        for descriptor in descriptors:
+            refused.callback(os.close, descriptor)
+        if not data:
+            return None
+        message = _read(data, is_whole=not flags & socket.MSG_TRUNC)
+        if not isinstance(message, PathFound):
+            return message, None
+        carried = _udp_socket(descriptors)
+        refused.pop_all()
+        return message, carried
+
+
+def _read(data: bytes, *, is_whole: bool) -> Message:
+    found = msgpack.unpackb(data, use_list=False) if is_whole else None
+    if not isinstance(found, tuple) or not found or not isinstance(found[0], int) or not 0 <= found[0] < len(_FIELDS):
+        raise ValueError("a message of no known kind")
+    kind, checks = _FIELDS[found[0]]
+    if not _fits(checks, found[1:]):
+        raise ValueError(f"no {kind.__name__}")
+    message: Message = kind(*found[1:])
+    return message
+
+
+def _fits(checks: tuple[_Check, ...], values: tuple[Any, ...]) -> bool:
+    return len(values) == len(checks) and all(check(value) for check, value in zip(checks, values, strict=True))
+
+
+def _udp_socket(descriptors: list[int]) -> socket.socket:
+    """The socket that was handed over; a descriptor that is refused stays open."""
+    if not descriptors:
+        raise ValueError("a path without a socket")
+    try:
+        carried = socket.socket(fileno=descriptors[0])
+    except OSError:
+        raise ValueError("a descriptor of no socket") from None
+    if carried.family not in (socket.AF_INET, socket.AF_INET6) or carried.type != socket.SOCK_DGRAM:
+        carried.detach()
+        raise ValueError("not a UDP socket")
+    return carried

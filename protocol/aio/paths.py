@@ -22,7 +22,7 @@ from weberlink.protocol.aio.hand_over import (
 from weberlink.protocol.aio.queue import WorkBudget
 from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE, Carrier, GuardedSocket, Wake, numeric
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.events import Address
+from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.states import Role, State
 
 REPLACED_S: Final = 1.0
@@ -271,6 +271,11 @@ class FoundPaths(Carrier):
                 break
             except ConnectionError:
                 received = None
+            except ValueError:
+                statistics = self._endpoint.statistics
+                statistics.dropped[DropReason.UNREADABLE] += 1
+                statistics.drops += 1
+                continue
             if received is None:
                 self._lose_finder()
                 break

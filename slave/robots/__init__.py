@@ -20,7 +20,7 @@ def _check(name: str, entry: object) -> None:
 ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
 
 COMPUTED = frozenset({"mujoco", "point", "simulated"})
-"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
+"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
 
 drivers = ROBOTS.places
 
@@ -31,8 +31,3 @@ def load(name: str) -> RobotDriver:
         return ROBOTS.load(name)
     except ValueError as error:
         raise ValueError(f"driver: {error}") from None
-
-
-def is_hardware(name: str) -> bool:
-    """Whether a driver of this name may move something real."""
-    return name not in COMPUTED

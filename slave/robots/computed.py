@@ -1,5 +1,7 @@
 """A robot that is computed: its state between two readings, and the range of its sensor."""
 
+from typing import ClassVar
+
 from weberlink.compiled import mypyc_attr
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
@@ -14,6 +16,8 @@ class ComputedRobot:
 
     A subclass gives `_reset` and `_advance`.
     """
+
+    COMPUTED: ClassVar[bool] = True
 
     def __init__(self, spec: RobotSpec, home: Vector) -> None:
         self.spec = spec

@@ -12,7 +12,7 @@ BUILT_IN = {
 FOLLOWERS: Registry[FollowerDriver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
 
 COMPUTED = frozenset({"mujoco_arm"})
-"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
+"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
 
 drivers = FOLLOWERS.places
 
@@ -23,8 +23,3 @@ def load(name: str) -> FollowerDriver:
         return FOLLOWERS.load(name)
     except ValueError as error:
         raise ValueError(f"driver: {error}") from None
-
-
-def is_hardware(name: str) -> bool:
-    """Whether a driver of this name may move something real."""
-    return name not in COMPUTED

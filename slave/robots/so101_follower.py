@@ -23,17 +23,31 @@ from weberlink.arms.feetech import packet, registers
 from weberlink.arms.feetech.arm import JOINTS, NAMES, SixPositive, So101Options, motor_torques
 from weberlink.arms.feetech.bus import USB, ServoPort
 from weberlink.arms.feetech.exchange import So101Bus
-from weberlink.arms.feetech.registers import FULL_LOAD, GOAL_POSITION, ORDER_ADDRESS, ORDER_SIZE, TORQUE_ENABLE, Present
+from weberlink.arms.feetech.registers import (
+    FULL_LOAD,
+    GOAL_POSITION,
+    ORDER_ADDRESS,
+    ORDER_SIZE,
+    POSITION,
+    TORQUE_ENABLE,
+    Present,
+)
+from weberlink.arms.giving_way import SETTLE_S, give_way
 from weberlink.arms.threaded_arm import ArmSample, ThreadedArm
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
-from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian import HoldingGuardian
 from weberlink.hardware.serial_port import SerialPort
 
 NAME: Final = "so101_follower"
 STALL_NM: Final = 1.91
 """Of the C001 (1/345) at 7.4 V, by the vendor: 19.5 kg cm; the C018 has 2.94 N m (30 kg cm) at 12 V."""
 STALE_S: Final = 0.1
+LEASE_S: Final = 0.1
+"""Beyond two cycles, time without one after which the guardian takes this process for stopped [s]."""
+REPEATS: Final = 6
+"""Requests in the guardian's message; together longer than a message that it may cut, so that one arrives whole."""
 WATCH_EVERY: Final = 25
 """Cycles between two checks of a servo's torque."""
 GRAVITY_NM: Final = 0.9
@@ -65,7 +79,7 @@ class So101FollowerOptions(So101Options):
         default=(1000, 1000, 1000, 1000, 1000, 500), description="of the servos, in 0.1 % of their stall torque"
     )
     on_close: OnClose = Field(
-        default=OnClose.HOLD, description="hold: the servos hold the arm where it was told to be; limp: it drops"
+        default=OnClose.HOLD, description="hold: the servos hold the arm where it is, and push no more; limp: it drops"
     )
     stall_nm: float = Field(
         default=STALL_NM, gt=0.0, le=10.0, description="stall torque of the servos at rated_v; 2.94 for 12 V servos"
@@ -99,7 +113,8 @@ class So101FollowerOptions(So101Options):
 
 
 class So101Follower(ThreadedArm[Joints | None]):
-    """An SO-101 follower arm. Its servos have no watchdog: when the host stops, they hold the last goal."""
+    """An SO-101 follower arm. Its servos have no watchdog: when this process stops, a guardian lets them hold the arm
+    where it is."""
 
     Options = So101FollowerOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
@@ -110,14 +125,16 @@ class So101Follower(ThreadedArm[Joints | None]):
         return serial_ports(cls.USB)
 
     def __init__(self, options: So101FollowerOptions, tick_period: float) -> None:
+        guardian = HoldingGuardian(LEASE_S + 2.0 * (1.0 / options.rate_hz + options.margin_s))
+
         def connect() -> SerialPort:
             path = options.port or only(self.plugged(), NAME, "slave.robot.port").path
-            return SerialPort(path, options.baud)
+            return SerialPort(path, options.baud, guardian)
 
         gravity = _model() if options.gravity and find_spec("mujoco") is not None else no_gravity
         super().__init__(
             _spec(options, gravity is not no_gravity),
-            FollowerExchange(options, connect, gravity),
+            FollowerExchange(options, connect, gravity, guardian=guardian),
             rest=None,
             stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=options.bad_replies,
@@ -160,7 +177,7 @@ def _spec(options: So101FollowerOptions, modelled: bool) -> ArmSpec:
         torque_error_nm=round(error, 2),
         watchdog_s=None,
         note=f"torques are estimated from {source}, {by}{weight}, and lag {lag:.0f} ms more than the angles; the "
-        "servos have no watchdog and hold their last goal when the host stops",
+        "servos have no watchdog, a guardian process lets them hold the arm where it is when this one stops",
     )
 
 
@@ -173,6 +190,7 @@ class FollowerExchange:
         gravity: Torque that holds the arm at given angles [N m].
         clock: Monotonic [s].
         pause: Sleeps [s].
+        guardian: Of the port; None for none.
     """
 
     def __init__(
@@ -182,14 +200,19 @@ class FollowerExchange:
         gravity: Gravity,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
+        guardian: HoldingGuardian | None = None,
     ) -> None:
         self._options = options
         self._connect = connect
         self._gravity = gravity
+        self._guardian = guardian
         self._clock = clock
         self._pause = pause
         self._stiffness = options.stiffness
         self._weight: Joints = ()
+        self._angles: Joints = ()
+        self._goal: Joints = ()
+        """What the servos were told last [rad]."""
         self._torques: Joints = ()
         self._measured_at = 0.0
         self._cycle = 0
@@ -216,39 +239,50 @@ class FollowerExchange:
         """Torque on, to stay where the arm is."""
         options, angles = self._options, arm.scale.angles(present)
         self._weight = self._gravity(angles)
+        self._goal = self._raised(angles)
         orders = [
             (id_, registers.order(True, goal, limit))
-            for id_, goal, limit in zip(options.ids, self._goals(arm, angles), options.torque_limit, strict=True)
+            for id_, goal, limit in zip(options.ids, _counts(arm, self._goal), options.torque_limit, strict=True)
         ]
+        self._hold(arm, self._goal)
         arm.bus.send(packet.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
 
     def exchange(self, command: Joints | None) -> ArmSample:
         arm = self._arm
         assert arm is not None
+        self._hold(arm, self._raised(self._angles))
         self._cycle += 1
         if self._cycle % WATCH_EVERY == 0:
             self._watch(arm, self._cycle // WATCH_EVERY % len(NAMES))
-        orders = b"" if command is None else self._orders(arm, command)
+        orders = b""
+        if command is not None:
+            self._goal = self._raised(command)
+            orders = self._orders(arm, self._goal)
         asked = self._clock()
         present = arm.bus.exchange(orders)
         return self._sample(arm, present, 0.5 * (asked + self._clock()))
 
-    def _orders(self, arm: So101Bus, angles: Joints) -> bytes:
-        """The request that sets these goals [rad], within the range of the arm."""
-        goals = zip(self._options.ids, self._goals(arm, angles), strict=True)
-        values = [(id_, GOAL_POSITION.encode(goal)) for id_, goal in goals]
+    def _hold(self, arm: So101Bus, goals: Joints) -> None:
+        """Let the guardian set these goals [rad] when this process stops."""
+        if self._guardian is not None:
+            self._guardian.hold(self._orders(arm, goals) * REPEATS)
+
+    def _orders(self, arm: So101Bus, goals: Joints) -> bytes:
+        """The request that sets these goals [rad]."""
+        values = [
+            (id_, GOAL_POSITION.encode(goal)) for id_, goal in zip(self._options.ids, _counts(arm, goals), strict=True)
+        ]
         return packet.sync_write(GOAL_POSITION.address, GOAL_POSITION.size, values)
 
-    def _goals(self, arm: So101Bus, angles: Joints) -> list[int]:
-        """The goals [counts] for these angles [rad], within the range of the arm.
+    def _raised(self, angles: Joints) -> Joints:
+        """The goals for these angles, within the range of the arm [rad].
 
         Position control needs an error to push. The weight gets its share of it here, so that the arm does not sag, and
         an error of the angles is what it presses with.
         """
         options = self._options
         limits = zip(angles, options.lower_rad, options.upper_rad, self._weight, self._stiffness, strict=True)
-        raised = tuple([min(max(angle, low), high) + weight / k for angle, low, high, weight, k in limits])
-        return [min(registers.COUNTS_PER_TURN - 1, max(0, goal)) for goal in arm.scale.counts(raised)]
+        return tuple([min(max(angle, low), high) + weight / k for angle, low, high, weight, k in limits])
 
     def _watch(self, arm: So101Bus, axis: int) -> None:
         """Raise HardwareFault for a servo that lost its torque: what it measures does not show that."""
@@ -257,7 +291,7 @@ class FollowerExchange:
             raise HardwareFault(f"{arm.bus.label(id_)}: its torque is off; was it without power?")
 
     def _sample(self, arm: So101Bus, present: list[Present], at: float) -> ArmSample:
-        angles = arm.scale.angles(present)
+        self._angles = angles = arm.scale.angles(present)
         self._weight = self._gravity(angles)
         external = self._external(arm, present)
         share = -expm1(-2.0 * pi * self._options.torque_cutoff_hz * max(0.0, at - self._measured_at))
@@ -288,10 +322,37 @@ class FollowerExchange:
             return
         if self._options.on_close is OnClose.LIMP:
             arm.release()
-        elif self._gravity is not no_gravity:  # without the weight, the arm would sink
+        else:
             with suppress(HardwareFault):
-                self._engage(arm, arm.first())  # ends any pressing
+                self._measure(arm)
+                give_way(self._goal, self._raised(self._angles), lambda goals: self._settled(arm, goals))
+        if self._guardian is not None:
+            self._guardian.end()
         arm.close()
+
+    def _settled(self, arm: So101Bus, goals: Joints) -> Joints:
+        """Go to goals [rad], and give the place to which this leads."""
+        arm.bus.send(self._orders(arm, goals))
+        until = self._clock() + SETTLE_S
+        while self._clock() < until:
+            self._hold(arm, goals)
+            self._pause(1.0 / self._options.rate_hz)
+        self._measure(arm)
+        return self._raised(self._angles)
+
+    def _measure(self, arm: So101Bus) -> None:
+        """Measure angles and weight; a servo with an error is asked too, and one that does not answer has not moved."""
+        positions = arm.scale.counts(self._angles)
+        for axis, id_ in enumerate(self._options.ids):
+            with suppress(BadReply):
+                positions[axis] = arm.bus.read(id_, POSITION)
+        self._angles = arm.scale.angles_at(positions)
+        self._weight = self._gravity(self._angles)
+
+
+def _counts(arm: So101Bus, goals: Joints) -> list[int]:
+    """Positions of the servos [counts]."""
+    return [min(registers.COUNTS_PER_TURN - 1, max(0, goal)) for goal in arm.scale.counts(goals)]
 
 
 def _beyond(torque: float, zone: float) -> float:

@@ -13,6 +13,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
+def is_hardware(driver: object) -> bool:
+    """Whether a driver may move something real: every one may that does not say `COMPUTED = True`."""
+    return not getattr(driver, "COMPUTED", False)
+
+
 class Registry(Mapping[str, T], Generic[T]):
     """Maps names to objects; a built-in name wins over an entry point of the same name.
 

@@ -96,7 +96,7 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
     others = {each.driver: each for each in found.drivers if each.driver.startswith("others")}
     assert {each.package for each in others.values()} == {"others-things"}
     assert {name: each.state for name, each in others.items()} == {
-        "others_good": "ready", "others_bad": "broken", "others_none": "broken", "others_odd": "broken",
+        "others_good": "cannot be listed", "others_bad": "broken", "others_none": "broken", "others_odd": "broken",
     }  # fmt: skip
     assert others["others_bad"].advice == (
         "cannot be loaded: ModuleNotFoundError: No module named 'others_things_missing'",
@@ -112,7 +112,8 @@ def fails(cls: Any) -> list[PluggedDevice]:
     ("candidate", "state", "advice"),
     [
         (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", ('pip install "weberlink[x]"',)),
-        (type("Driver", (), {"NEEDS": ("json", "x")}), "ready", ()),
+        (type("Driver", (), {"NEEDS": ("json", "x"), "COMPUTED": True}), "ready", ()),
+        (type("Driver", (), {"NEEDS": ("json", "x")}), "cannot be listed", ()),
         (driver(), "nothing plugged in", ()),
         (driver(plugged=classmethod(lambda cls: None)), "cannot be listed", ()),
         (driver(plugged=classmethod(fails)), "broken", ("plugged devices cannot be listed: OSError: no bus",)),

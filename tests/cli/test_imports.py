@@ -20,7 +20,7 @@ json.dump(sorted(sys.modules), sys.stdout)
 UNTIL_THE_DAEMONS = """
 import json, os, subprocess, sys
 def popen(line, **_):
-    assert line[2] == "weberlink.system.daemon", line
+    assert "weberlink.system.daemon" in line, line
     json.dump(sorted(sys.modules), sys.stdout)
     sys.stdout.flush()
     os._exit(0)

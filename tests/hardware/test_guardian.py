@@ -13,7 +13,8 @@ import pytest
 
 from tests.hardware.scripted import PATIENCE_S, descriptors, wait_for
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import LEASE_S, Guardian
+from weberlink.hardware.guardian import LEASE_S, Guardian, HoldingGuardian
+from weberlink.hardware.guardian_process import SLOT_SIZE
 from weberlink.hardware.serial_port import SerialPort
 
 ZERO, OTHER_ZERO, FORCE = b"zero\n", b"nothing\n", b"force\n"
@@ -164,3 +165,78 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
     while part := wire.heard(WHILE_S):
         heard += part
     assert heard.endswith(ZERO)
+
+
+# --- what leaves an arm that must not lose its torque
+
+HOLDS_S = 0.05
+
+
+@pytest.fixture
+def arm() -> Iterator[tuple[HoldingGuardian, SerialPort, int]]:
+    """A guardian, its port, and the arm's end of it."""
+    before = descriptors()
+    near, far = os.openpty()
+    tty.setraw(far)
+    guardian = HoldingGuardian(HOLDS_S)
+    port = SerialPort(os.ttyname(far), guardian=guardian)
+    yield guardian, port, near
+    port.close()
+    os.close(near)
+    os.close(far)
+    assert descriptors() == before
+
+
+def heard(near: int, wait: float = 0.0) -> bytes:
+    return os.read(near, 1000) if select((near,), (), (), wait)[0] else b""
+
+
+def test_last_message_is_written_when_the_cycles_end(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
+    guardian, port, near = arm
+    for number in range(50):
+        guardian.hold(b"here %d\n" % number)
+        port.write(b"there\n")
+    assert heard(near).count(b"there\n") == 50
+    assert heard(near, PATIENCE_S).startswith(b"here 49\n")
+
+
+def test_arm_that_is_safe_is_left_alone(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
+    guardian, port, near = arm
+    guardian.hold(b"here\n")
+    guardian.end()
+    assert heard(near, HOLDS_S + WHILE_S) == b""
+    port.close()
+    assert heard(near, WHILE_S) == b""
+
+
+def test_closing_within_a_cycle_leaves_the_arm_safe(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
+    guardian, port, near = arm
+    guardian.hold(b"here\n")
+    port.close()
+    assert heard(near, PATIENCE_S).startswith(b"here\n")
+
+
+def test_guardian_that_died_is_told_and_messages_still_pass(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
+    guardian, port, near = arm
+    assert guardian.pid is not None
+    os.kill(guardian.pid, signal.SIGKILL)
+
+    def is_told() -> bool:
+        try:
+            guardian.hold(b"here\n")
+        except HardwareFault as fault:
+            return "guardian process died" in str(fault)
+        return False
+
+    wait_for(is_told)
+    heard(near)
+    port.write(b"there\n")
+    assert heard(near, PATIENCE_S) == b"there\n"
+
+
+def test_message_that_has_no_room_is_refused(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
+    guardian, _, near = arm
+    guardian.hold(b"here\n")
+    with pytest.raises(ValueError, match="too long"):
+        guardian.hold(b"x" * SLOT_SIZE)
+    assert heard(near, PATIENCE_S).startswith(b"here\n")

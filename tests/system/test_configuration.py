@@ -5,8 +5,12 @@ from typing import Any
 
 import pytest
 
+from tests.system.packages import install
 from weberlink.master import devices
+from weberlink.master.devices import leaders
+from weberlink.registry import is_hardware
 from weberlink.slave import robots
+from weberlink.slave.robots import followers
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
 
@@ -175,11 +179,35 @@ def test_hardware_without_a_key_is_refused_on_either_end(tmp_path: Path, hardwar
     load(tmp_path / "system.yaml", ["link.security=session"], sides=[side])
 
 
-@pytest.mark.parametrize("table", [devices, robots])
-def test_every_driver_that_can_be_plugged_in_counts_as_hardware(table: Any) -> None:
-    computed = {name for name in table.BUILT_IN if not hasattr(table.load(name), "plugged")}
-    assert computed == table.COMPUTED
-    assert table.is_hardware("of another package")
+@pytest.mark.parametrize("table", [devices, robots, leaders, followers])
+def test_drivers_that_can_be_plugged_in_are_the_hardware(table: Any) -> None:
+    for name in table.BUILT_IN:
+        driver = table.load(name)
+        assert hasattr(driver, "plugged") is is_hardware(driver) is (name not in table.COMPUTED), name
+
+
+def test_driver_that_cannot_be_imported_here_counts_as_hardware(tmp_path: Path) -> None:
+    path = write(tmp_path, MINIMAL + "slave: {robot: {driver: of_another_package}}")
+    with pytest.raises(ConfigurationError, match=r"link.security: none .*slave.robot of_another_package"):
+        load(path, sides=[MASTER])
+
+
+@pytest.mark.parametrize(
+    ("name", "says", "is_refused"),
+    [("silent", "", True), ("real", "    COMPUTED = False\n", True), ("computed", "    COMPUTED = True\n", False)],
+)
+def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
+    name: str, says: str, is_refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = f"from pydantic import BaseModel\nclass Thing:\n{says}    class Options(BaseModel): pass\n"
+    install(tmp_path, name, {f"{name}_thing": source}, f"[weberlink.devices]\n{name} = {name}_thing:Thing\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = write(tmp_path, MINIMAL + f"master: {{device: {{driver: {name}}}}}")
+    if is_refused:
+        with pytest.raises(ConfigurationError, match=rf"link.security: none .*master.device {name}"):
+            load(path)
+    else:
+        load(path)
 
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:

@@ -47,7 +47,12 @@ class Course:
 def run(path: Path, seconds: float, *overrides: str, score: SessionScore | None = None, rate: float = 60.0) -> Course:
     """A session of configs/try.yaml that is led along a path, with targets as those of a browser."""
     source, course = Targets(path, rate, jitter=0.3), Course()
-    loaded = configuration(*EASY, *overrides, file="try.yaml", device=lambda *of: PointerDevice(*of, source))
+
+    class Led(PointerDevice):
+        def __init__(self, *of: Any) -> None:
+            super().__init__(*of, source)
+
+    loaded = configuration(*EASY, *overrides, file="try.yaml", device=Led)
     build_simulation(loaded).run(seconds, [course, *([] if score is None else [score])])
     return course
 

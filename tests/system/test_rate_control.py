@@ -20,6 +20,8 @@ RELEASE = 2.0
 class Deflected:
     """Pressed down with a full deflection, and released after `RELEASE` [s]; the spec of the real driver."""
 
+    COMPUTED = True
+
     def __init__(self, options: Any, tick_period: float) -> None:
         self.spec: DeviceSpec = SpaceMouseDevice(SpaceMouseOptions(push_n=PUSH_N), tick_period).spec
         self._control = RateControl(RateOptions(push_n=PUSH_N))

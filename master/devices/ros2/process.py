@@ -8,10 +8,10 @@ import json
 import select
 import socket
 import subprocess
-import sys
 from signal import Signals
 from time import monotonic
 
+from weberlink.child_process import python
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.pointer_link import MARK, PointerTarget, unpack
 from weberlink.master.devices.ros2.admission import Subscription
@@ -136,8 +136,7 @@ class ListenerProcess:
 
 def _start(wire: socket.socket, subscription: Subscription) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(  # noqa: S603 - our own
-        # -P: no module of the working directory.
-        [sys.executable, "-P", "-m", f"{__package__}.listener", str(wire.fileno()), json.dumps(subscription)],
+        python("-m", f"{__package__}.listener", str(wire.fileno()), json.dumps(subscription)),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,  # that of a daemon is its report
         pass_fds=(wire.fileno(),),

@@ -4,12 +4,12 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from dataclasses import asdict, replace
 from math import inf
 from mmap import mmap
 from time import monotonic, sleep
 
+from weberlink.child_process import python
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.touch import servo
@@ -139,7 +139,7 @@ class ServoProcess:
             self._memory.force.write(-inf, *ZERO, 0)
             arguments = replace(self._arguments, memory=memory, parent=os.getpid())
             self._child = subprocess.Popen(  # noqa: S603 - our own
-                [sys.executable, "-m", servo.__name__, json.dumps(asdict(arguments))],
+                python("-m", servo.__name__, json.dumps(asdict(arguments))),
                 stdin=subprocess.DEVNULL,
                 stdout=2,  # where the library prints its licence; ours may be a stream of data
                 pass_fds=(memory,),

@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 from collections.abc import Sequence
 from math import sqrt
 from mmap import mmap
@@ -10,6 +9,7 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
+from weberlink.child_process import python
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.hardware.discovery import PluggedDevice
@@ -28,7 +28,7 @@ from weberlink.slave.robots.franka.options import FrankaOptions
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "franka"
-PROGRAM: Final = (sys.executable, "-P", "-m", "weberlink.slave.robots.franka.controller")
+PROGRAM: Final = tuple(python("-m", "weberlink.slave.robots.franka.controller"))
 RATE_HZ: Final = 1000.0
 TIP_KG: Final = 5.0
 """Mass that the arm has at its tip, about: 4 to 6 kg in franka-sim, by direction."""

@@ -89,7 +89,7 @@ async def find(order: FinderOrder, end: socket) -> None:
         else:
             policy = Answering(order, peers, lambda note: Waiter(peers, order.mailbox, note), paths)
     except (PeerError, KeyFileError) as problem:
-        daemon.tell(hand_over.PathNews(order.peers[0] if order.peers else "", str(problem), True))
+        daemon.tell(hand_over.PathNews.of(order.peers[0] if order.peers else "", str(problem), True))
         return
     daemon.listen(paths, policy)
     running = asyncio.create_task(policy.run())

@@ -20,11 +20,11 @@ from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.keys import KEY_BYTES
+from weberlink.text import one_line
 
 VERSION = 1
 HELLO, CONFIRM, KEPT, REFUSED = "hello", "confirm", "kept", "refused"
 _LONGEST_MESSAGE = 2048
-_LONGEST_REASON = 300
 
 
 class PairingError(Exception):
@@ -76,11 +76,10 @@ def read(text: bytes, kind: str) -> Any:
     """
     try:
         content = json.loads(text) if len(text) <= _LONGEST_MESSAGE else None
-    except ValueError:
+    except (ValueError, RecursionError):
         content = None
     if isinstance(content, dict) and isinstance(reason := content.get(REFUSED), str):
-        shown = "".join(letter for letter in reason if letter.isprintable())[:_LONGEST_REASON]
-        raise RefusedThereError(f"the other host refused: {shown}")
+        raise RefusedThereError(f"the other host refused: {one_line(reason)}")
     if not isinstance(content, dict) or kind not in content:
         raise PairingError("the other host sent what is no message of a pairing")
     return content[kind]

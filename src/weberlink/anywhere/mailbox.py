@@ -21,6 +21,7 @@ from websockets.exceptions import WebSocketException
 from weberlink.anywhere.calls import Message
 from weberlink.anywhere.sealing import Sealing
 from weberlink.anywhere.signalling import MailboxUnreachable
+from weberlink.text import one_line
 
 APPLICATION: Final = "weberlink/rendezvous-1"
 OPEN_LIMIT_S: Final = 10.0
@@ -140,7 +141,7 @@ async def _bound(url: str, side: str) -> AsyncIterator[ClientConnection]:
     try:
         welcome = (await _receive(socket, url)).get("welcome")
         if isinstance(welcome, dict) and "error" in welcome:
-            raise MailboxRefuses(f"the mailbox server {url} refuses: {welcome['error']}")
+            raise MailboxRefuses(f"the mailbox server {url} refuses: {one_line(str(welcome['error']))}")
         await _send(socket, url, type="bind", appid=APPLICATION, side=side)
         yield socket
     finally:
@@ -162,7 +163,7 @@ async def _receive(socket: ClientConnection, url: str) -> dict[str, Any]:
         kind = told["type"]
     except WebSocketException as problem:
         raise _unreachable(url, problem) from None
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         raise MailboxRefuses(f"{url} is not a magic-wormhole mailbox server") from None
     if kind == "error":
         raise MailboxRefuses(_refusal(url, str(told.get("error"))))
@@ -181,17 +182,17 @@ def _refusal(url: str, error: str) -> str:
             f"the mailbox server {url} refuses: a third party opened the mailbox of this pair; "
             "wait 20 minutes, or pair again"
         )
-    return f"the mailbox server {url} refuses: {error}"
+    return f"the mailbox server {url} refuses: {one_line(error)}"
 
 
 def _unreachable(url: str, problem: Exception) -> MailboxUnreachable:
     code = getattr(problem, "errno", None) or 0
     reason = os.strerror(code) if code > 0 else getattr(problem, "strerror", None) or str(problem) or "no answer"
-    return MailboxUnreachable(f"the mailbox server {url} cannot be reached: {reason}")
+    return MailboxUnreachable(f"the mailbox server {url} cannot be reached: {one_line(reason)}")
 
 
 def _age(told: dict[str, Any]) -> float:
     try:
         return float(told["server_tx"]) - float(told["server_rx"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return 0.0

@@ -2,11 +2,11 @@
 
 import json
 import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from socket import socket
 from typing import Any
 
+from weberlink.child_process import python
 from weberlink.protocol.aio import hand_over
 
 
@@ -61,7 +61,7 @@ def start_finder(order: FinderOrder) -> tuple[subprocess.Popen[bytes], socket]:
     ours, theirs = hand_over.pair()
     with theirs:
         process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "weberlink.anywhere.finder", order.to_json(), str(theirs.fileno())],
+            python("-m", "weberlink.anywhere.finder", order.to_json(), str(theirs.fileno())),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],

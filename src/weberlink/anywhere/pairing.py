@@ -43,6 +43,7 @@ from weberlink.anywhere.introduction import (
 from weberlink.anywhere.pairing_order import PairingOrder
 from weberlink.anywhere.peers import Peer, PeerError, PeerStore, default_folder
 from weberlink.protocol.keys import KEY_BYTES
+from weberlink.text import one_line
 
 reactor: Any = _reactor
 APP = "weberlink/pairing/1"
@@ -206,7 +207,7 @@ class Meeting:
 
 
 def _one_line(error: Exception) -> str:
-    return "".join(letter for letter in " ".join(str(error).split()) if letter.isprintable())[:200].rstrip(".")
+    return one_line(str(error)).rstrip(".")
 
 
 async def answer(order: PairingOrder, tell: Tell) -> None:

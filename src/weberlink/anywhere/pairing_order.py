@@ -12,8 +12,9 @@ The process reads the order from its standard input, and ends when that is close
 
 import json
 import subprocess
-import sys
 from dataclasses import asdict, dataclass
+
+from weberlink.child_process import python
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,8 @@ class PairingOrder:
 
 def start_pairing(order: PairingOrder) -> subprocess.Popen[str]:
     """Start the process; Ctrl-C on the terminal does not reach it."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "weberlink.anywhere.pairing"],
+    process = subprocess.Popen(  # noqa: S603
+        python("-m", "weberlink.anywhere.pairing"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -12,8 +12,9 @@ from weberlink.anywhere.credentials import credentials, read_credentials, read_s
 from weberlink.anywhere.order import FinderOrder
 from weberlink.anywhere.signalling import Description
 from weberlink.anywhere.sockets import Binding
-from weberlink.protocol.aio.hand_over import ENGAGED, PathFound, PathLost, PathNews, StunReceived
+from weberlink.protocol.aio.hand_over import ENGAGED, LONGEST_TEXT, PathFound, PathLost, PathNews, StunReceived
 from weberlink.protocol.events import Address
+from weberlink.text import one_line
 
 GRACE_S = 2.0
 """A replaced path lives on so long: the peer may still send there."""
@@ -108,7 +109,7 @@ class Paths:
 
     def news(self, peer: str, text: str, *, is_final: bool = False) -> None:
         """Tell the daemon one line for a person."""
-        self._tell(PathNews(peer, text, is_final))
+        self._tell(PathNews.of(peer, text, is_final))
 
     async def prepare(self, count: int, *, controlling: bool, patience: float = ice.GATHER_S) -> list[ice.PathAttempt]:
         """Begin to find so many paths: own addresses are known afterwards.
@@ -168,6 +169,7 @@ class Paths:
         self._open[number] = _Open(peer, attempt, found, asyncio.create_task(self._follow(number, attempt)))
         former = self._places.get((peer, place))
         self._places[peer, place] = number
+        via = one_line(via, LONGEST_TEXT)
         message = PathFound(number, place, peer, found.remote, found.channel, found.route, via, found.socket.interface)
         self._tell(message, found.socket.hand_over())
         if former is not None:

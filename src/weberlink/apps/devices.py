@@ -16,14 +16,14 @@ from weberlink.apps import rules
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
-from weberlink.registry import Registry
+from weberlink.registry import Registry, is_hardware
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.followers import FOLLOWERS
 
 READY = "ready"
 NOTHING = "nothing plugged in"
 UNSEEN = "cannot be listed"
-"""Of a driver whose `plugged` returns None: its device is on a network, or known to the maker's library alone."""
+"""Of a driver without `plugged`, or whose `plugged` returns None: its device is on a network, for example."""
 NO_PERMISSION = "no permission"
 NO_RULES = "rules not installed"
 NO_EXTRA = "extra missing"
@@ -148,7 +148,7 @@ class _Inspection:
                 raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
         except Exception as error:  # another package may raise anything at import
             return self._status(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
-        kind = "hardware" if hasattr(driver, "plugged") else "virtual"
+        kind = "hardware" if is_hardware(driver) else "virtual"
         package, extra = getattr(driver, "NEEDS", (None, None))
         if package is not None and find_spec(package) is None:
             return self._status(kind, extra, NO_EXTRA, (), f'pip install "weberlink[{extra}]"')
@@ -158,7 +158,7 @@ class _Inspection:
 
     def _hardware(self, driver: Any, extra: str | None) -> DriverStatus:
         try:
-            listed = driver.plugged()
+            listed = driver.plugged() if hasattr(driver, "plugged") else None
         except Exception as error:  # a listing that fails must not hide the other drivers
             return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {_in_words(error)}")
         if listed is None:

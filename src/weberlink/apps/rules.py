@@ -13,6 +13,7 @@ from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
+from weberlink.child_process import python
 from weberlink.hardware.discovery import UDEV_RULES
 
 RULES_DIR = Path("/etc/udev/rules.d")
@@ -74,7 +75,7 @@ def install_line() -> str:
     program = Path(sys.executable).with_name("weberlink")
     if any(Path(folder, "weberlink").exists() for folder in SUDO_FOLDERS):
         return "sudo weberlink devices --install-rules"
-    words = [str(program)] if program.exists() else [sys.executable, "-m", "weberlink"]
+    words = [str(program)] if program.exists() else python("-m", "weberlink")
     return f"sudo {shlex.join(words)} devices --install-rules"
 
 

@@ -47,6 +47,7 @@ class ComputedArm:
         home: Angles at first [rad].
     """
 
+    COMPUTED: ClassVar[bool] = True
     NEEDS: ClassVar[tuple[str, str]] = NEEDS
 
     def __init__(self, spec: ArmSpec, simulation: "ArmSimulation", home: Joints) -> None:

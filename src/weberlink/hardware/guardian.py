@@ -16,7 +16,7 @@ from time import monotonic
 
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian_process import BEATS, LEASE, WORDS_SIZE, WRITES
+from weberlink.hardware.guardian_process import BEATS, LEASE, MEMORY_SIZE, WRITES, put_message
 
 LEASE_S = 0.05
 """Longest time that a force may stand after its command [s]."""
@@ -52,7 +52,8 @@ class Guardian:
         self._child: subprocess.Popen[bytes] | None = None
         self._socket = -1
         self._memory: mmap | None = None
-        self._words = memoryview(bytearray(WORDS_SIZE)).cast("q")
+        self._shared = memoryview(bytearray(MEMORY_SIZE))
+        self._words = self._shared.cast("q")
         self._given_at = 0.0
         self._stale = 0.0
         self._writes = 0
@@ -78,13 +79,15 @@ class Guardian:
         ours, theirs = socketpair()
         memory = os.memfd_create("weberlink-guardian")
         try:
-            os.ftruncate(memory, WORDS_SIZE)
-            self._memory = mmap(memory, WORDS_SIZE)
-            self._words = memoryview(self._memory).cast("q")
+            os.ftruncate(memory, MEMORY_SIZE)
+            self._memory = mmap(memory, MEMORY_SIZE)
+            self._shared = memoryview(self._memory)
+            self._words = self._shared.cast("q")
+            put_message(self._shared, self.zero)
             inherited = (theirs.fileno(), descriptor, memory)
             self._child = subprocess.Popen(  # noqa: S603 - our own
                 # -I -S: neither the user's environment nor installed packages.
-                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited), self.zero.hex()],
+                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -115,11 +118,7 @@ class Guardian:
         """
         if data.startswith(self._all_rests):
             return
-        now = monotonic()
-        if (silent := self._silent(now)) > SILENT_S:
-            raise HardwareFault(
-                f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"
-            )
+        self._check_alive()
         self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
         if (late := monotonic() - self._given_at) > self._stale:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
@@ -154,7 +153,9 @@ class Guardian:
             child.wait()
         os.close(self._socket)
         self._words.release()
-        self._words = memoryview(bytearray(WORDS_SIZE)).cast("q")
+        self._shared.release()
+        self._shared = memoryview(bytearray(MEMORY_SIZE))
+        self._words = self._shared.cast("q")
         assert self._memory is not None
         self._memory.close()
 
@@ -167,6 +168,13 @@ class Guardian:
                 self.stop()
                 raise HardwareFault("its guardian process does not start")
         self._beats = (self._words[BEATS], monotonic())
+
+    def _check_alive(self) -> None:
+        """Raise HardwareFault if the guardian is dead or silent."""
+        if (silent := self._silent(monotonic())) > SILENT_S:
+            raise HardwareFault(
+                f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"
+            )
 
     def _silent(self, now: float) -> float:
         """Time without a sign of life while this process ran [s]; raises HardwareFault if the guardian is dead."""
@@ -181,3 +189,39 @@ class Guardian:
             raise HardwareFault(DIED)
         self._looked_at = now
         return now - since
+
+
+class HoldingGuardian(Guardian):
+    """Lets an arm whose motors keep their last goals push no more when this process stops, and keep its place.
+
+    Without torque the arm would drop, so there is no message that takes the torque off. Each cycle the exchange says
+    what leaves the arm where it is.
+
+    Args:
+        lease: longest time between two cycles [s].
+    """
+
+    def __init__(self, lease: float) -> None:
+        super().__init__(b"")
+        self._lease = self._stale = lease
+
+    def hold(self, message: bytes) -> None:
+        """Set what leaves the arm safe from now on, and that this process is at work.
+
+        Raises:
+            HardwareFault: the guardian is dead or silent.
+        """
+        put_message(self._shared, message)
+        self._words[LEASE] = int((monotonic() + self._lease) * 1e9)
+        self._check_alive()
+
+    def end(self) -> None:
+        """The arm is safe as it is."""
+        put_message(self._shared, b"")
+        self._words[LEASE] = 0
+
+    def before(self, data: bytes) -> None:
+        """A message of the exchange is written in any case: the last ones leave the arm safe."""
+
+    def after(self, data: bytes) -> None:
+        """See `before`."""

@@ -1,8 +1,8 @@
 """The guardian process: takes the force off a device when the process that commands it stops.
 
 `hardware.guardian` starts it by its path with an isolated interpreter; it imports the standard library alone.
-Arguments: the descriptors of the socket to the parent, of the device and of the shared memory, and the message that
-takes the force off, in hexadecimal digits.
+Arguments: the descriptors of the socket to the parent, of the device, and of the shared memory, which holds the message
+that takes the force off.
 
 Every force has a lease: before the parent writes one, it stores in the shared memory until when that force may stand
 (`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). When the lease expires, the guardian writes the message repeatedly
@@ -19,12 +19,16 @@ from contextlib import suppress
 from mmap import mmap
 from time import monotonic_ns, sleep
 
-LEASE, BEATS, WRITES = range(3)
-"""Words of 64 bits in the shared memory: written by the parent, by the guardian, by the guardian.
+LEASE, BEATS, WRITES, SLOT = range(4)
+"""Words of 64 bits in the shared memory: `BEATS` and `WRITES` are written by the guardian, the others by the parent.
 
-`BEATS` counts the cycles of the loop, `WRITES` the messages sent.
+`BEATS` counts the cycles of the loop, `WRITES` the messages sent, and `SLOT` is the number of the message in use.
 """
-WORDS_SIZE = 3 * 8
+WORDS_SIZE = 4 * 8
+SLOT_SIZE = 2048
+"""Each of the two messages behind the words, its length in front. The parent writes the one that is not in use."""
+LENGTH_SIZE = 2
+MEMORY_SIZE = WORDS_SIZE + 2 * SLOT_SIZE
 
 PAUSE_NS = 20_000_000
 """Longest time between two checks of the lease; every lease must be longer."""
@@ -37,19 +41,41 @@ LAST_PAUSE_S = 0.01
 
 
 def main(arguments: list[str]) -> None:
-    socket, device, memory = map(int, arguments[:3])
-    zero = bytes.fromhex(arguments[3])
+    socket, device, memory = map(int, arguments)
     # Whoever stops the parent may send the same to its children; this one ends with the parent, not before.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
     _go_first()
-    words = memoryview(mmap(memory, WORDS_SIZE)).cast("q")
-    words[BEATS] = 1
-    watch(words, socket, device, zero)
+    data = memoryview(mmap(memory, MEMORY_SIZE))
+    data.cast("q")[BEATS] = 1
+    watch(data, socket, device)
 
 
-def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
+def put_message(memory: memoryview, message: bytes) -> None:
+    """Set what the guardian is to write.
+
+    A message that changes while a force stands needs a checksum: a processor that reorders stores (ARM) may show the
+    guardian a part of it. The guardian repeats it.
+    """
+    words = memory.cast("q")
+    slot = 1 - words[SLOT]
+    at = WORDS_SIZE + slot * SLOT_SIZE
+    stored = len(message).to_bytes(LENGTH_SIZE, "little") + message
+    if len(stored) > SLOT_SIZE:
+        raise ValueError(f"a message of {len(message)} bytes is too long for a guardian")
+    memory[at : at + len(stored)] = stored
+    words[SLOT] = slot
+
+
+def get_message(memory: memoryview) -> bytes:
+    at = WORDS_SIZE + memory.cast("q")[SLOT] * SLOT_SIZE
+    begin = at + LENGTH_SIZE
+    return bytes(memory[begin : begin + int.from_bytes(memory[at:begin], "little")])
+
+
+def watch(memory: memoryview, socket: int, device: int) -> None:
     """Watch the lease until the parent says goodbye or dies."""
+    words = memory.cast("q")
     poll = select.poll()
     poll.register(socket, select.POLLIN)
     repeats, due = 0, 0
@@ -62,29 +88,29 @@ def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
             pause = PAUSE_NS if lease == 0 else min(PAUSE_NS, lease - now)
         elif now >= due and words[LEASE] == lease:  # the parent may have come back this very moment
             words[WRITES] += 1
-            write(device, zero)
+            write(device, get_message(memory))
             repeats += 1
             due = now + (PAUSE_NS if repeats < REPEATS else SLOW_NS)
         if poll.poll(pause / 1e6):
             goodbye = os.read(socket, 1)
             if not goodbye or words[LEASE] != 0:
                 for _ in range(LAST_WRITES):
-                    write(device, zero)
+                    write(device, get_message(memory))
                     sleep(LAST_PAUSE_S)
             return
 
 
-def write(device: int, zero: bytes) -> None:
+def write(device: int, message: bytes) -> None:
     """Write the whole message, in place of data that the device has not taken yet."""
     with suppress(OSError, termios.error):  # unplugged
-        if not _taken(device, zero):
+        if not _taken(device, message):
             termios.tcflush(device, termios.TCOFLUSH)
-            _taken(device, zero)
+            _taken(device, message)
 
 
-def _taken(device: int, zero: bytes) -> bool:
+def _taken(device: int, message: bytes) -> bool:
     try:
-        return os.write(device, zero) == len(zero)
+        return os.write(device, message) == len(message)
     except BlockingIOError:
         return False
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from typing import TypeVar
 
+from weberlink.child_process import safe_path
 from weberlink.realtime.process import die_with_parent
 from weberlink.system.interruption import Interruption
 
@@ -66,11 +67,12 @@ def _as_completed(
     # Spawned, because the calling program may have threads. Workers end with their parent: each holds its own end of
     # the pipe open and would otherwise wait for work for ever.
     others = set(active_children())
-    pool = ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=die_with_parent, initargs=(signal.SIGTERM, os.getpid())
-    )
+    with safe_path():  # it starts a process that tracks resources
+        pool = ProcessPoolExecutor(
+            count, mp_context=get_context("spawn"), initializer=die_with_parent, initargs=(signal.SIGTERM, os.getpid())
+        )
     try:
-        with _sigint_blocked():  # submitting starts the processes
+        with _sigint_blocked(), safe_path():  # submitting starts the processes
             futures = {pool.submit(work, tasks[index]): index for index in longest_first(tasks, cost)}
         for future in as_completed(futures):
             yield futures[future], future.result()

@@ -3,12 +3,12 @@
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from time import monotonic
 from typing import Any
 
+from weberlink.child_process import python
 from weberlink.realtime.host import Steal, WakeUp, WatchOrder
 from weberlink.realtime.process import HIGHEST_PRIORITY
 from weberlink.system.configuration import SIDES
@@ -118,7 +118,7 @@ class HostWatch:
         self._steal = Steal.read(self._processors)
         try:
             self._process = subprocess.Popen(  # noqa: S603
-                [sys.executable, "-m", "weberlink.realtime.host", order.to_json()],
+                python("-m", "weberlink.realtime.host", order.to_json()),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C reaches the launcher only

@@ -8,7 +8,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
@@ -29,6 +28,7 @@ from time import monotonic, sleep, time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from weberlink.child_process import python
 from weberlink.master.devices import pointer_link, remote_link
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
@@ -75,7 +75,7 @@ class Daemon:
         held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
         try:
             self._process = subprocess.Popen(  # noqa: S603
-                [sys.executable, "-m", "weberlink.system.daemon", order.to_json()],
+                python("-m", "weberlink.system.daemon", order.to_json()),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 start_new_session=True,

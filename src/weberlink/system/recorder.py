@@ -6,7 +6,6 @@ Daemons and launcher never wait for it during a session; if it dies or the disk 
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from weberlink.child_process import python
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks
@@ -115,7 +115,7 @@ class Recorder:
         order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
+            python("-m", "weberlink.telemetry.recording.recorder", order.to_json()),
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -6,6 +6,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
+from weberlink.registry import is_hardware
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
@@ -54,15 +55,16 @@ def _refuse_live(configuration: Configuration) -> None:
         ("master.device", configuration.device, system.master.device.driver),
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
-        if part is not None and hasattr(part.driver, "plugged"):
+        if part is not None and is_hardware(part.driver):
             from weberlink.master import emulators as devices  # noqa: PLC0415 - for the complaint alone
             from weberlink.slave import emulators as robots  # noqa: PLC0415
 
             known = name in {*devices.EMULATORS, *robots.EMULATORS}
             emulated = f", against `weberlink emulate {name}` if need be" if known else ""
+            unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "
-                f"virtual time; run it live{emulated}"
+                f"virtual time; run it live{emulated}{unsaid}"
             )
         if part is not None and getattr(part.driver, "LIVE", False):
             raise ConfigurationError(

@@ -21,7 +21,7 @@ from weberlink.apps.device_test.master import (
     classify_motion,
     try_master,
 )
-from weberlink.geometry.vector import ZERO, Vector, add, norm
+from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
@@ -205,6 +205,48 @@ def test_push_ends_when_the_handle_gives_way() -> None:
     screen, _ = outcome_of(*OPEN, *SIGNS, "yes", "", "", "y", CENTRE, "y", CENTRE, "y", clock=clock)
     assert f"The handle moved by {GIVES_WAY_M * 1e3:.0f} mm" in screen
     assert len([force for force in forces() if force[0] > 0.0]) <= GIVES_WAY_M / 0.0005 + 2
+
+
+def unlisted(**attributes: object) -> Any:
+    """A driver as `Handle`, without the optional `plugged`."""
+    left_out = ("plugged", "__dict__", "__weakref__")
+    own = {name: value for name, value in vars(Handle).items() if name not in left_out}
+    return type("Unlisted", (), own | attributes)
+
+
+def test_driver_that_lists_no_devices_is_tested_as_hardware() -> None:
+    screen, error = outcome_of(*ALL, driver=unlisted())
+    assert error is None
+    assert screen.endswith(f"  signs_checked: {PRINT}\n")
+    Handle.reset()
+    Handle.turn = staticmethod(lambda p: (-p[0], p[1], p[2]))
+    screen, error = outcome_of(*OPEN, *SIGNS, driver=unlisted())
+    assert "reverse x" in str(error)
+    assert set(forces()) == {ZERO}
+
+
+@pytest.mark.parametrize("make", [lambda: Handle, unlisted], ids=["plugged", "unlisted"])
+def test_loose_handle_is_not_pushed_away(make: Callable[[], Any]) -> None:
+    clock, furthest = Clock(), 0.0
+
+    def runs(_now: float) -> None:
+        nonlocal furthest
+        if forces() and forces()[-1] != ZERO:
+            Handle.hand = add(Handle.hand, scale(forces()[-1], 0.001 / norm(forces()[-1])))
+            furthest = max(furthest, norm(Handle.hand))
+
+    clock.on_pause = runs
+    pushes = [part for answer in "yyy" for part in (CENTRE, answer)]
+    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *pushes, driver=make(), clock=clock)
+    assert error is None
+    assert screen.count("The handle moved by") == 3
+    assert furthest <= GIVES_WAY_M + 0.002
+
+
+def test_driver_that_says_it_is_computed_needs_no_sign_check() -> None:
+    screen, error = outcome_of("", *PUSHES[:1], *PUSHES[2:], driver=unlisted(COMPUTED=True))
+    assert error is None
+    assert "This device is simulated" in screen
 
 
 def test_simulated_device_needs_no_sign_check() -> None:

@@ -5,8 +5,11 @@ from itertools import pairwise
 import pytest
 
 from tests.arms.dynamixel.benches import ArmBench, follower_bench
+from tests.slave.robots.dynamixel.virtual_bus import KilledError
 from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.layouts import KOCH_FOLLOWER
 from weberlink.arms.emulators.dynamixel.joint_arm import KochFollowerEmulator, KochFollowerEmulatorOptions
+from weberlink.arms.threaded_arm import ArmSample
 from weberlink.hardware.fault import HardwareFault
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel_follower import (
@@ -128,6 +131,102 @@ def test_hold_on_close_leaves_torque_on_without_watchdog() -> None:
     bench.wait(0.5)
     assert bench.emulator.watchdog_trips == 0
     assert bench.emulator.angles == pytest.approx(sample.angles, abs=0.01)  # type: ignore[attr-defined]
+
+
+def pushed_by(bench: ArmBench, axis: int) -> float:
+    """Torque of an emulated Koch arm on its wall, beyond what dry friction of the gears keeps up [N m]."""
+    friction = KochFollowerOptions().coulomb[axis]
+    return max(0.0, -bench.emulator.outside_nm[axis] - friction)  # type: ignore[attr-defined]
+
+
+def pressing_koch(axis: int, stiffness: float, **options: object) -> tuple[ArmBench, float]:
+    """An arm that presses on a wall, and how hard [N m]."""
+    bench = koch(
+        KochFollowerOptions.model_validate(options),
+        walls=[{"joint": KOCH_FOLLOWER.axes[axis], "angle_rad": 0.05, "stiffness_nm_rad": stiffness}],
+    )
+    goal = tuple(0.4 if each == axis else angle for each, angle in enumerate(START))
+    bench.run(lambda _: goal, bench.exchange.open(), 0.4)
+    return bench, pushed_by(bench, axis)
+
+
+@pytest.mark.parametrize("stiffness", [20.0, 200.0])
+@pytest.mark.parametrize("axis", [0, 2, 3])
+def test_hold_on_close_pushes_on_nothing(axis: int, stiffness: float) -> None:
+    """An XL430 without a limit of its current, and motors with one."""
+    bench, before = pressing_koch(axis, stiffness)
+    assert before > 0.1
+    bench.exchange.close()
+    for _ in range(10):
+        bench.wait(0.5)
+        assert pushed_by(bench, axis) < 0.01
+    assert all(servo.torque_on for servo in bench.emulator.servos)
+    assert [servo.registers["bus_watchdog"] for servo in bench.emulator.servos] == [0] * 6
+    assert [servo.registers["goal_current"] for servo in bench.emulator.servos] == [0, 0, 900, 900, 900, 900]
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_host_that_is_killed_while_it_closes_pushes_on_nothing(axis: int) -> None:
+    instructions = 0
+    while True:
+        bench, before = pressing_koch(axis, 200.0)
+        bench.port.killed_after = instructions
+        try:
+            bench.exchange.close()
+        except KilledError:
+            bench.wait(0.5)
+            assert pushed_by(bench, axis) < 0.1 * before, instructions
+        else:
+            break
+        instructions += 1 + instructions // 4
+    assert instructions > 50
+
+
+def test_killed_host_pushes_on_nothing() -> None:
+    for axis in (0, 2):
+        bench, before = pressing_koch(axis, 200.0)
+        bench.wait(0.1)
+        assert pushed_by(bench, axis) < 0.1 * before
+
+
+def test_arm_that_fell_is_held_where_it_lies() -> None:
+    """Its watchdogs tripped while the host was stopped: the motors with a goal current were limp since."""
+    bench, _ = pressing_koch(2, 20.0)
+    bench.wait(0.2)
+    assert bench.emulator.watchdog_trips == 6
+    lying = -0.3
+    bench.emulator._angles[2], bench.emulator._velocities[2] = lying, 0.0  # type: ignore[attr-defined]
+    with pytest.raises(HardwareFault, match="watchdog tripped"):
+        bench.exchange.exchange(None)
+    bench.exchange.close()
+    bench.wait(0.5)
+    assert bench.emulator.angles[2] == pytest.approx(lying, abs=0.01)  # type: ignore[attr-defined]
+    assert bench.emulator.servos[2].drive.limit > 0.1
+
+
+def test_motor_with_an_alarm_does_not_keep_the_others_pushing() -> None:
+    bench, _ = pressing_koch(2, 200.0)
+    bench.emulator.inject("overload", 1)
+    with pytest.raises(HardwareFault, match="overload"):
+        bench.run(lambda _: START, ArmSample(0.0, START, START), 0.02)
+    bench.exchange.close()
+    bench.wait(0.5)
+    assert pushed_by(bench, 2) < 0.05
+    assert [servo.torque_on for servo in bench.emulator.servos] == [False] + [True] * 5
+
+
+@pytest.mark.parametrize("stiffness", [1000.0, 5000.0])
+def test_arm_on_the_ground_carries_its_weight_and_pushes_on_nothing(stiffness: float) -> None:
+    ground = {"shape": "plane", "point_m": [0.0, 0.0, 0.1], "stiffness_n_m": stiffness}
+    bench = open_manipulator_x(scene=[ground])
+    bench.run(lambda _: (0.0, -0.3, 0.8, 0.7, 1.0), bench.exchange.open(), 1.0)
+    before = bench.emulator.tip_force[2]  # type: ignore[attr-defined]
+    assert before > 4.0
+    bench.exchange.close()
+    height = bench.emulator.tip[2]  # type: ignore[attr-defined]
+    bench.wait(2.0)
+    assert bench.emulator.tip_force[2] < 0.2 * before  # type: ignore[attr-defined]
+    assert bench.emulator.tip[2] == pytest.approx(height, abs=0.003)  # type: ignore[attr-defined]
 
 
 def test_limp_on_close_takes_torque_off() -> None:

@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("evdev")
 import evdev
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO
 from weberlink.hardware.discovery import PluggedDevice, input_devices
@@ -141,6 +143,96 @@ def test_lost_events_are_asked_for(pad: Pad) -> None:
     seen = exchange.exchange(ZERO)
     assert seen.move[1] == pytest.approx(1.0)
     assert seen.buttons == 1
+
+
+@pytest.mark.parametrize("apart", [False, True], ids=["in one read", "in two"])
+def test_events_behind_lost_ones_are_older_than_the_state(pad: Pad, apart: bool) -> None:
+    exchange = opened(pad)
+    lost, rest = [(EV_SYN, SYN_DROPPED, 0)], [(EV_KEY, KEYS[0], 1), (EV_ABS, ABS_X, 32767), (EV_SYN, 0, 0)]
+    parts = [lost, rest] if apart else [[*lost, *rest, (EV_KEY, KEYS[1], 1), (EV_SYN, 0, 0)]]
+    for part in parts:
+        os.write(pad.kernel, b"".join(event(*change, 1.5) for change in part))
+        seen = exchange.exchange(ZERO)
+        assert (seen.buttons, seen.move[1]) == (0, pytest.approx(0.0, abs=1e-4))
+    pad.happen((EV_KEY, KEYS[2], 1))
+    assert exchange.exchange(ZERO).buttons == 0b100
+
+
+class QueuedPad(Pad):
+    """The kernel's queue of a client (drivers/input/evdev.c): it overflows, and whoever asks for the keys empties it of
+    their events."""
+
+    SIZE = 6
+
+    def __init__(self) -> None:
+        super().__init__(rumbles=False)
+        self.queue: list[tuple[int, int, int]] = []
+        self.readable = 0
+        self.pressed: set[int] = set()
+
+    def change(self, kind: int, code: int, value: int) -> None:
+        """An event of the hardware; a report ends with one of EV_SYN, and only then it can be read."""
+        if kind == EV_KEY:
+            (self.pressed.add if value else self.pressed.discard)(code)
+        if kind == EV_ABS:
+            self.axes[code] = self.axes[code]._replace(value=value)
+        self.queue.append((kind, code, value))
+        if len(self.queue) == self.SIZE:
+            self.queue = [(EV_SYN, SYN_DROPPED, 0), self.queue[-1]]
+            self.readable = 0
+        if kind == EV_SYN:
+            self.readable = len(self.queue)
+            os.write(self.kernel, b"x")
+
+    def read(self) -> Iterator[evdev.InputEvent]:
+        os.read(self.fd, 1000)
+        taken, self.queue = self.queue[: self.readable], self.queue[self.readable :]
+        self.readable = 0
+        return iter([evdev.InputEvent(1, 0, kind, code, value) for kind, code, value in taken])
+
+    def active_keys(self) -> list[int]:
+        self.readable -= sum(kind == EV_KEY for kind, _, _ in self.queue[: self.readable])
+        self.queue = [change for change in self.queue if change[0] != EV_KEY]
+        return list(self.pressed)
+
+
+HAPPENS = st.one_of(
+    st.tuples(st.just(EV_KEY), st.sampled_from(KEYS[:3]), st.integers(0, 1)),
+    st.tuples(st.just(EV_ABS), st.just(ABS_X), st.sampled_from([-32768, 0, 32767])),
+    st.just((EV_SYN, 0, 0)),
+    st.just(None),
+)
+
+
+@given(st.lists(HAPPENS, max_size=60), st.integers(0, 60))
+@example([(EV_KEY, KEYS[0], 0), *[(EV_ABS, ABS_X, 0)] * 6, (EV_KEY, KEYS[0], 1), (EV_SYN, 0, 0), None], 1)
+def test_state_is_right_whenever_events_are_lost_and_read(happens: list[Any], late: int) -> None:
+    """None: the driver looks. More happens between its reading of events and its asking for the state."""
+    pad = QueuedPad()
+    exchange = opened(pad)
+    meanwhile = happens[:late]
+
+    def read() -> Iterator[evdev.InputEvent]:
+        events = list(QueuedPad.read(pad))
+        while meanwhile and (change := meanwhile.pop(0)) is not None:
+            pad.change(*change)
+        return iter(events)
+
+    pad.read = read  # type: ignore[method-assign]
+    for change in happens[late:]:
+        if change is None:
+            exchange.exchange(ZERO)
+        else:
+            pad.change(*change)
+    pad.change(EV_SYN, 0, 0)
+    while pad.queue or meanwhile:
+        exchange.exchange(ZERO)
+        pad.change(EV_SYN, 0, 0)
+        exchange.exchange(ZERO)
+    seen = exchange.exchange(ZERO)
+    assert seen.buttons == sum((code in pad.pressed) << bit for bit, code in enumerate(KEYS))
+    assert seen.move[1] == pytest.approx(pad.axes[ABS_X].value / 32768, abs=1e-4)
+    pad.close()
 
 
 def test_missing_axis_names_those_there_are() -> None:

@@ -2,7 +2,9 @@
 
 from collections import deque
 from collections.abc import Iterator
+from itertools import pairwise
 from math import e, hypot, pi, sqrt
+from statistics import median
 from time import monotonic, sleep
 
 import pytest
@@ -179,6 +181,21 @@ def test_long_gap_pauses_without_a_jump(device: RateDevice, exchange: Pushed) ->
     before = device.latest(monotonic()).position[0]
     sleep(0.2)
     assert device.latest(monotonic()).position[0] - before <= 0.08 * LONGEST_STEP * 1.001
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 100.0, 1000.0])
+def test_speed_does_not_depend_on_the_rate(rate_hz: float, exchange: Pushed) -> None:
+    options = RateOptions(workspace_m=1.0)
+    device = RateDevice("stick", options, exchange, 1.0 / rate_hz, buttons=2)
+    exchange.deflection = Deflection((0.0, 1.0, 0.0))
+    device.open(monotonic())
+    readings = []
+    for _ in range(8):
+        sleep(1.0 / rate_hz)
+        readings.append(device.latest(monotonic()))
+    device.close()
+    speeds = [(b.position[1] - a.position[1]) / (b.at - a.at) for a, b in pairwise(readings)]
+    assert median(speeds) == pytest.approx(options.speed_m_s)
 
 
 def test_home_outside_workspace_is_refused() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from time import monotonic
 
+import msgpack
 import pytest
 import uvloop
 
@@ -28,6 +29,7 @@ from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE
 from weberlink.protocol.events import DropReason
 
 HANG_S = 10.0
+NONSENSE = [b"x", bytes(5000), msgpack.packb([2, ROBOT, "x" * 5000, True]), msgpack.packb([0, 1, 0]), b"\xc1" * 40]
 STUN = b"\x00\x01\x00\x00" + hand_over.STUN_COOKIE + bytes(12)
 """A binding request without attributes."""
 CHANNEL = 0x4001
@@ -371,6 +373,23 @@ async def test_final_news_in_a_session_is_a_note(loop: asyncio.AbstractEventLoop
     await until(lambda: master.shell.paths[0].note)
     assert master.shell.paths[0].note == "the mailbox cannot be reached"
     assert master.complaints == []
+
+
+@live
+async def test_messages_that_are_none_are_counted_and_change_nothing(
+    loop: asyncio.AbstractEventLoop, master: End, slave: End
+) -> None:
+    connect(master, slave)
+    await engage(master, slave)
+    for nonsense in NONSENSE:
+        master.finder.send(nonsense)
+    assert hand_over.send(master.finder, PathNews(ROBOT, "heard"))
+    await until(lambda: master.shell.paths[0].note == "heard")
+    statistics = master.endpoint.statistics
+    assert statistics.dropped == {DropReason.UNREADABLE: len(NONSENSE)}
+    assert statistics.drops == len(NONSENSE)
+    await send_ticks(master, 1, 20)
+    await all_arrived(slave, 20)
 
 
 @live

@@ -9,7 +9,14 @@ import pytest
 from tests.arms.feetech.virtual import VirtualPort
 from tests.system.processes import PATIENCE
 from weberlink.arms.contract import ArmFault
-from weberlink.arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions, So101FollowerEmulator, Wall
+from weberlink.arms.emulators.feetech import (
+    FRICTION_NM,
+    FeetechEmulator,
+    FeetechEmulatorOptions,
+    So101FollowerEmulator,
+    Wall,
+)
+from weberlink.arms.feetech.arm import NAMES
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
@@ -136,6 +143,70 @@ def test_it_is_left_as_asked(on_close: OnClose) -> None:
     holds = on_close is OnClose.HOLD
     assert arm.emulator.torques_on == [holds] * 6
     assert {servo["p_gain"] for servo in arm.emulator.servos} == {20 if holds else 32}
+
+
+def pressing(axis: int, wall: float, gravity: Callable[[Joints], Joints], **options: object) -> Arm:
+    """A heavy arm that presses on a wall with an axis."""
+    at = START[axis] + 0.2
+    walls = (Wall(joint=NAMES[axis], angle_rad=at, stiffness_nm_rad=wall),)
+    arm = Arm(
+        So101FollowerOptions.model_validate(options),
+        FeetechEmulatorOptions(walls=walls, weight=gravity is not no_gravity),
+        gravity,
+    )
+    arm.go(tuple(at + 0.4 if each == axis else angle for each, angle in enumerate(START)), 1.2)
+    return arm
+
+
+def pushed_by(arm: Arm, axis: int) -> float:
+    """Torque of an axis on its wall, beyond what dry friction of the gears keeps up [N m]."""
+    arm.emulator.advance(arm.port.now)
+    return max(0.0, -arm.emulator.outside_nm[axis] - FRICTION_NM)
+
+
+@pytest.mark.parametrize("stiffness", [20.0, 200.0])
+@pytest.mark.parametrize("axis", [0, 1, 2, 5])
+@pytest.mark.parametrize("is_modelled", [False, True])
+def test_hold_on_close_pushes_on_nothing(axis: int, stiffness: float, is_modelled: bool) -> None:
+    gravity = no_gravity
+    if is_modelled:
+        pytest.importorskip("mujoco")
+        from weberlink.arms.models import load  # noqa: PLC0415
+
+        gravity = load("so101").gravity
+    arm = pressing(axis, stiffness, gravity)
+    before = pushed_by(arm, axis)
+    assert before > 0.8
+    arm.exchange.close()
+    angles = arm.emulator.angles
+    for _ in range(10):
+        arm.port.pause(0.5)
+        assert pushed_by(arm, axis) < 0.02 * before
+    assert arm.emulator.angles == pytest.approx(angles, abs=0.02)
+    assert arm.emulator.torques_on == [True] * 6
+
+
+@pytest.mark.parametrize("dead", [1, 4])
+def test_servo_that_is_dead_does_not_keep_the_others_pushing(dead: int) -> None:
+    arm = pressing(2, 200.0, no_gravity)
+    arm.emulator.inject("dead", dead)
+    with pytest.raises(HardwareFault, match="missing"):
+        arm.go(START, 1.0)
+    arm.exchange.close()
+    arm.port.pause(0.5)
+    assert pushed_by(arm, 2) < 0.1
+
+
+def test_overloaded_servo_pushes_on_nothing_after_close() -> None:
+    arm = pressing(2, 200.0, no_gravity)
+    arm.emulator.inject("overload", 3)
+    with pytest.raises(HardwareFault, match="overload"):
+        arm.go((0.0, 0.0, 0.6, 0.0, 0.0, 0.96), 0.2)
+    arm.port.pause(0.5)
+    assert pushed_by(arm, 2) > 0.2
+    arm.exchange.close()
+    arm.port.pause(0.5)
+    assert pushed_by(arm, 2) < 0.02
 
 
 def test_spec_says_what_is_uncertain() -> None:

@@ -19,6 +19,7 @@ from weberlink.apps.device_test.dialog import (
 )
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, subtract
 from weberlink.master.devices.contract import Device, DeviceReading, ReportsTrouble
+from weberlink.registry import is_hardware
 
 Frame = Mapping[str, str]
 """Direction of each positive axis, as the person before the device sees it."""
@@ -81,16 +82,16 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
         StoppedByUser: the person stopped.
     """
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
-    is_hardware = hasattr(driver, "plugged")
+    is_real = is_hardware(driver)
     fingerprint: str | None = driver.fingerprint(options) if hasattr(driver, "fingerprint") else None
     idle, armed = (build(_with_signs(options, signs)) for signs in (None, fingerprint))
     dialog.tell(*described(armed.spec))
-    if is_hardware:
+    if is_real:
         dialog.tell(READY)
         dialog.ask("Press Enter to open it, without force: ")
     with _opened(idle, dialog) as device:
         dialog.watch(DeviceView(device), "Press Enter to continue: ")
-        if is_hardware:
+        if is_real:
             check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), dialog)
         else:
             dialog.tell("This device is simulated: it has no handle to move and no signs to check.")
@@ -101,11 +102,11 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
         if fingerprint is not None:
             dialog.tell(f"The signs of the motors are not checked, so {SIGNS} is not printed.")
         return
-    if is_hardware:
+    if is_real:
         dialog.tell(READY)
         dialog.ask("Hold it, then press Enter to open it, with force: ")
     with _opened(armed, dialog) as device:
-        check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_hardware)
+        check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_real)
     if fingerprint is not None:
         dialog.tell("Put this line under master.device:", f"  {SIGNS}: {_yaml(fingerprint)}")
     if isinstance(armed, ExaminesForce):

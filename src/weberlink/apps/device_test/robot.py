@@ -14,6 +14,7 @@ from weberlink.apps.device_test.dialog import (
     uninterrupted,
 )
 from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtract
+from weberlink.registry import is_hardware
 from weberlink.slave.robots.contract import Robot, RobotReading, RobotSpec
 
 WAY_M = 0.01
@@ -41,7 +42,7 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
     """
     robot = build()
     dialog.tell(*described(robot.spec))
-    if hasattr(driver, "plugged"):
+    if is_hardware(driver):
         dialog.ask("Support the arm if it is limp: its motors switch on. Press Enter to open it: ")
     try:
         robot.open(dialog.now())

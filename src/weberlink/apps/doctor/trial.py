@@ -16,6 +16,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import Any, TypeVar
 
+from weberlink.child_process import python
 from weberlink.realtime import timerfd
 from weberlink.realtime.process import prepare
 
@@ -80,7 +81,7 @@ def run_child(module: str, request: Any, answer: Callable[..., T], limit_s: floa
     """
     try:
         done = subprocess.run(  # noqa: S603
-            [sys.executable, "-m", module, json.dumps(asdict(request))],
+            python("-m", module, json.dumps(asdict(request))),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

@@ -7,7 +7,6 @@ factor, predictor, scheme, delay, loss) are applied to it again once it runs.
 import asyncio
 import json
 import os
-import sys
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from time import monotonic
 from typing import Any
 
 from weberlink.apps.monitor.requests import Answer, refusal
+from weberlink.child_process import python
 from weberlink.system.order import COMPLETED, FAILED
 from weberlink.system.scenes import SceneChoice
 
@@ -120,7 +120,7 @@ class SessionKeeper:
         tell: Callable[[str], None],
         announce: Callable[[dict[str, Any]], None],
         inherit: Callable[[str | None, str], Awaitable[None]],
-        program: Sequence[str] = (sys.executable, "-c", _PROGRAM, str(os.getpid())),
+        program: Sequence[str] = (*python("-c", _PROGRAM, str(os.getpid())),),
     ) -> None:
         self._order = order
         self._tell = tell

@@ -5,7 +5,6 @@ A message is the age of the frame when it is sent [s], as a little-endian double
 
 import asyncio
 import os
-import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,6 +19,7 @@ from weberlink.apps.monitor.frames import BACKENDS, CAMERA, FRAME, PERIOD_S, ROB
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.child_process import python
 from weberlink.telemetry.pose import path_of
 
 MUJOCO = "mujoco"
@@ -194,7 +194,7 @@ class ViewDesk:
 
     def _commands(self, name: str) -> tuple[str, list[tuple[dict[str, str], list[str]]]]:
         """Name of the source for a session, and the commands that make its frames; none if it has no view."""
-        run = [sys.executable, "-m", "weberlink.apps.monitor.frames", self._view.kind]
+        run = python("-m", "weberlink.apps.monitor.frames", self._view.kind)
         if self._view.kind != ROBOT:
             return "", [({}, [*run, self._view.source])]
         session = self._watch.sessions.get(name)

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from math import expm1, pi
 from time import monotonic, sleep
@@ -11,6 +12,7 @@ from weberlink.arms.dynamixel import registers
 from weberlink.arms.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.arms.dynamixel.motors import Motors
 from weberlink.arms.dynamixel.options import DynamixelArmOptions
+from weberlink.arms.giving_way import SETTLE_S, give_way
 from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.fault import BadReply, HardwareFault
@@ -237,6 +239,8 @@ class PositionExchange(ArmExchange[Joints | None]):
         super().__init__(options, connect, current, gravity, clock, pause)
         self._dead_zone, self._coulomb, self._viscous = dead_zone, coulomb, viscous
         self._speed, self._cutoff, self._gains = speed, 2.0 * pi * cutoff, tuple(gains)
+        stiffness = [model.stiffness(gain) for model, gain in zip(self._models, self._gains, strict=True)]
+        self._stiffness = tuple([ratio * each for ratio, each in zip(self._ratios, stiffness, strict=True)])
         self._goal: Joints = ()
         self._goal_at = 0.0
         self._torques: Joints = ()
@@ -286,7 +290,27 @@ class PositionExchange(ArmExchange[Joints | None]):
         return tuple([each - min(max(each, -zone), zone) for each, zone in zip(torques, self._dead_zone, strict=True)])
 
     def _leave(self, motors: Motors) -> None:
-        if self.hold_on_close:
-            motors.stay()
-        else:
+        if not self.hold_on_close:
             motors.release()
+            return
+        goals: Joints | None = None
+        with suppress(HardwareFault):
+            here = self._place(motors.present())
+            goals = give_way(self._goal, here, lambda goals: self._settled(motors, goals))
+        motors.stay(None if goals is None else self._options.positions(goals))
+
+    def _settled(self, motors: Motors, goals: Joints) -> Joints:
+        """Go to goals [rad], and give the place to which this leads; the bus watchdogs hear of it all the time."""
+        counts = self._options.positions(goals)
+        until = self._clock() + SETTLE_S
+        while self._clock() < until:
+            motors.go(counts)
+            self._pause(1.0 / self._options.rate_hz)
+            present = motors.present()
+        return self._place(present)
+
+    def _place(self, present: Sequence[MotorReading]) -> Joints:
+        """Goals at which the motors carry the weight by the model, and push on nothing [rad]."""
+        angles = self._angles(present)
+        weights = zip(angles, self._gravity(angles), self._stiffness, strict=True)
+        return tuple([angle + weight / stiffness for angle, weight, stiffness in weights])

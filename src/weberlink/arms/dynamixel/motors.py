@@ -248,11 +248,20 @@ class Motors:
             self._bus.sync_write(registers.TORQUE_ENABLE, [(id_, 0) for id_ in self._bus.ids])
         self.leave(hold=False)
 
-    def stay(self) -> None:
-        """Let position control hold the arm at its last goals without a bus watchdog; never raises."""
-        for id_ in self._bus.ids:
+    def stay(self, goals: Sequence[int] | None) -> None:
+        """Let position control hold the arm at these goals without a bus watchdog; never raises.
+
+        A motor whose watchdog has tripped holds where it is now, as all do if goals are not known.
+        """
+        for number, (id_, model, limit) in enumerate(zip(self._bus.ids, self._models, self._limits, strict=True)):
+            # A motor with an alarm is limp already, and must not prevent the others from holding.
             with suppress(HardwareFault):
+                is_tripped = self._read(id_, registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED
+                goal = self._read(id_, registers.PRESENT_POSITION) if goals is None or is_tripped else goals[number]
                 self._write(id_, registers.BUS_WATCHDOG, 0)
+                self._write(id_, registers.GOAL_POSITION, goal)
+                if model.controls_current:  # that of a motor whose watchdog has tripped may be 0
+                    self._write(id_, registers.GOAL_CURRENT, limit)
 
     def _leave_one(self, id_: int, limit: int, hold: bool) -> None:
         position = self._bus.read(id_, registers.PRESENT_POSITION)

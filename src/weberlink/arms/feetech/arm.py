@@ -117,10 +117,13 @@ class AngleScale:
     zeros: tuple[float, ...]
 
     def angles(self, present: list[Present]) -> Joints:
+        return self.angles_at([each.position for each in present])
+
+    def angles_at(self, positions: list[int]) -> Joints:
         return tuple(
             [
-                sign * (each.position - zero) * RAD_PER_COUNT
-                for each, sign, zero in zip(present, self.signs, self.zeros, strict=True)
+                sign * (position - zero) * RAD_PER_COUNT
+                for position, sign, zero in zip(positions, self.signs, self.zeros, strict=True)
             ]
         )
 

@@ -104,6 +104,7 @@ TORQUE_ENABLE: Final = BY_NAME["torque_enable"]
 GOAL_POSITION: Final = BY_NAME["goal_position"]
 TORQUE_LIMIT: Final = BY_NAME["torque_limit"]
 LOCK: Final = BY_NAME["lock"]
+POSITION: Final = BY_NAME["position"]
 
 MODE_POSITION: Final = 0
 
@@ -150,13 +151,13 @@ class Present(NamedTuple):
     current: int
 
 
-_POSITION, _VELOCITY, _LOAD, _CURRENT = (BY_NAME[name] for name in ("position", "velocity", "load", "current"))
+_VELOCITY, _LOAD, _CURRENT = (BY_NAME[name] for name in ("velocity", "load", "current"))
 
 
 def present(data: bytes) -> Present:
     """From the 15 bytes at `PRESENT_ADDRESS`."""
     return Present(
-        _POSITION.decode(data[0:2]),
+        POSITION.decode(data[0:2]),
         _VELOCITY.decode(data[2:4]),
         _LOAD.decode(data[4:6]),
         data[6],

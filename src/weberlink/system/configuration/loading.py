@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from weberlink.master import devices
+from weberlink.registry import is_hardware
 from weberlink.slave import robots
 from weberlink.system.configuration.document import override, parse
 from weberlink.system.configuration.errors import ConfigurationError, describe
@@ -107,11 +108,21 @@ def _check_security(system: System) -> None:
         (tables[SLAVE], "slave.robot", system.slave.robot),
     )
     for table, where, settings in sides:
-        if table.is_hardware(settings.driver):
+        if _may_move(table, settings.driver):
             raise ConfigurationError(
                 f"link.security: none lets every user of this host move {where} {settings.driver}; "
                 "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
             )
+
+
+def _may_move(table: Any, name: str) -> bool:
+    """Whether a driver may move something real; one of the other side that is not installed here may."""
+    if name in table.BUILT_IN:
+        return name not in table.COMPUTED
+    try:
+        return is_hardware(table.load(name))
+    except (ValueError, ImportError):
+        return True
 
 
 def _part(

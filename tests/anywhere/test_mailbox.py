@@ -1,0 +1,123 @@
+"""A mailbox server that says what it likes: a host tells one line, and lives on."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from http import HTTPStatus
+from pathlib import Path
+from select import select
+from socket import socket
+from time import monotonic
+
+import pytest
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from tests.anywhere.meetings import PATIENCE, Pair
+from weberlink.anywhere.mailbox import MailboxRefuses, open_mailbox
+from weberlink.anywhere.order import FinderOrder, start_finder
+from weberlink.anywhere.peers import PeerStore
+from weberlink.anywhere.signalling import MailboxUnreachable
+from weberlink.protocol.aio import hand_over
+from weberlink.protocol.aio.hand_over import PathNews
+
+LONG = "\x1b[2J\n" + "x" * 5000
+LONGEST = 500
+"""Characters of a line that a person is told."""
+WELCOME = json.dumps({"type": "welcome", "welcome": {}})
+WORDS = {
+    "error": (WELCOME, json.dumps({"type": "error", "error": LONG})),
+    "unwelcome": (json.dumps({"type": "welcome", "welcome": {"error": LONG}}),),
+    "nested": (WELCOME, "[" * 100_000),
+    "nested error": (WELCOME, json.dumps({"type": "error", "error": {"a": [LONG]}})),
+    "no object": (WELCOME, "[1, 2]"),
+}
+
+
+@asynccontextmanager
+async def saying(*words: str, status: int = 0) -> AsyncIterator[str]:
+    """URL of a server that says this to whoever connects; or answers with a status, and a long reason."""
+
+    async def tell(client: ServerConnection) -> None:
+        for word in words:
+            await client.send(word)
+        if not words:
+            await client.close(1011, "\x1b[2J" + "x" * 100)
+        await client.wait_closed()
+
+    def answer(_client: ServerConnection, _request: Request) -> Response | None:
+        return Response(HTTPStatus.FORBIDDEN, "x" * 5000, Headers()) if status else None
+
+    async with serve(tell, "127.0.0.1", 0, process_request=answer, close_timeout=0.1) as server:
+        yield f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
+        for connection in server.connections:
+            connection.transport.abort()
+
+
+def is_line(text: str) -> bool:
+    return text.isprintable() and 0 < len(text) <= LONGEST
+
+
+@pytest.mark.parametrize("words", WORDS.values(), ids=WORDS)
+def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None:
+    async def test() -> None:
+        async with saying(*words) as url:
+            with pytest.raises(MailboxRefuses) as raised:
+                await Pair(url).call(PATIENCE)
+        assert is_line(str(raised.value))
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize("status", [0, HTTPStatus.FORBIDDEN])
+def test_connection_that_the_server_ends_is_told_in_one_line(status: int) -> None:
+    async def test() -> None:
+        async with saying(status=status) as url:
+            with pytest.raises(MailboxUnreachable) as raised:
+                await Pair(url).call(0.3)
+        assert is_line(str(raised.value))
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize("told", ["1e999", "NaN", "1" + "0" * 400, '"x"', "[]", "null"])
+def test_any_time_of_the_server_is_read(told: str) -> None:
+    """A message of the server with a time that is none is a message like any other."""
+    stored = f'{{"type": "message", "side": "a", "phase": "b", "body": "c", "server_rx": {told}, "server_tx": {told}}}'
+
+    async def test() -> None:
+        async with saying(WELCOME, stored, '{"type": "pong"}') as url, open_mailbox(url, Pair(url).sealing) as mailbox:
+            (received,) = await mailbox.stored()
+        assert received.message.body == "c"
+
+    asyncio.run(test())
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str, tmp_path: Path) -> None:
+    async def test() -> None:
+        async with saying(*WORDS["error"]) as url:
+            pair = Pair(url)
+            peer = pair.slave if side == "master" else pair.master
+            PeerStore(tmp_path).add(peer)
+            process, end = start_finder(FinderOrder(side, (peer.label,), str(tmp_path), url))
+            with process, end:
+                news = await asyncio.to_thread(first_news, end)
+                assert is_line(news.text) and "xxx" in news.text
+                assert process.poll() is None
+                end.close()
+
+    asyncio.run(test())
+
+
+def first_news(end: socket) -> PathNews:
+    """What the finder tells first."""
+    deadline = monotonic() + PATIENCE
+    while select([end], [], [], deadline - monotonic())[0]:
+        received = hand_over.receive(end)
+        assert received is not None, "the finder has ended"
+        if isinstance(received[0], PathNews):
+            return received[0]
+    raise AssertionError("the finder said nothing")

@@ -1,0 +1,175 @@
+"""Children of every kind are started in a folder of hostile modules: they do their work, and import none of them."""
+
+import asyncio
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+from socket import socket
+
+import pytest
+
+from tests.system.processes import ROOT
+from tests.system.systems import CONFIGS
+from weberlink.anywhere.order import FinderOrder, start_finder
+from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
+from weberlink.apps.doctor.trial import RightsRequest, run_trial
+from weberlink.apps.monitor.keeper import SessionKeeper, VisitOrder
+from weberlink.apps.rules import install_line
+from weberlink.child_process import python
+from weberlink.hardware.fault import HardwareFault
+from weberlink.master.devices.touch.process import ServoProcess
+from weberlink.master.devices.touch.servo import ServoArguments
+from weberlink.protocol.aio import hand_over
+from weberlink.protocol.aio.hand_over import PathNews
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.franka.driver import FrankaRobot
+from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink.studies.parallel import parallel_map
+
+NOWHERE = "ws://127.0.0.1:1/v1"
+SESSION = (str(CONFIGS / "loopback.yaml"), "--duration", "0.5", "--set", "realtime.lock_memory=false")
+OTHERS = ("weberlink", "aioice", "cv2", "msgpack", "mujoco", "numpy", "pydantic", "twisted", "uvloop", "websockets")
+HOSTILE = "with open({marker!r}, 'a') as marker:\n    marker.write(__name__ + ' ')\n"
+RUN = {"guardian.py": "-I", "rules.py": ".with_name", "child_process.py": "-P"}
+"""Files of the product that name the interpreter, and how each keeps to installed modules."""
+
+
+@pytest.fixture
+def executed(tmp_path: Path) -> Iterator[Path]:
+    """The working directory has a module of every name that a child imports; the file tells which were executed."""
+    folder, marker = tmp_path / "hostile", tmp_path / "executed"
+    folder.mkdir()
+    for name in {*sys.stdlib_module_names, *OTHERS}:
+        (folder / f"{name}.py").write_text(HOSTILE.format(marker=str(marker)))
+    with chdir(folder):
+        yield marker
+    assert not marker.exists(), marker.read_text()
+
+
+def test_the_hostile_folder_is_one(executed: Path) -> None:
+    subprocess.run([sys.executable, "-c", "import json"], check=True)
+    assert executed.read_text() == "json "
+    executed.unlink()
+
+
+@pytest.mark.usefixtures("executed")
+def test_python_path_counts(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("print('own')")
+    command = python("-m", "own")
+    done = subprocess.run(command, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
+    assert done.stdout == "own\n"
+
+
+@pytest.mark.usefixtures("executed")
+def test_finder_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
+    process, end = start_finder(FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE))
+    with process, end:
+        assert "nobody" in first_news(end).text
+
+
+def first_news(end: socket) -> PathNews:
+    end.setblocking(True)
+    received = hand_over.receive(end)
+    assert received is not None and isinstance(received[0], PathNews)
+    return received[0]
+
+
+@pytest.mark.usefixtures("executed")
+def test_pairing_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
+    pytest.importorskip("wormhole")
+    with start_pairing(PairingOrder("slave", "robot", str(tmp_path), NOWHERE)) as process:
+        assert process.stdout is not None
+        assert NOWHERE in json.loads(process.stdout.readline())["refused"]
+
+
+@pytest.mark.usefixtures("executed")
+def test_servo_imports_nothing_from_the_working_directory() -> None:
+    arguments = ServoArguments("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
+    process = ServoProcess(arguments)
+    with pytest.raises(HardwareFault, match=r"libnowhere\.so"):
+        process.start()
+
+
+@pytest.mark.usefixtures("executed")
+def test_listener_imports_nothing_from_the_working_directory() -> None:
+    pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
+    pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
+    from tests.master.devices.ros2.publishing import listening  # noqa: PLC0415 - needs the extra
+    from tests.ros2.ports import endpoint  # noqa: PLC0415
+
+    with listening(endpoint()) as process:
+        assert process.failure is None
+
+
+@pytest.mark.usefixtures("executed")
+def test_controller_imports_nothing_from_the_working_directory() -> None:
+    robot = FrankaRobot(FrankaOptions(host="127.0.0.1", priority=0), None, 0.001)
+    with pytest.raises(RobotFault, match=r"pylibfranka|Connection"):
+        robot.open(0.0)
+    robot.close()
+
+
+@pytest.mark.usefixtures("executed")
+def test_trial_of_rights_imports_nothing_from_the_working_directory() -> None:
+    trial = run_trial(RightsRequest(0, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0))
+    assert trial.failure is None and trial.memory_bytes > 0
+
+
+@pytest.mark.usefixtures("executed")
+def test_workers_import_nothing_from_the_working_directory() -> None:
+    assert parallel_map(math.sqrt, [1.0, 4.0], 2) == {0: 1.0, 1: 2.0}
+
+
+@pytest.mark.usefixtures("executed")
+def test_picture_maker_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    from tests.apps.monitor.test_view import test_file_that_is_no_video_is_told as tell  # noqa: PLC0415 - needs an extra
+
+    tell(tmp_path)
+
+
+@pytest.mark.realtime
+@pytest.mark.usefixtures("executed")
+def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
+    """Both daemons, the watcher of the host and the recorder."""
+    pytest.importorskip("mcap")
+    out = tmp_path / "session.mcap"
+    command = python("-m", "weberlink", "loopback", *SESSION, "--record", str(out), "--json", "-")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert json.loads(done.stdout)["outcome"] == "completed"
+    assert out.exists()
+
+
+@pytest.mark.realtime
+@pytest.mark.usefixtures("executed")
+def test_session_of_a_page_imports_nothing_from_the_working_directory() -> None:
+    async def visit() -> SessionKeeper:
+        async def inherit(_former: str | None, _name: str) -> None: ...
+
+        order = VisitOrder(SESSION[0], ("realtime.lock_memory=false",), duration_s=0.5)
+        keeper = SessionKeeper(order, lambda _line: None, lambda _message: None, inherit)
+        await keeper.run(asyncio.Event())
+        return keeper
+
+    last = asyncio.run(visit()).last
+    assert last is not None and last.report is not None and last.report["outcome"] == "completed"
+
+
+def test_only_one_place_makes_commands_of_the_interpreter() -> None:
+    product = [ROOT / "plugins", *(ROOT / "src" / "weberlink").iterdir()]  # some are links, which rglob does not follow
+    files = [path for part in product for path in ([part] if part.is_file() else part.rglob("*.py"))]
+    found = {path.name: path for path in files if path.suffix == ".py" and "sys.executable" in path.read_text()}
+    assert found.keys() == RUN.keys()
+    for name, how in RUN.items():
+        lines = [line for line in found[name].read_text().splitlines() if "sys.executable" in line]
+        assert lines and all(how in line for line in lines)
+
+
+def test_line_for_root_imports_nothing_from_the_working_directory() -> None:
+    line = install_line()
+    assert "-m" not in line.split() or "-P" in line.split()
