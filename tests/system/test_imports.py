@@ -168,6 +168,13 @@ def test_daemon_imports_only_what_its_file_names(
     assert there & HARDWARE == {module for module in ("serial", "weberlink.hardware") if named[module]}
 
 
+def test_a_link_that_is_not_metered_does_without_numpy(modules: dict[tuple[str, str], frozenset[str]]) -> None:
+    """A learner of curves would save some datagrams there, for more bytes, twice the run time, and numpy's memory."""
+    assert not {"numpy", "weberlink.codec.predictors.learning"} & modules["loopback.yaml", "master"]
+    for name in ("loopback.yaml", "try.yaml"):
+        assert load(CONFIGS / name).system.codec.position.predictor == "linear"
+
+
 def test_every_optional_module_is_named_and_left_out(key: Path) -> None:
     cases = [expected(name, side, key) for name in FILES for side in SIDES]
     unused = {"weberlink.slave.integrators.semi_implicit", "weberlink.slave.integrators.implicit"}
