@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, inf, nan
+from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import Choosing
@@ -439,8 +439,11 @@ class Side:
                 complaint = problem
                 break
         else:
-            if reading.at != self._last_reading_at:
-                self._last_reading_at = reading.at
+            at = reading.at
+            if not isfinite(at):  # one that is NaN would differ from the last one for ever
+                complaint = f"reports the time {at}"
+            elif at != self._last_reading_at:
+                self._last_reading_at = at
                 for sensor in self._sensors:
                     sensor.take(reading)
                 self._watchdog.feed(now)
