@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0
-"""Longest orderly stop: a time [s], and multiples of the time in which the force fades, because late ticks stretch it."""
+"""Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""
 FINDER_ENDS_S = 2.0
 """Time that the process that finds paths has to end, after which it is killed [s]."""
 

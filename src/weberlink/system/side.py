@@ -432,27 +432,27 @@ class Side:
             return
         if port.ended:
             self.stop(now, "completed")
-        complaint = "gives no new sample"
+        complaint = self._complaint(reading)
+        if complaint is None and reading.at != self._last_reading_at:
+            self._last_reading_at = reading.at
+            for sensor in self._sensors:
+                sensor.take(reading)
+            self._watchdog.feed(now)
+            if port.accept(reading):
+                self._faults.meet(Fault.TRIPPED)
+            return
+        if self._watchdog.expired(now):
+            why = f": {port.trouble}" if port.trouble else ""
+            self._lose(f"{port.name} {complaint or 'gives no new sample'}{why}", now)
+
+    def _complaint(self, reading: Any) -> str | None:
+        """Why a reading cannot be used; None if it can."""
         for sensor in self._sensors:
             problem = sensor.complaint(reading)
             if problem is not None:
-                complaint = problem
-                break
-        else:
-            at = reading.at
-            if not isfinite(at):  # one that is NaN would differ from the last one for ever
-                complaint = f"reports the time {at}"
-            elif at != self._last_reading_at:
-                self._last_reading_at = at
-                for sensor in self._sensors:
-                    sensor.take(reading)
-                self._watchdog.feed(now)
-                if port.accept(reading):
-                    self._faults.meet(Fault.TRIPPED)
-                return
-        if self._watchdog.expired(now):
-            why = f": {port.trouble}" if port.trouble else ""
-            self._lose(f"{port.name} {complaint}{why}", now)
+                return problem
+        # A time that is NaN differs from every other one, as if there were news for ever.
+        return None if isfinite(reading.at) else f"reports the time {reading.at}"
 
     def _lose(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
