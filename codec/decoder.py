@@ -1,7 +1,7 @@
 """The receiving end: it evaluates the model of the newest update at any tick and position."""
 
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
@@ -10,6 +10,14 @@ from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, subtract
 from weberlink.update import Update
+
+
+class Decoded(NamedTuple):
+    """What an update says: its sample, its model, and the value of that model at the tick of the sample."""
+
+    newest: Sample
+    model: Model
+    first: Vector
 
 
 class Decoder:
@@ -77,19 +85,32 @@ class Decoder:
         Raises:
             ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
-        if update == self._applied:  # its model has a memory of the positions since
-            return
+        if update != self._applied:  # the model of a repeated one has a memory of the positions since
+            self.take(update, self.read(update))
+
+    def read(self, update: Update) -> Decoded:
+        """What an update says; changes nothing.
+
+        Raises:
+            ValueError: as `apply`.
+        """
         channel, grid = self._channel, self._grid
         if not 0 <= update.selector < len(self._predictors):
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
         if len(update.newest) != self._sizes[update.selector]:
             raise ValueError(f"update has {len(update.newest)} levels, expected {self._sizes[update.selector]}")
+        predictor = self._predictors[update.selector]
         newest = grid.sample(update.tick, update.newest)
-        model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
-        before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
+        model = predictor.decode(update.payload, newest, grid, channel.fit_limits)
+        first = channel.displayable(model.first(newest), newest) if predictor.estimated else newest.value
+        return Decoded(newest, model, first)
+
+    def take(self, update: Update, decoded: Decoded) -> None:
+        """Replace the state by that of an update that was read."""
+        newest, model, first = decoded
+        before = self._shown(newest.tick, newest.position) if self._channel.smoothing is not None else None
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
-        estimated = self._predictors[update.selector].estimated
-        self.first = channel.displayable(model.first(newest), newest) if estimated else newest.value
+        self.first = first
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 

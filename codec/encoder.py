@@ -185,10 +185,11 @@ class Encoder:
         update = self._update(sample, levels, actual, position, ahead)
         self._levels, self._forced = levels, False
         self._newest, self._previous = sample, self._usable(tick)
-        self.mirror.apply(update)
-        if deadband.error(self.mirror.first, actual) > max(bound, least):
+        decoded = self.mirror.read(update)
+        if deadband.error(decoded.first, actual) > max(bound, least):
             update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
-            self.mirror.apply(update)
+            decoded = self.mirror.read(update)
+        self.mirror.take(update, decoded)
         return update
 
     def _moving(self, actual: Vector, position: Vector) -> Vector:

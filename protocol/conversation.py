@@ -4,7 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Final
 
-from weberlink.protocol.events import Address, Connected, Event, PathAnswered, PathAsked, UpdateLost
+from weberlink.protocol.events import (
+    Address,
+    ChangeProposed,
+    Connected,
+    Event,
+    PathAnswered,
+    PathAsked,
+    UpdateLost,
+)
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Mailbox, Statistics
 from weberlink.protocol.path import Path
@@ -62,6 +70,7 @@ class Conversation:
         role: of this end.
         state: of the conversation.
         peer: where the peer is, or was last; None for a responder before the first call.
+        sessions: number of sessions that have begun.
         liveness: when the ends last heard each other in the session, or in the last one.
         statistics: counters over all sessions, and present measurements.
     """
@@ -77,6 +86,7 @@ class Conversation:
         self.role = role
         self.state = State.IDLE
         self.peer = peer
+        self.sessions = 0
         self.statistics = Statistics()
         self.liveness = Liveness(parameters.epoch, parameters.silence, 0.0, -inf)
         self._parameters = parameters
@@ -225,10 +235,15 @@ class Conversation:
         self._due = None
         return True
 
-    def answer_change(self, refusal: str | None) -> None:
-        """Answer the newest change that the peer has proposed; `refusal` is None to accept it, else a short reason."""
+    def answer_change(self, proposal: ChangeProposed, refusal: str | None) -> None:
+        """Answer a change that the peer has proposed, unless its session is over or it has proposed another one since.
+
+        Args:
+            proposal: the event itself, which belongs to its session.
+            refusal: None to accept it, else a short reason.
+        """
         if self._session is not None:
-            self._session.sender.negotiation.answer(refusal)
+            self._session.sender.negotiation.answer(proposal, refusal)
             self._due = None
 
     # --- sessions
@@ -282,12 +297,13 @@ class Conversation:
         self._turn(Trigger.ESTABLISH)
         self._end_session()
         self._session = session
+        self.sessions += 1
         self.liveness = session.liveness
         self._tell_encoding()
         self.peer = address
         if self.role is Role.RESPONDER:
             self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
-        self._mailbox.tell(Connected(address, self._agreement))
+        self._mailbox.begin(Connected(address, self._agreement))
 
     def _end_session(self) -> None:
         self._path = None

@@ -51,7 +51,7 @@ class DropReason(StrEnum):
 
 
 class Connected(NamedTuple):
-    """A new session has begun; codec states of an older one are invalid."""
+    """A new session has begun; codec states of an older one are invalid. All events that follow are of this session."""
 
     address: Address
     agreement: Mapping[str, object]
@@ -131,7 +131,7 @@ class PathAnswered(NamedTuple):
 
 
 class ChangeProposed(NamedTuple):
-    """The peer proposes a change; the owner must call `Endpoint.answer_change`.
+    """The peer proposes a change; the owner must call `Endpoint.answer_change` with this very event.
 
     Args:
         tick: of the peer, at which both are to make it.

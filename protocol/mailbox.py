@@ -4,7 +4,7 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Final
 
-from weberlink.protocol.events import Address, DatagramDropped, DropReason, Event
+from weberlink.protocol.events import Address, Connected, DatagramDropped, DropReason, Event
 from weberlink.protocol.wire import UPDATE_KINDS
 
 QUEUED_DATAGRAMS: Final = 64
@@ -53,7 +53,7 @@ class Statistics:
 
 
 class Mailbox:
-    """Datagrams to send and events; a full queue drops its oldest entry."""
+    """Datagrams to send, and events of one session at most; a full queue drops its oldest entry."""
 
     def __init__(self, statistics: Statistics) -> None:
         self._statistics = statistics
@@ -68,6 +68,11 @@ class Mailbox:
         self._datagrams.append((datagram, address))
         self._statistics.sent += 1
         self._statistics.bytes_sent += len(datagram)
+
+    def begin(self, event: Connected) -> None:
+        """Begin a session: what has not been read of the one before is void."""
+        self._events.clear()
+        self._events.append(event)
 
     def tell(self, event: Event) -> None:
         """Queue an event."""

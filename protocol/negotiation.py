@@ -49,6 +49,7 @@ class ParameterNegotiation:
         self._proposal: Change | None = None
         self._due = inf
         self._answering: tuple[int, int] | None = None
+        self._proposed: ChangeProposed | None = None
         self._answer: Change | None = None
         self._answer_due = False
 
@@ -75,9 +76,13 @@ class ParameterNegotiation:
         self._proposal = Change(self._number, tick, body, is_answer=False)
         self._due = now
 
-    def answer(self, refusal: str | None) -> None:
-        """Answer the newest proposal of the peer; `refusal` is None to accept it, else the reason."""
-        assert self._answering is not None
+    def answer(self, proposal: ChangeProposed, refusal: str | None) -> None:
+        """Answer the newest proposal of the peer; `refusal` is None to accept it, else the reason.
+
+        Any other proposal is not answered: one that a newer one has replaced, or one of another session.
+        """
+        if self._answering is None or proposal is not self._proposed:
+            return
         body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
         self._answer = Change(self._answering[0], 0, body, is_answer=True)
         self._answer_due = True
@@ -103,7 +108,8 @@ class ParameterNegotiation:
         if number != self._after(self._first if self._answering is None else self._answering[0]):
             return None
         self._answering, self._answer, self._answer_due = (number, tick), None, False
-        return ChangeProposed(tick, body)
+        self._proposed = ChangeProposed(tick, body)
+        return self._proposed
 
     def heard_answer(self, number: int, body: bytes) -> ChangeAnswered | None:
         """Receive an answer; None if it answers no present proposal of ours."""

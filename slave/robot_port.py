@@ -64,6 +64,8 @@ class ContactForce:
         self._compliance = 1.0 / stiffness
 
     def complaint(self, reading: RobotReading) -> str | None:
+        if not is_finite(reading.position):
+            return f"reports the position {reading.position}"
         return None if is_finite(reading.force) else f"reports the force {reading.force}"
 
     def take(self, reading: RobotReading) -> None:
@@ -159,7 +161,12 @@ class RobotPort:
 
     def open(self, now: float) -> None:
         self.robot.open(now)
-        self.applied = self._where = self.robot.latest(now).position
+        reading = self.robot.latest(now)
+        problem = self.force.complaint(reading)
+        if problem is not None:
+            self.robot.close()
+            raise RobotFault(f"{self.name} {problem}")
+        self.applied = self._where = reading.position
         self._guard.place(self.applied)
 
     def close(self) -> None:
@@ -180,7 +187,7 @@ class RobotPort:
         """Hold the robot where it is now: in contact, with the force that it presses with."""
         with suppress(RobotFault):  # the side meets it in this very tick, as it does a reading that is not finite
             reading = self.robot.latest(now)
-            if is_finite(reading.position) and is_finite(reading.force):
+            if self.force.complaint(reading) is None:
                 self._where = reading.position
                 self.force.take(reading)
                 self._guard.place(self.force.rest)

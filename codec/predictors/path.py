@@ -70,13 +70,13 @@ class Path(Model):
     def at(self, tick: float, position: Vector) -> Vector:
         newest_tick, value, _ = self.newest
         x, y, z = value
-        ahead = tick - newest_tick
+        ahead = max(0.0, tick - newest_tick)  # a peer's sample may be of a tick that is still to come
         before, start = 0, ZERO
         knots, displacements = self.knots, self.displacements
         for index in range(len(knots)):
             knot, end = knots[index], displacements[index]
             if ahead < knot:
-                share = max(0.0, (ahead - before) / (knot - before))
+                share = (ahead - before) / (knot - before)
                 x += start[0] + (end[0] - start[0]) * share
                 y += start[1] + (end[1] - start[1]) * share
                 z += start[2] + (end[2] - start[2]) * share

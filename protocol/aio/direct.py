@@ -5,8 +5,9 @@ import socket
 from errno import EADDRINUSE
 
 from weberlink.compiled import mypyc_attr
+from weberlink.protocol.aio.address import address_of, name_of, numeric
 from weberlink.protocol.aio.hand_over import PathFacts
-from weberlink.protocol.aio.sockets import Carrier, GuardedSocket, Wake, numeric
+from weberlink.protocol.aio.sockets import Carrier, GuardedSocket, Wake
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.states import State
@@ -51,8 +52,7 @@ class DirectPort(Carrier):
             self._names[peer] = self._endpoint.peer
             self._numeric[self._endpoint.peer] = peer
         bound = _bind(family, local)
-        host, port = bound.getsockname()[:2]
-        self.address = host, port
+        self.address = address_of(bound.getsockname())
         self._port = GuardedSocket(bound, self._take, wake, self._dscp, self._tell)
 
     def read(self) -> bool:
@@ -95,19 +95,23 @@ async def _resolve(
     host, port = address
     flags = socket.AI_PASSIVE if passive else 0
     try:
-        found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
+        if "%" in host:  # an address with its zone, which uvloop would drop; there is nothing to look up
+            flags |= socket.AI_NUMERICHOST
+            found = socket.getaddrinfo(host, port, family, socket.SOCK_DGRAM, flags=flags)
+        else:
+            found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
     except socket.gaierror as problem:
         raise OSError(f"{host}:{port} cannot be resolved: {problem.strerror}") from None
     # IPv4 first: a wildcard must take callers of the kind that most configurations name.
     chosen = min(found, key=lambda entry: entry[0] != socket.AF_INET)
-    return chosen[0], (str(chosen[4][0]), int(chosen[4][1]))
+    return chosen[0], address_of(chosen[4])
 
 
 def _bind(family: socket.AddressFamily, local: Address) -> socket.socket:
     bound = socket.socket(family, socket.SOCK_DGRAM)
     try:
         bound.setblocking(False)
-        bound.bind(local)
+        bound.bind(name_of(local))
     except OSError as problem:
         bound.close()
         host, port = local

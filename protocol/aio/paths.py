@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Final
 
 from weberlink.protocol.aio import hand_over
+from weberlink.protocol.aio.address import numeric
 from weberlink.protocol.aio.hand_over import (
     PathFacts,
     PathFound,
@@ -20,7 +21,7 @@ from weberlink.protocol.aio.hand_over import (
     StunReceived,
 )
 from weberlink.protocol.aio.queue import WorkBudget
-from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE, Carrier, GuardedSocket, Wake, numeric
+from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE, Carrier, GuardedSocket, Wake
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.states import Role, State

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, Final
 
+from weberlink.protocol.aio.address import address_of
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
@@ -127,16 +128,20 @@ class ReceiveQueue:
     def _drain(self) -> bool:
         """Take datagrams until none are left or a slice is over; returns whether there were any."""
         began = now = -inf
+        found, data = False, b""
         while self.is_open:
+            source: Any = None
             try:
                 data, source = self._receive(_LONGEST_READ)
             except BlockingIOError:
                 break
-            except OSError:  # such as an ICMP error of an earlier send
-                continue
+            except OSError:  # such as an ICMP error of an earlier send: it costs time as a datagram does
+                pass
             if began == -inf:
                 began = now = self._now()
-            self._take(data, (source[0], source[1]), now)
+            if source is not None:
+                found = True
+                self._take(data, address_of(source), now)
             now = self._now()
             if now - began > SLICE_S or not (self.is_open and self._waiting(0)):
                 break
@@ -147,7 +152,7 @@ class ReceiveQueue:
             self._receive = self._sample
         if self.is_open and self._budget.left(now) < 0.0:
             self._pause()
-        return True
+        return found
 
     def _sample(self, longest: int) -> tuple[bytes, Any]:
         """Receive one datagram, and look at its class of service."""

@@ -11,6 +11,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 
+from weberlink.protocol.aio.address import address_of, name_of
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.aio.queue import ReceiveQueue, Take
 from weberlink.protocol.endpoint import Endpoint
@@ -127,14 +128,14 @@ class GuardedSocket:
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
             _stay_on_interface(connected, self._bound)
             connected.bind(self._bound.getsockname())
-            connected.connect(peer)
-            host, port = connected.getpeername()[:2]
+            connected.connect(name_of(peer))
+            reached = address_of(connected.getpeername())
         except OSError:
             connected.close()
             return None
         self._peer = self._queue(connected, self._found_dscp)
         self._open.limit(STRANGER_SHARE)
-        return host, port
+        return reached
 
     def unguard(self) -> None:
         """Receive everything in one socket again."""
@@ -149,7 +150,7 @@ class GuardedSocket:
 
     def send(self, data: bytes, address: Address) -> None:
         try:
-            self._bound.sendto(data, address)
+            self._bound.sendto(data, name_of(address) if "%" in address[0] else address)
         except OSError:  # refused by the system (peer not there, buffer full, no route): a lost datagram
             return
 
@@ -174,12 +175,6 @@ class GuardedSocket:
         if dscp != self.dscp:
             self.dscp = dscp
             self._on_news()
-
-
-def numeric(address: Address) -> str:
-    """An address for people: host:port."""
-    host, port = address
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _mark(bound: socket.socket, dscp: int) -> None:

@@ -12,6 +12,7 @@ from tests.codec.law import half_step, make_channel, sends
 from tests.codec.signals import GodObject, Stream, contact, contact_stream, rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
+from weberlink.codec.parameters import pack
 from weberlink.codec.predictors import PREDICTORS, FitLimits
 from weberlink.codec.predictors.model import Hold, ModelKind
 from weberlink.codec.predictors.path import ELASTIC, HORIZONS, Path, horizons_of
@@ -100,6 +101,35 @@ def test_any_bytes_are_refused_or_a_bounded_path(
         assert distance(shown, sample.value) <= max(map(norm, model.displacements), default=0.0) * (1.0 + 1e-9)
         last = model.knots[-1] if model.knots else 0
         assert model.at(7 + last + ahead, moved) == model.at(7 + last, moved)
+
+
+@st.composite
+def known_paths(draw: st.DrawFn, axes: int) -> bytes:
+    """Fields of a path of a sender that looked ahead, which random bytes seldom are; its first knot is at 0."""
+    known, inner, count = draw(st.integers(1, 127)), draw(st.integers(0, 7)), draw(st.integers(0, len(HORIZONS)))
+    width, exponent = draw(st.integers(1, 15)), draw(st.integers(0, 63))
+    chords = sorted(draw(st.sets(st.integers(1, known), max_size=min(inner, known))))
+    size = axes * (1 + len(chords) + count)
+    numbers = draw(st.lists(st.integers(0, 2**width - 1), min_size=size, max_size=size))
+    fields = [7, width, exponent, known, len(chords), count, *chords, *numbers]
+    return pack(fields, [3, 4, 6, 7, 3, 3, *[7] * len(chords), *[width] * size])
+
+
+@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
+@pytest.mark.parametrize("position", [False, True])
+@given(newest=levels, data=st.data(), before=st.floats(0.0, 1e7))
+@examples(40)
+def test_before_its_sample_a_path_is_where_it_begins(
+    position: bool, axes: str, newest: tuple[int, ...], data: st.DataObject, before: float
+) -> None:
+    """A peer may send a sample of a tick that is still to come."""
+    channel = make_channel("path", position=position, axes=axes)
+    sample = channel.grid.sample(7, newest[: channel.grid.size])
+    packed = data.draw(known_paths(len(axes)).filter(lambda packed: len(packed) <= MOST_PARAMETER_BYTES))
+    model = unpacked(channel, sample, packed)
+    assert model is not None
+    assert model.knots[0] == 0
+    assert model.at(7 - before, ZERO) == model.at(7, ZERO) == model.first(sample)
 
 
 @given(data=parameters, newest=levels, bits=st.integers(0, 2**16 - 1))

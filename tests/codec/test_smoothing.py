@@ -1,21 +1,25 @@
 """A ramp within the deadband instead of a step: closed form, the law of the encoder, effect, and losses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import nan, sin
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import event, given
 from hypothesis import strategies as st
 
 from tests.codec.law import FORCE_PREDICTORS, half_step
 from tests.codec.signals import contact_stream, rubbing_stream
 from tests.examples import examples
-from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel
 from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
+from weberlink.codec.predictors.model import FitLimits, Line, Model
 from weberlink.codec.replay import code
+from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, subtract
 from weberlink.update import PreviousSample
 
 vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
@@ -221,3 +225,78 @@ def test_the_memory_of_friction_is_not_changed_by_the_start_of_a_ramp() -> None:
     for tick, coded in enumerate(code(channel, stream, encoder=encoder, decoder=decoder)):
         mirrored = encoder.predicted if coded.update is None else encoder.mirror.value(tick, stream[tick][1])
         assert coded.displayed == mirrored
+
+
+COARSE_N, COARSE_N_PER_TICK = 0.037, 0.0013
+"""Steps in which a coarse line travels: its beginning, beside the sample, and its slope."""
+
+
+class CoarseLine(Predictor):
+    """An estimated line that travels in steps as coarse as the deadband, so that it often begins outside of it."""
+
+    name = "coarse"
+    estimated = True
+
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [CoarseCandidate()]
+
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        return (6,) * 6
+
+    def levels(self, model: Any, newest: Sample, grid: SampleGrid) -> list[int]:
+        ahead = subtract(model.value, newest.value)
+        levels = [
+            *(round(each / COARSE_N) for each in ahead),
+            *(round(each / COARSE_N_PER_TICK) for each in model.slope),
+        ]
+        return [max(0, min(63, level + 32)) for level in levels]
+
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
+        x, y, z, u, v, w = (each - 32 for each in fields)
+        begin = add(newest.value, (x * COARSE_N, y * COARSE_N, z * COARSE_N))
+        slope = (u * COARSE_N_PER_TICK, v * COARSE_N_PER_TICK, w * COARSE_N_PER_TICK)
+        return Line(begin, slope, newest.tick)
+
+
+class CoarseCandidate:
+    """Begins at the mean of the last two samples, within the deadband before it travels."""
+
+    def model(self, context: EncodeContext) -> Model | None:
+        newest, values = context.newest, context.history.values
+        before = values[-2] if len(values) > 1 else values[-1]
+        step = subtract(newest.value, before)
+        begin = subtract(newest.value, (0.5 * step[0], 0.5 * step[1], 0.5 * step[2]))
+        return Line(begin, step, newest.tick)
+
+
+class CoarseChannel(Channel):
+    """A force channel with that predictor."""
+
+    @property
+    def predictors(self) -> tuple[Predictor, ...]:
+        return (CoarseLine(),)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1), ticks=st.integers(1, 30), share=st.floats(0.1, 0.9), weber=st.floats(0.0, 0.2),
+    floor=st.floats(0.005, 0.1),
+)  # fmt: skip
+@examples(40)
+def test_both_ends_display_the_same_bits_where_a_model_is_rejected(
+    seed: int, ticks: int, share: float, weber: float, floor: float
+) -> None:
+    """A model that would begin outside the deadband leaves no trace in the mirror: the decoder never hears of it."""
+    like = force_channel(predictor="path", weber=weber, floor=floor, smoothing=Smoothing(ticks, share))
+    channel = CoarseChannel(like.bank, like.deadband, like.value_quantizer, like.position_quantizer, like.rest,
+                            smoothing=like.smoothing)  # fmt: skip
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    kept = rejected = 0
+    for tick, (force, position) in enumerate(contact_stream(seed, ticks=300)):
+        update = encoder.encode(tick, force, position)
+        if update is not None:
+            decoder.apply(update)
+            kept += update.payload is not None
+            rejected += update.payload is None
+        mirrored = encoder.predicted if update is None else encoder.mirror.value(tick, position)
+        assert decoder.value(tick, position) == mirrored
+    event("both" if kept and rejected else "one kind")

@@ -1,6 +1,8 @@
 from weberlink.protocol import DropReason, Statistics
-from weberlink.protocol.events import DatagramDropped, PeerSilent, Refused
+from weberlink.protocol.events import ChangeProposed, Connected, DatagramDropped, PeerSilent, Refused
 from weberlink.protocol.mailbox import QUEUED_DATAGRAMS, QUEUED_EVENTS, Mailbox
+
+BEGUN = Connected(("h", 1), {})
 
 
 def test_datagrams_leave_in_order_and_once() -> None:
@@ -37,6 +39,16 @@ def test_a_flood_of_drops_pushes_no_other_event_out() -> None:
     assert len(events) < QUEUED_EVENTS
     assert DatagramDropped(DropReason.BAD_TAG) in events
     assert statistics.dropped == {DropReason.BAD_TAG: 10_000}
+
+
+def test_a_session_begins_with_an_empty_queue() -> None:
+    mailbox = Mailbox(Statistics())
+    mailbox.tell(ChangeProposed(5, b"of the session before"))
+    mailbox.begin(BEGUN)
+    mailbox.tell(ChangeProposed(5, b"of this one"))
+    assert mailbox.next_event() == BEGUN
+    assert mailbox.next_event() == ChangeProposed(5, b"of this one")
+    assert mailbox.next_event() is None
 
 
 def test_events_are_bounded() -> None:

@@ -1,9 +1,11 @@
 """Changes that both ends make at the same tick, over links that lose proposals and answers."""
 
+from math import inf
+
 import pytest
 
-from tests.protocol.harness import TICK, Pair
-from weberlink.protocol import ChangeAnswered, ChangeProposed
+from tests.protocol.harness import TICK, Pair, make_endpoint
+from weberlink.protocol import ChangeAnswered, ChangeProposed, Role
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
 from weberlink.protocol.wire import LONGEST_CHANGE
@@ -31,7 +33,7 @@ def test_proposal_arrives_and_answer_comes_back() -> None:
     tick = propose(pair)
     pair.run(0.02)
     assert proposals(pair) == [ChangeProposed(tick, BODY)]
-    pair.slave.endpoint.answer_change(None)
+    pair.slave.endpoint.answer_change(proposals(pair)[0], None)
     pair.run(0.02)
     assert answers(pair) == [ChangeAnswered(tick, BODY, None)]
 
@@ -46,7 +48,7 @@ def test_change_is_agreed_although_half_is_lost(seed: int) -> None:
     for _ in range(100):
         pair.run(0.05)
         if proposals(pair):
-            pair.slave.endpoint.answer_change(None)
+            pair.slave.endpoint.answer_change(proposals(pair)[-1], None)
             break
     pair.run(5.0)
     assert proposals(pair) == [ChangeProposed(tick, BODY)], "heard once, however often it was repeated"
@@ -58,14 +60,14 @@ def test_one_proposal_at_a_time() -> None:
     propose(pair)
     assert not pair.master.endpoint.propose_change(pair.now, 10, BODY)
     pair.run(0.02)
-    pair.slave.endpoint.answer_change(None)
+    pair.slave.endpoint.answer_change(proposals(pair)[0], None)
     pair.run(0.02)
     for number in range(40):  # more than there are numbers
         body = b"%d" % number
         tick = propose(pair, body)
         pair.run(0.02)
         assert proposals(pair)[-1] == ChangeProposed(tick, body)
-        pair.slave.endpoint.answer_change(None)
+        pair.slave.endpoint.answer_change(proposals(pair)[-1], None)
         pair.run(0.02)
         assert answers(pair)[-1].body == body
 
@@ -75,9 +77,10 @@ def test_both_may_propose_at_once() -> None:
     propose(pair)
     assert pair.slave.endpoint.propose_change(pair.now, pair.ticks + 600, b"other")
     pair.run(0.02)
-    assert [event.body for event in pair.master.of(ChangeProposed)] == [b"other"]
-    pair.slave.endpoint.answer_change("busy")
-    pair.master.endpoint.answer_change("busy")
+    (other,) = pair.master.of(ChangeProposed)
+    assert other.body == b"other"
+    pair.slave.endpoint.answer_change(proposals(pair)[0], "busy")
+    pair.master.endpoint.answer_change(other, "busy")
     pair.run(0.02)
     assert [event.refusal for event in pair.slave.of(ChangeAnswered)] == ["busy"]
     assert [event.refusal for event in answers(pair)] == ["busy"]
@@ -86,8 +89,9 @@ def test_both_may_propose_at_once() -> None:
 def test_a_late_repeat_of_an_answered_proposal_is_not_a_new_one() -> None:
     negotiation = ParameterNegotiation()
     for number in range(1, 3 * NUMBERS):
-        assert negotiation.heard_proposal(number % NUMBERS, 100 + number, BODY) is not None
-        negotiation.answer(None)
+        proposal = negotiation.heard_proposal(number % NUMBERS, 100 + number, BODY)
+        assert proposal is not None
+        negotiation.answer(proposal, None)
         for past in range(1, min(number, NUMBERS - 2)):
             assert negotiation.heard_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
 
@@ -115,8 +119,42 @@ def test_clocks_that_differ_do_not_move_the_tick() -> None:
 def test_no_proposal_and_no_answer_without_a_session() -> None:
     pair = Pair()
     assert not pair.master.endpoint.propose_change(0.0, 10, BODY)
-    pair.slave.endpoint.answer_change(None)
+    pair.slave.endpoint.answer_change(ChangeProposed(10, BODY), None)
     assert not pair.slave.endpoint.datagrams_to_send()
+
+
+def test_a_proposal_is_answered_in_its_own_session_alone() -> None:
+    """Its event may be read, or still be held, when another session has begun."""
+    pair = Pair().engage()
+    propose(pair)
+    pair.run(0.02)
+    (held,) = proposals(pair)
+    pair.master.endpoint.close(pair.master.local(pair.now), "bye")
+    pair.run(0.01)
+    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=2)
+    pair.master.endpoint.connect(pair.master.local(pair.now))
+    pair.run(0.2)
+    assert pair.slave.sessions == 2
+    pair.slave.endpoint.answer_change(held, None)
+    tick = propose(pair)
+    pair.run(0.02)
+    assert not answers(pair), "the answer to the former one would be taken for that of this one"
+    pair.slave.endpoint.answer_change(proposals(pair)[-1], None)
+    pair.run(0.02)
+    assert answers(pair) == [ChangeAnswered(tick, BODY, None)]
+
+
+def test_a_proposal_that_another_one_has_replaced_is_not_answered() -> None:
+    negotiation = ParameterNegotiation()
+    first = negotiation.heard_proposal(1, 100, BODY)
+    second = negotiation.heard_proposal(2, 200, b"other")
+    assert first is not None
+    assert second is not None
+    negotiation.answer(first, None)
+    assert negotiation.due == inf
+    negotiation.answer(second, "busy")
+    assert negotiation.due == -inf
+    assert negotiation.take(0.0, 0.0).number == 2
 
 
 @pytest.mark.parametrize("body", [b"", b"x" * (LONGEST_CHANGE + 1)])

@@ -6,7 +6,7 @@ import socket
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from math import inf
 from pathlib import Path
 from signal import SIGINT
@@ -30,7 +30,7 @@ from weberlink.geometry.vector import distance
 from weberlink.system import description
 from weberlink.system.composition.link import build_link
 from weberlink.system.configuration.model import DirectionFaults
-from weberlink.system.control_socket import ControlSocket, LiveChangeError, ask, path_beside
+from weberlink.system.control_socket import LOOK_S, ControlSocket, LiveChangeError, ask, path_beside
 from weberlink.system.live_link import LiveLink
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.ring import default_path
@@ -187,6 +187,50 @@ def daemon(ring: Path, link: LiveLink | None = None) -> Iterator[Unchanging]:
         thread.join()
         control.close()
         loop.close()
+
+
+class Asking(Unchanging):
+    """A side whose peer is to agree to a Weber factor."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {"weber": ()}, lambda *_: None)
+        self.proposed: list[bytes] = []
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        complaint = self.tuning.complaint(change)
+        if complaint is None:
+            self.proposed.append(self.tuning.ask(change))
+        return complaint
+
+    def hear(self, refusal: str) -> None:
+        """The peer answers the newest proposal."""
+        self.tuning.settle(0, self.proposed[-1], refusal)
+
+
+def test_every_request_is_answered_though_the_next_one_comes_at_once(tmp_path: Path) -> None:
+    side, refusals = Asking(), [f"refusal {number}" for number in range(5)]
+    control = ControlSocket(tmp_path / "x.ring", side)
+    with ExitStack() as stack:
+        askers = [stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) for _ in refusals]
+
+        async def go() -> None:
+            control.open(asyncio.get_running_loop())
+            for number, (asker, refusal) in enumerate(zip(askers, refusals, strict=True)):
+                asker.bind("")
+                asker.sendto(b'{"weber": 0.2}', str(path_beside(tmp_path / "x.ring")))
+                while len(side.proposed) <= number:
+                    await asyncio.sleep(0)
+                side.hear(refusal)
+            await asyncio.sleep(5 * LOOK_S)
+            control.close()
+
+        asyncio.run(go())
+        for asker, refusal in zip(askers, refusals, strict=True):
+            asker.setblocking(False)
+            assert json.loads(asker.recv(5000))["why"] == refusal
+            with pytest.raises(BlockingIOError):
+                asker.recv(5000)
 
 
 @pytest.mark.parametrize("question", [b"[" * 1024, b"[" * 5000, b"{" * 1024, b'{"weber": NaN}', b"\xff" * 9, b""])

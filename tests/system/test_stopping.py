@@ -10,15 +10,22 @@ import numpy as np
 import pytest
 
 from tests.system.processes import ENGAGED, PATIENCE, Program, Telemetry, until
-from tests.system.systems import output, steps, system
+from tests.system.systems import CONFIGS, output, steps, system
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.pointer_link import PointerSender, socket_path
 from weberlink.protocol.states import State
 from weberlink.system import description
+from weberlink.system.configuration import MASTER, SLAVE, load
 from weberlink.system.control_socket import ask
+from weberlink.system.daemon import STOP_SLACK_S, stop_limit_s
+from weberlink.system.launcher import STOP_LIMIT_S
 from weberlink.telemetry.ring import default_path
 
 TICK = 1e-3
+SLOW_FADE = (
+    "master.limits.ramp_ms=2500",
+    "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
+)
 PRESSED: Vector = (0.05, 0.05, -0.03)
 """Below the table, beside the dome [m]."""
 HAND_N_M = 150.0
@@ -144,6 +151,28 @@ def test_orderly_stop_says_its_words() -> None:
         assert (status, errors) == (0, "")
         assert "the visitor left" in report
         assert np.linalg.norm(master.last["output"]) == 0.0
+
+
+@pytest.mark.parametrize("ramp_ms", [0.1, 50.0, 999.0, 2500.0, 5000.0])
+def test_a_stop_may_last_as_long_as_its_fade_and_ends_before_the_launcher_kills(ramp_ms: float) -> None:
+    limits = load(CONFIGS / "loopback.yaml", [f"master.limits.ramp_ms={ramp_ms}"]).system
+    assert 1e-3 * ramp_ms < stop_limit_s(limits, MASTER) < STOP_LIMIT_S
+    assert stop_limit_s(limits, SLAVE) == STOP_SLACK_S
+
+
+@pytest.mark.realtime
+def test_a_force_that_fades_slowly_is_not_cut_by_the_stop() -> None:
+    settings = [argument for text in SLOW_FADE for argument in ("--set", text)]
+    with Program("loopback", "configs/loopback.yaml", "--duration", "2.5", *settings) as program:
+        master = program.engaged("master")
+        status, report, errors = program.finish(10.0)
+        assert (status, errors) == (0, ""), report
+        records = master.records
+    forces = np.linalg.norm(records["output"], axis=1)
+    felt = records["tick"][forces > 0.1]
+    assert felt[-1] - records["tick"][0] > 3500, "still felt more than a second after the stop at 2.5 s"
+    assert forces[-1] == 0.0
+    assert np.abs(np.diff(forces)).max() < 0.2, "no jump in a tick, though a late one makes up for a missed one"
 
 
 @pytest.mark.realtime

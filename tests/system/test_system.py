@@ -224,9 +224,15 @@ class Frozen(Broken):
         return reading._replace(at=0.5)
 
 
+class Timeless(Broken):
+    def broken(self, reading: DeviceReading) -> DeviceReading:
+        return reading._replace(at=nan)
+
+
 @pytest.mark.parametrize(
     ("device", "complaint", "within"),
     [
+        (Timeless, "reports the time nan", 22),
         (Broken, "was unplugged", 1),
         (NotANumber, "reports the position (nan", 22),
         (Infinite, "inf", 22),
@@ -270,6 +276,30 @@ class Numb(PointRobot):
         return reading._replace(force=(nan, 0.0, 0.0)) if now >= 0.5 else reading
 
 
+class Astray(PointRobot):
+    """A robot whose encoders say NaN from half a second on."""
+
+    def latest(self, now: float) -> RobotReading:
+        reading = super().latest(now)
+        return reading._replace(position=(0.0, nan, 0.0)) if now >= 0.5 else reading
+
+
+class Overflown(PointRobot):
+    """A robot whose encoders say infinity from half a second on."""
+
+    def latest(self, now: float) -> RobotReading:
+        reading = super().latest(now)
+        return reading._replace(position=(0.0, 0.0, -inf)) if now >= 0.5 else reading
+
+
+class Undated(PointRobot):
+    """A robot whose readings have no time from half a second on."""
+
+    def latest(self, now: float) -> RobotReading:
+        reading = super().latest(now)
+        return reading._replace(at=nan) if now >= 0.5 else reading
+
+
 class Dead(PointRobot):
     def latest(self, now: float) -> RobotReading:
         if now >= 0.5:
@@ -277,7 +307,16 @@ class Dead(PointRobot):
         return super().latest(now)
 
 
-@pytest.mark.parametrize(("robot", "complaint"), [(Numb, "reports the force (nan"), (Dead, "does not answer")])
+@pytest.mark.parametrize(
+    ("robot", "complaint"),
+    [
+        (Numb, "reports the force (nan"),
+        (Astray, "reports the position (0.0, nan"),
+        (Overflown, "reports the position (0.0, 0.0, -inf"),
+        (Undated, "reports the time nan"),
+        (Dead, "does not answer"),
+    ],
+)
 def test_a_robot_that_fails_leaves_with_the_reason_and_the_operator_is_let_go(
     robot: type[PointRobot], complaint: str
 ) -> None:
@@ -287,6 +326,20 @@ def test_a_robot_that_fails_leaves_with_the_reason_and_the_operator_is_let_go(
     assert complaint in simulation.slave.failure
     assert output(run[-1].master) == ZERO
     assert run[-1].master.state == State.CONNECTING.value
+    assert all(norm(output(step.slave)) < inf for step in run)
+
+
+class Blind(PointRobot):
+    """A robot that does not know where it is when it is opened."""
+
+    def latest(self, now: float) -> RobotReading:
+        return super().latest(now)._replace(position=(nan, nan, nan))
+
+
+def test_a_robot_that_does_not_know_where_it_is_cannot_be_opened() -> None:
+    simulation = system(robot=Blind)
+    with pytest.raises(RobotFault, match="reports the position"):
+        simulation.step()
 
 
 def test_stopping_fades_the_force_out_and_says_goodbye() -> None:

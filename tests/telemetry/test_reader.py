@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import COLUMNS, FIELDS
-from weberlink.telemetry.ring import RingFormatError, RingWriter
+from weberlink.telemetry.ring import RECORDS_AT, RingFormatError, RingWriter
 
 
 def record(i):
@@ -103,6 +103,48 @@ def test_another_process_is_followed_while_it_writes_without_a_torn_record(path,
         assert reader.overrun > 0
 
 
+@given(
+    capacity=st.integers(2, 9),
+    written=st.integers(1, 25),
+    late=st.lists(st.tuples(st.integers(0, 10**6), st.integers(1, 700)), min_size=1, max_size=4),
+)
+@example(capacity=8, written=3, late=[(0, 10**6)])
+def test_a_record_is_read_when_all_of_it_is_visible_and_not_when_its_counter_is(capacity, written, late):
+    """A processor that reorders stores shows the counter first: some bytes of the slot are still those before it."""
+    with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity) as writer:
+        for i in range(written - 1):
+            writer.write(record(i))
+        before = writer.path.read_bytes()
+        with RingReader(writer.path) as reader, writer.path.open("r+b") as file:
+            got = reader.read()["tick"].tolist()
+            writer.write(record(written - 1))
+            after = writer.path.read_bytes()
+            size = (len(after) - RECORDS_AT) // capacity
+            slot = RECORDS_AT + (written - 1) % capacity * size
+            seen = bytearray(after)
+            for start, length in late:
+                hidden = slice(slot + start % size, min(slot + start % size + length, slot + size))
+                seen[hidden] = before[hidden]
+            file.write(seen)
+            file.flush()
+            torn = reader.read()
+            assert len(torn) == (seen == after)
+            file.seek(0)
+            file.write(after)
+            file.flush()
+            last = reader.read()
+            assert len(torn) + len(last) == 1
+            assert_record_of(written - 1, np.concatenate([torn, last]))
+            assert got == list(range(max(0, written - capacity), written - 1))
+            assert reader.overrun == 0
+
+
+def assert_record_of(tick, records):
+    for each in records:
+        for field in FIELDS:
+            assert np.all(each[field.name] == (tick % 256 if field.kind == "u1" else tick))
+
+
 def test_a_killed_writer_leaves_all_that_it_published(path, start):
     process = start("writer_process.py", path, 50)
     with RingReader(path) as reader:
@@ -123,7 +165,7 @@ def test_a_killed_writer_leaves_all_that_it_published(path, start):
 @pytest.mark.parametrize(
     ("offset", "value", "message"),
     [
-        (8, 99, "layout version 99, this program reads version 1"),
+        (8, 99, "layout version 99, this program reads version 2"),
         (12, 0, "other fields than those of this program"),
         (16, 8, "other fields than those of this program"),
         (32, 1, "too few for 1 records"),

@@ -12,6 +12,7 @@ from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.record import COLUMNS, RECORD
 from weberlink.telemetry.ring import (
     RECORDS_AT,
+    SLOT_BYTES,
     RingFormatError,
     RingInUseError,
     RingWriter,
@@ -53,7 +54,7 @@ def test_the_header_says_who_writes_and_since_when(path):
 def test_the_file_has_all_its_memory_and_belongs_to_this_user(path):
     with create(path, capacity=1000):
         status = path.stat()
-    assert status.st_size == RECORDS_AT + 1000 * RECORD.size
+    assert status.st_size == RECORDS_AT + 1000 * SLOT_BYTES
     assert status.st_blocks * 512 >= status.st_size
     assert stat.S_IMODE(status.st_mode) == 0o600
 

@@ -109,6 +109,8 @@ class ControlSocket:
         self._socket: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: str | bytes | None = None
+        """Who waits for the answer of the peer; there is one at most, because there is one change at a time."""
+        self._timer: asyncio.TimerHandle | None = None
 
     def open(self, loop: "asyncio.AbstractEventLoop") -> None:
         """Listen.
@@ -145,6 +147,7 @@ class ControlSocket:
             self._take(request if isinstance(request, dict) else None, sender)
 
     def _take(self, request: dict[str, object] | None, sender: str | bytes) -> None:
+        self._tell_result()  # before another change takes its place
         if request is None:
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
         elif not request:
@@ -180,16 +183,23 @@ class ControlSocket:
         return None
 
     def _look(self) -> None:
+        """Answer who waits, now or as soon as the peer has answered."""
+        self._tell_result()
+        if self._waiting is not None and self._timer is None and self._loop is not None and self._socket is not None:
+            self._timer = self._loop.call_later(LOOK_S, self._on_timer)
+
+    def _on_timer(self) -> None:
+        self._timer = None
+        self._look()
+
+    def _tell_result(self) -> None:
         result = self._side.tuning.result
-        if result is None:
-            if self._loop is not None and self._socket is not None:
-                self._loop.call_later(LOOK_S, self._look)
+        if self._waiting is None or result is None:
             return
-        if self._waiting is not None:
-            accepted = result.refusal is None
-            told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
-            self._answer(self._waiting, {"accepted": accepted} | told)
-            self._waiting = None
+        accepted = result.refusal is None
+        told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
+        self._answer(self._waiting, {"accepted": accepted} | told)
+        self._waiting = None
 
     def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
         tuning = self._side.tuning

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
+STOP_SLACK_S, STOP_FADES = 1.0, 2.0
+"""Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""
 FINDER_ENDS_S = 2.0
 """Time that the process that finds paths has to end, after which it is killed [s]."""
 
@@ -224,12 +226,19 @@ def _drive(
             ticker_period=system.tick_period,
             duration_s=order.duration_s,
             start_at=epoch,
+            stop_limit_s=stop_limit_s(system, order.side),
             after_tick=write,
             garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
             busy_poll=system.realtime.busy_poll,
         )
     finally:
         side.close()
+
+
+def stop_limit_s(system: System, side: str) -> float:
+    """Hard bound on an orderly stop [s]: the operator's end fades the force first, the robot's end leaves at once."""
+    fade = system.master.limits.ramp_ms * 1e-3 if side == MASTER else 0.0
+    return STOP_SLACK_S + STOP_FADES * fade
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
 from weberlink.protocol.mailbox import Statistics
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.telemetry.record import UNKNOWN
+from weberlink.telemetry.record import MOST_RECEIVED, UNKNOWN
 from weberlink.telemetry.row import Row, placed
 
 
@@ -50,7 +50,7 @@ class CartesianRows:
         row.model, row.surface, row.surface_size, row.surface_stiffness = force
         row.sent = outgoing.update is not None
         row.widened = encoder.widened
-        row.received = incoming.received
+        row.received = min(incoming.received, MOST_RECEIVED)
         if self._rotates:
             self._fill_rotation(row, statistics)
 
@@ -86,7 +86,7 @@ class JointRows:
         row.bound = joints.encoder.bound
         row.sent = joints.update is not None
         row.widened = joints.encoder.widened
-        row.received = self._incoming[0].received
+        row.received = min(self._incoming[0].received, MOST_RECEIVED)
         predicted: Joints = ()
         held: Joints = ()
         for channel, count in zip(self._outgoing, self._counts, strict=True):

@@ -2,8 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from math import ceil, inf, nan
-from typing import NamedTuple
+from math import ceil, inf, isfinite, nan
+from typing import Any, NamedTuple
 
 from weberlink.control.contract import Choosing
 from weberlink.control.port import Port
@@ -13,7 +13,6 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
-    Connected,
     DatagramDropped,
     DropReason,
     Event,
@@ -120,7 +119,8 @@ class Side:
         self._stopping: str | None = None
         self._faults = FaultLedger()
         self._opened_at = 0.0
-        self._has_connected = False
+        self._session = 0
+        """Number of the session, as the endpoint counts them; 0 before the first."""
         self._encodes = False
         self._is_fresh = True
         self._last_reading_at = nan
@@ -171,7 +171,7 @@ class Side:
         self._hear(now)
         if self.tuning.is_busy:
             peer_time = self.endpoint.peer_time(deadline)
-            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
+            self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
         elif self._choosing is not None and self._choosing.wanted is not None:
             self._choose(self._choosing.wanted, now)
         self._follow_peer_clock(now)
@@ -195,7 +195,7 @@ class Side:
         complaint = self.tuning.complaint(change)
         if complaint is not None:
             return complaint
-        if self.endpoint.state is not State.ENGAGED:
+        if self.endpoint.state is not State.ENGAGED or self.endpoint.sessions != self._session:
             return "no session: the other side is not there"
         self._propose(self.tuning.ask(change), now)
         return None
@@ -224,7 +224,7 @@ class Side:
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
-        if self._leads and self._stopping is None and reason == "completed" and not self._has_connected:
+        if self._leads and self._stopping is None and reason == "completed" and self._session == 0:
             waited = now - self._opened_at
             if waited > CONNECT_PATIENCE:
                 self.failure = f"the slave did not answer in {waited:.1f} s"
@@ -305,19 +305,19 @@ class Side:
     def _hear(self, now: float) -> None:
         for channel in self.incoming:
             channel.received = 0
+        if self.endpoint.sessions != self._session:
+            self._begin()
         while (event := self.endpoint.next_event()) is not None:
             self._take(event, now)
 
     def _take(self, event: Event, now: float) -> None:
-        """Other events need nothing: `_engage` sees the state, and the endpoint counts what it drops."""
+        """Other events need nothing: `_hear` and `_engage` see the state, and the endpoint counts what it drops."""
         match event:
             case UpdateReceived():
                 if self._playout:
                     self._waiting.append(event)
                 else:
                     self._apply(event.update, event.stream)
-            case Connected():
-                self._begin()
             case PeerSilent(is_heard):
                 self._fall_silent(is_heard=is_heard)
             case PeerReturned():
@@ -325,10 +325,10 @@ class Side:
                 self._forget()
             case UpdateLost(stream):
                 self.outgoing[stream].encoder.restart()
-            case ChangeProposed(tick, body):
-                self.endpoint.answer_change(self.tuning.hear(tick, body, self._answered_at(now)))
+            case ChangeProposed():
+                self._guarded(self._answer, event, now)
             case ChangeAnswered(tick, body, refusal):
-                self.tuning.settle(tick, body, refusal)
+                self._guarded(self.tuning.settle, tick, body, refusal)
             case _:
                 self._take_notice(event, now)
 
@@ -346,6 +346,25 @@ class Side:
                 self.peer = self.peer._replace(refusal=message)
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
 
+    def _guarded(self, take: Callable[..., Any], *contents: Any) -> Any:
+        """Let something take contents of the peer; None if they made it raise.
+
+        This is the one boundary to a peer that holds the keys and does not keep to what it has agreed to. Whatever its
+        contents raise is its fault, is counted, and the loop goes on: this end drops all that it holds of the peer,
+        and asks for a complete state.
+        """
+        try:
+            return take(*contents)
+        except Exception:
+            self._faults.note(Fault.UPDATE)
+            self._forget()
+            self.endpoint.request_full_state()
+            return None
+
+    def _answer(self, proposal: ChangeProposed, now: float) -> None:
+        refusal = self.tuning.hear(proposal.tick, proposal.body, self._answered_at(now))
+        self.endpoint.answer_change(proposal, refusal)
+
     def _fall_silent(self, *, is_heard: bool) -> None:
         self._faults.clear(Fault.UNHEARD)
         self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
@@ -354,10 +373,7 @@ class Side:
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
-        try:
-            self.incoming[stream].apply(update)
-        except ValueError:  # from a peer that agreed on this channel and does not keep to it
-            self._faults.note(Fault.UPDATE)
+        self._guarded(self.incoming[stream].apply, update)
         self.codec_time += self._stopwatch() - began
 
     def _play_out(self) -> None:
@@ -369,7 +385,7 @@ class Side:
 
     def _begin(self) -> None:
         """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
-        self._has_connected = True
+        self._session = self.endpoint.sessions
         self.peer = PeerFacts(self.endpoint.peer_name)
         self._forget()
         self._is_fresh = True
@@ -416,24 +432,27 @@ class Side:
             return
         if port.ended:
             self.stop(now, "completed")
-        complaint = "gives no new sample"
+        complaint = self._complaint(reading)
+        if complaint is None and reading.at != self._last_reading_at:
+            self._last_reading_at = reading.at
+            for sensor in self._sensors:
+                sensor.take(reading)
+            self._watchdog.feed(now)
+            if port.accept(reading):
+                self._faults.meet(Fault.TRIPPED)
+            return
+        if self._watchdog.expired(now):
+            why = f": {port.trouble}" if port.trouble else ""
+            self._lose(f"{port.name} {complaint or 'gives no new sample'}{why}", now)
+
+    def _complaint(self, reading: Any) -> str | None:
+        """Why a reading cannot be used; None if it can."""
         for sensor in self._sensors:
             problem = sensor.complaint(reading)
             if problem is not None:
-                complaint = problem
-                break
-        else:
-            if reading.at != self._last_reading_at:
-                self._last_reading_at = reading.at
-                for sensor in self._sensors:
-                    sensor.take(reading)
-                self._watchdog.feed(now)
-                if port.accept(reading):
-                    self._faults.meet(Fault.TRIPPED)
-                return
-        if self._watchdog.expired(now):
-            why = f": {port.trouble}" if port.trouble else ""
-            self._lose(f"{port.name} {complaint}{why}", now)
+                return problem
+        # A time that is NaN differs from every other one, as if there were news for ever.
+        return None if isfinite(reading.at) else f"reports the time {reading.at}"
 
     def _lose(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
@@ -514,9 +533,9 @@ class Side:
     def _actuate(self, now: float, elapsed: float) -> None:
         """Decode every channel for this very moment, less the play-out, without waiting for the network, and act."""
         began = self._stopwatch()
-        values = []
+        values, tick = [], self._peer_tick - self._playout
         for channel in self.incoming:
-            values.append(channel.decode(self._peer_tick - self._playout))  # noqa: PERF401 - a comprehension costs a call
+            values.append(self._guarded(channel.decode, tick))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
         if self._faults.active is not _NO_FAULT and not self.port.tripped:

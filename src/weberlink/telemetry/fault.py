@@ -15,7 +15,7 @@ class Fault(IntEnum):
     REFUSED = 3
     """The peer runs another configuration or version."""
     UPDATE = 4
-    """The peer sent an update that does not fit the channel; it was not applied."""
+    """The peer sent what cannot be used; all that was held of it was dropped, and its complete state asked for."""
     UNHEARD = 5
     """The peer is heard, but for longer than the limit it has not heard this side."""
     STALLED = 6

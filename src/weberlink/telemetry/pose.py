@@ -1,27 +1,25 @@
 """The pose of a simulated robot in a small file in shared memory, for who draws its scene.
 
-The writer makes the sequence number odd, writes the values, and makes it even again; a reader takes the values if it
-found the same even number before and after.
+A pose lies there with its number and a checksum over both, so that a reader knows one that is only partly written or
+visible, on any processor.
 """
 
 import os
-from contextlib import suppress
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import Struct
 from tempfile import mkstemp
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.telemetry.runtime_directory import directory, open_file
 
-MAGIC = b"WEBPOSE\x01"
+MAGIC = b"WEBPOSE\x02"
 HEADER = Struct("<8sQ")
 """Magic, and number of values."""
-SEQUENCE_AT = 16
-TIME_AT = 24
-VALUES_AT = 32
+CHECK = Struct("<I")
 LARGEST_FILE = 65_536
 ATTEMPTS = 5
 
@@ -43,7 +41,8 @@ class PoseWriter:
     """
 
     def __init__(self, path: Path, count: int) -> None:
-        size = VALUES_AT + 8 * count
+        self._body = _body(count)
+        size = _size(count)
         fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
         try:
             os.pwrite(fd, HEADER.pack(MAGIC, count) + bytes(size - HEADER.size), 0)
@@ -55,22 +54,16 @@ class PoseWriter:
         finally:
             os.close(fd)
         self._path = path
-        self._sequence = memoryview(self._map)[SEQUENCE_AT : SEQUENCE_AT + 8].cast("Q")
-        self._values: NDArray[np.float64] = np.frombuffer(self._map, np.float64, offset=TIME_AT)
-        self._count = 0
+        self._number = 0
 
     def write(self, at: float, values: NDArray[np.float64]) -> None:
         """Publish the values at a moment [s] on the monotonic clock."""
-        self._count += 2
-        self._sequence[0] = self._count - 1
-        self._values[0] = at
-        self._values[1:] = values
-        self._sequence[0] = self._count
+        self._number += 1
+        body = self._body.pack(self._number, at, *values.tolist())
+        self._map[HEADER.size : HEADER.size + len(body) + CHECK.size] = body + CHECK.pack(crc32(body))
 
     def close(self) -> None:
         """Remove the file."""
-        self._sequence.release()
-        del self._values
         self._map.close()
         self._path.unlink(missing_ok=True)
 
@@ -89,23 +82,32 @@ class PoseReader:
         try:
             size = os.fstat(fd).st_size
             magic, self.count = HEADER.unpack(os.pread(fd, HEADER.size, 0).ljust(HEADER.size, b"\0"))
-            if magic != MAGIC or size != VALUES_AT + 8 * self.count:
+            if magic != MAGIC or size != _size(self.count):
                 raise ValueError(f"{path}: holds no poses of this release")
+            self._body = _body(self.count)
             self._map = mmap(fd, size, access=ACCESS_READ)
         finally:
             os.close(fd)
-        self._sequence = memoryview(self._map)[SEQUENCE_AT : SEQUENCE_AT + 8].cast("Q")
 
     def read(self) -> tuple[float, NDArray[np.float64]] | None:
         """The newest pose: its moment on the monotonic clock [s], and its values; None before the first."""
         for _ in range(ATTEMPTS):
-            before = self._sequence[0]
-            values = np.frombuffer(self._map[TIME_AT:], np.float64)
-            if before and before % 2 == 0 and self._sequence[0] == before:
-                return float(values[0]), values[1:]
+            data = self._map[HEADER.size :]
+            body = data[: self._body.size]
+            number, at, *values = self._body.unpack(body)
+            if number and CHECK.unpack_from(data, self._body.size)[0] == crc32(body):
+                return at, np.array(values)
         return None
 
     def close(self) -> None:
-        with suppress(BufferError):
-            self._sequence.release()
-            self._map.close()
+        self._map.close()
+
+
+def _body(count: int) -> Struct:
+    """Number, moment, and so many values."""
+    return Struct(f"<Qd{count}d")
+
+
+def _size(count: int) -> int:
+    """Of a file with so many values [bytes]."""
+    return HEADER.size + 16 + 8 * count + CHECK.size

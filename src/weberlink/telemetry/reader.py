@@ -3,17 +3,33 @@
 import os
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
+from struct import Struct
 from types import TracebackType
 from typing import Self
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.record import DESCRIPTION, RECORD
-from weberlink.telemetry.ring import CLOSED_AT, COUNTER_AT, LARGEST_FILE, RECORDS_AT, is_alive, read_header
+from weberlink.telemetry.record import DESCRIPTION
+from weberlink.telemetry.ring import (
+    BODY,
+    CHECK,
+    CLOSED_AT,
+    COUNTER_AT,
+    LARGEST_FILE,
+    RECORDS_AT,
+    SLOT_BYTES,
+    is_alive,
+    read_header,
+)
 from weberlink.telemetry.runtime_directory import open_file
 
 DTYPE = np.dtype(DESCRIPTION)
+_SLOT = np.dtype({"names": ["number", "record"], "formats": ["<u8", DTYPE], "offsets": [0, 8], "itemsize": SLOT_BYTES})
+
+
+_NUMBER = Struct("<Q").unpack_from
 
 
 class RingReader:
@@ -36,7 +52,7 @@ class RingReader:
         try:
             self._header = read_header(self.path, fd)
             self._capacity = self._header.capacity
-            self._map = mmap(fd, RECORDS_AT + self._capacity * RECORD.size, access=ACCESS_READ)
+            self._map = mmap(fd, RECORDS_AT + self._capacity * SLOT_BYTES, access=ACCESS_READ)
         finally:
             os.close(fd)
         whole = memoryview(self._map)
@@ -79,6 +95,11 @@ class RingReader:
         return self._counter[0]
 
     @property
+    def passed(self) -> int:
+        """Records before the one that `read` gives next: read, overwritten, or older than what it began with."""
+        return self._next
+
+    @property
     def alive(self) -> bool:
         """Whether more can come: the writer has not closed the ring and its process runs. Costs a file of /proc."""
         return self._map[CLOSED_AT] == 0 and is_alive(self._header)
@@ -92,14 +113,17 @@ class RingReader:
         """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
 
         Records that the writer has overwritten before they could be copied whole are left out and counted in `overrun`.
+        A record that is published and not whole yet is left for the next call, and so are those after it.
         """
         end = self._counter[0]
         first = max(self._next, self._oldest(end))
-        records = np.frombuffer(self._copy(first, end - first), DTYPE)
+        copied = self._copy(first, end - first)
         intact = min(max(first, self._oldest(self._counter[0])), end)
+        end = _whole(copied, first, intact, end)
         self.overrun += intact - self._next
         self._next = end
-        return records[intact - first :]
+        records: NDArray[np.void] = np.frombuffer(copied, _SLOT)["record"][intact - first : end - first].copy()
+        return records
 
     def close(self) -> None:
         """Release the mapping; arrays that were read stay valid. May be repeated."""
@@ -125,6 +149,16 @@ class RingReader:
     def _copy(self, first: int, count: int) -> bytearray:
         start = first % self._capacity
         until_end = min(count, self._capacity - start)
-        records = bytearray(self._data[start * RECORD.size : (start + until_end) * RECORD.size])
-        records += self._data[: (count - until_end) * RECORD.size]
-        return records
+        slots = bytearray(self._data[start * SLOT_BYTES : (start + until_end) * SLOT_BYTES])
+        slots += self._data[: (count - until_end) * SLOT_BYTES]
+        return slots
+
+
+def _whole(slots: bytearray, first: int, intact: int, end: int) -> int:
+    """The first record from `intact` to `end` that is not whole, or `end`; `first` is that of the first slot."""
+    view = memoryview(slots)
+    for record in range(intact, end):
+        slot = view[(record - first) * SLOT_BYTES :]
+        if (record + 1, crc32(slot[: BODY.size])) != (_NUMBER(slot)[0], CHECK.unpack_from(slot, BODY.size)[0]):
+            return record
+    return end

@@ -21,6 +21,9 @@ UNKNOWN = (nan, nan, nan)
 RELEASED = 2
 """Value of `ramping` while the operator does not hold the button that lets the robot follow."""
 
+MOST_RECEIVED = 255
+"""Largest value of `received`: a peer may send any number of updates between two ticks."""
+
 # numpy's names of the types (little endian) beside those of struct.
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
 
@@ -100,7 +103,7 @@ FIELDS = (
     Field("control", "u1", 1, "", "control scheme at work, as its place in the table of schemes"),
     Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank"),
     Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
-    Field("received", "u1", 1, "", "updates applied in this tick"),
+    Field("received", "u1", 1, "", f"updates applied in this tick, {MOST_RECEIVED} for more"),
     Field("clipped", "u1", 1, "", "1 if a limiter changed the output"),
     Field(
         "ramping",

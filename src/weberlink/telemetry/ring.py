@@ -2,8 +2,11 @@
 
 Record number n lies in slot n modulo capacity. The counter of complete records is stored after the record, as one
 aligned 8-byte word. A reader copies records and reads the counter again: with c records complete, record c may be being
-written, so c - capacity and all older ones may be overwritten. This needs stores to become visible in order, which
-x86-64 guarantees; on ARM64 nothing here enforces it.
+written, so c - capacity and all older ones may be overwritten.
+
+Not every processor makes stores visible in order (x86-64 does, ARM64 does not): a reader may see the counter before all
+of the record. So a slot holds the number of its record, from 1, and a checksum over both (as in
+`weberlink.hardware.slot`), and what is not whole yet is taken at the next look.
 """
 
 import os
@@ -23,7 +26,7 @@ from weberlink.telemetry.record import FIELDS, RECORD
 from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBRING\x00"
-VERSION = 1
+VERSION = 2
 # Changes with every change of the table, so that a reader of another release refuses the file.
 SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes) for field in FIELDS]).encode())
 
@@ -31,10 +34,15 @@ HEADER = Struct("<8sIIIIQQddd32s")
 COUNTER_AT = 128
 CLOSED_AT = 136
 RECORDS_AT = 192
-SIZE, PACK = RECORD.size, RECORD.pack
+SIZE = RECORD.size
+BODY = Struct(f"<Q{RECORD.format.removeprefix('<')}")
+CHECK = Struct("<I")
+SLOT_BYTES = (BODY.size + CHECK.size + 7) // 8 * 8
+"""Number, record and checksum, filled up so that every value is aligned."""
+PACK, STORED = BODY.pack, BODY.size + CHECK.size
 SIDE_BYTES = 32
 LARGEST_FILE = 128 * 2**20
-"""Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 35 MB."""
+"""Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 62 MB."""
 
 
 class Header(NamedTuple):
@@ -88,7 +96,7 @@ def read_header(path: Path, fd: int) -> Header:
         raise RingFormatError(f"{path}: layout version {header.version}, this program reads version {VERSION}")
     if (header.schema, header.record_size) != (SCHEMA, SIZE):
         raise RingFormatError(f"{path}: its records have other fields than those of this program; use the same release")
-    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * header.record_size
+    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * SLOT_BYTES
     if header.capacity < 2 or size < expected:
         raise RingFormatError(f"{path}: {size} bytes are too few for {header.capacity} records ({expected} bytes)")
     return header
@@ -127,7 +135,7 @@ class RingWriter:
         self._map = mapping
         # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
         self._counter = memoryview(mapping)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
-        self._end = RECORDS_AT + capacity * SIZE
+        self._end = RECORDS_AT + capacity * SLOT_BYTES
         self._slot = RECORDS_AT
         self._count = 0
         self._closed = False
@@ -154,7 +162,7 @@ class RingWriter:
             raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
         if not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        most = (LARGEST_FILE - RECORDS_AT) // SIZE
+        most = (LARGEST_FILE - RECORDS_AT) // SLOT_BYTES
         if not 2 <= capacity <= most:
             raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
         _refuse_to_replace(path)
@@ -170,11 +178,12 @@ class RingWriter:
         Raises:
             struct.error, OverflowError: a value does not fit its type; nothing is published.
         """
-        slot = self._slot
-        following = slot + SIZE
-        self._map[slot:following] = PACK(*record)
-        self._count += 1
-        self._counter[0] = self._count
+        slot, count = self._slot, self._count + 1
+        body: bytes = PACK(count, *record)
+        self._map[slot : slot + STORED] = body + CHECK.pack(zlib.crc32(body))
+        self._count = count
+        self._counter[0] = count
+        following = slot + SLOT_BYTES
         self._slot = following if following < self._end else RECORDS_AT
 
     def close(self, *, unlink: bool = True) -> None:
@@ -215,7 +224,7 @@ def _place(path: Path, header: Header) -> mmap:
     """Map a new file, private to this user, that appears under its path only when it is complete."""
     fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
     try:
-        size = RECORDS_AT + header.capacity * header.record_size
+        size = RECORDS_AT + header.capacity * SLOT_BYTES
         # Allocated now: missing memory at a later store would kill the process in the middle of a tick.
         os.posix_fallocate(fd, 0, size)
         mapping = mmap(fd, size, flags=MAP_SHARED | MAP_POPULATE)

@@ -25,7 +25,7 @@ from weberlink.apps.doctor.rights import huge_pages, shared_memory, swap
 from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, tools, uvloop
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
-from weberlink.telemetry.record import RECORD
+from weberlink.telemetry.ring import SLOT_BYTES
 
 OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
 DYNAMIC = "Linux version 6.1.0-21-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_DYNAMIC Debian 6.1.90-1"
@@ -43,7 +43,7 @@ GOVERNOR = "cpufreq/scaling_governor"
 SLICE = "sys/fs/cgroup/user.slice"
 SWAP = {"proc/swaps": "Filename\tType\tSize\tUsed\tPriority\n/dev/sda2  partition\t2000000\t0\t-2\n"}
 HUGE = "sys/kernel/mm/transparent_hugepage/enabled"
-RING = 10 * 1000 * RECORD.size
+RING = 10 * 1000 * SLOT_BYTES
 TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
 LISTENING = Needs(listen=("0.0.0.0", 47000))
 CALLING = Needs(slave=("robot", 47000))

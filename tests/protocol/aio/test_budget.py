@@ -3,10 +3,12 @@
 import asyncio
 import socket
 import time
+from errno import ENETDOWN
+from typing import Any
 
 import pytest
 
-from weberlink.protocol.aio.queue import ReceiveQueue, WorkBudget
+from weberlink.protocol.aio.queue import MOST_S, SLICE_S, ReceiveQueue, WorkBudget
 from weberlink.protocol.events import Address
 
 
@@ -97,3 +99,75 @@ def test_a_queue_that_has_paused_goes_on() -> None:
         return len(taken)
 
     assert asyncio.run(scenario()) == 6
+
+
+def nobody(data: bytes, source: Address, now: float) -> None:
+    raise AssertionError(data)
+
+
+class Broken(socket.socket):
+    """A socket with something to read, which the system refuses to give; each refusal takes 50 us on its own clock."""
+
+    def __init__(self) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
+        self.refusals = 0
+
+    def recvfrom(self, *arguments: Any) -> Any:
+        self.refusals += 1
+        assert self.refusals < 1000, "without end"
+        raise OSError(ENETDOWN, "Network is down")
+
+    def now(self) -> float:
+        return 50e-6 * self.refusals
+
+
+def test_errors_without_end_cost_the_budget_and_end_the_slice() -> None:
+    async def scenario() -> list[int]:
+        bound = Broken()
+        bound.bind(("127.0.0.1", 0))
+        bound.setblocking(False)
+        queue = ReceiveQueue(
+            bound, loop=asyncio.get_running_loop(), now=bound.now, take=nobody, on_datagrams=lambda: None, share=0.1
+        )
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b"x", bound.getsockname())
+        counts = []
+        for _ in range(100):
+            assert not queue.read(), "nothing was received"
+            counts.append(bound.refusals)
+        queue.close()
+        return counts
+
+    counts = asyncio.run(scenario())
+    assert 0 < counts[0] * 50e-6 < 2 * SLICE_S
+    assert counts[-1] * 50e-6 < 1.5 * MOST_S, "then it waits until there is time again"
+    assert counts[-1] == counts[-2]
+
+
+def test_a_datagram_behind_an_error_is_taken() -> None:
+    """The error of an earlier send, which the system reports once."""
+
+    async def scenario() -> list[bytes]:
+        taken: list[bytes] = []
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+            peer.bind(("127.0.0.1", 0))
+            bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            bound.bind(("127.0.0.1", 0))
+            bound.connect(("127.0.0.1", 1))  # nobody listens there
+            bound.send(b"x")
+            bound.connect(peer.getsockname())
+            bound.setblocking(False)
+            peer.sendto(b"behind", bound.getsockname())
+            queue = ReceiveQueue(
+                bound,
+                loop=asyncio.get_running_loop(),
+                now=time.monotonic,
+                take=lambda data, _source, _now: taken.append(data),
+                on_datagrams=lambda: None,
+                share=0.3,
+            )
+            queue.read()
+            queue.close()
+        return taken
+
+    assert asyncio.run(scenario()) == [b"behind"]

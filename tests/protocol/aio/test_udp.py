@@ -3,6 +3,8 @@
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable
+from ipaddress import IPv6Address
+from pathlib import Path
 from random import Random
 from time import monotonic, sleep
 from typing import Any
@@ -213,6 +215,39 @@ async def test_ipv6(loop: asyncio.AbstractEventLoop) -> None:
     master.connect(monotonic())
     master_shell.flush(monotonic())
     await until(master, Connected, [])
+
+
+def link_local() -> str | None:
+    """An address of this host with its zone, "fe80::1%eth0"; None if it has none."""
+    listed = Path("/proc/net/if_inet6")
+    for line in listed.read_text(encoding="utf-8").splitlines() if listed.exists() else ():
+        digits, _, _, scope, _, interface = line.split()
+        if scope == "20":
+            return f"{IPv6Address(bytes.fromhex(digits))}%{interface}"
+    return None
+
+
+@pytest.mark.skipif(link_local() is None, reason="this host has no link-local IPv6 address")
+@live
+async def test_a_link_local_address_keeps_its_zone(loop: asyncio.AbstractEventLoop) -> None:
+    """Of a direct cable: the system takes it with its zone only, to bind, to connect and to answer."""
+    host = link_local()
+    assert host is not None
+    slave = make(Role.RESPONDER)
+    slave_shell = shell_of(slave, listen=(host, 0))
+    await slave_shell.open(loop)
+    slave.connect(monotonic())
+    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]))
+    master_shell = shell_of(master)
+    await master_shell.open(loop)
+    master.connect(monotonic())
+    master_shell.flush(monotonic())
+    for endpoint, shell in ((master, master_shell), (slave, slave_shell)):
+        await until(endpoint, Connected, [])
+        # The socket that is connected to the peer hears it too.
+        before = endpoint.statistics.received
+        await until_true(lambda told=endpoint.statistics, before=before: told.received > before + 3)
+        assert "%" in shell.paths[0].remote
 
 
 class SlowClock:

@@ -11,8 +11,7 @@ from weberlink.apps.doctor.processors import slow_states
 from weberlink.apps.doctor.trial import RightsRequest, RightsTrial
 from weberlink.realtime.process import LATENCY_REQUEST
 from weberlink.system.daemon import RING_SECONDS
-from weberlink.telemetry.record import RECORD
-from weberlink.telemetry.ring import RECORDS_AT
+from weberlink.telemetry.ring import RECORDS_AT, SLOT_BYTES
 from weberlink.telemetry.runtime_directory import Places
 
 LIMITS_FILE = "/etc/security/limits.d/weberlink.conf"
@@ -167,7 +166,7 @@ def huge_pages(machine: Machine, _needs: Needs) -> Finding:
 
 def shared_memory(machine: Machine, needs: Needs) -> Finding:
     """Whether there is room for the telemetry rings."""
-    ring = RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * RECORD.size
+    ring = RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * SLOT_BYTES
     wanted = ring * len(needs.sides)
     root = machine.root
     parent = Places(machine.variables, root / "run/user", root / "dev/shm", root / "proc/self/mountinfo").memory()

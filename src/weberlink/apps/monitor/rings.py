@@ -119,12 +119,11 @@ class RingFeed:
     def read(self) -> Records:
         if self.drained:
             return self._reader.read()[:0]
-        alive, self.written = self._reader.alive, self._reader.written  # before the read, which then takes all of it
-        records = self._reader.read()
+        alive = self._reader.alive  # before the read, which then takes all of it
+        records, self.written = self._reader.read(), self._reader.passed
         self._read += len(records)
         # The ring does not count what it lost before it was opened.
         self.lost = max(self.lost, self._reader.overrun, self.written - self._read)
-        self.written = max(self.written, self._read)
         self.drained = not alive
         if self.drained:
             self.in_order = self._reader.ended_in_order

@@ -103,25 +103,25 @@ class RingSource:
         """
         if self.ring is None or self.drained:
             return
-        alive, written = self.ring.alive, self.ring.written  # before the read, which then takes all there ever is
-        records = self.ring.read()
+        alive = self.ring.alive  # before the read, which then takes all there ever is
+        records, passed = self.ring.read(), self.ring.passed
         if self._left_out is None and len(records):
-            self._left_out, records = self._cut(records, written)
+            self._left_out, records = self._cut(records, passed)
         self._read += len(records)
         # The ring does not count what it lost before it was opened.
-        lost = max(self._lost, self.ring.overrun, written - self._read - (self._left_out or 0))
+        lost = max(self._lost, self.ring.overrun, passed - self._read - (self._left_out or 0))
         writer.note_lost(self.side, lost - self._lost)
         self._lost = lost
         self.drained = not alive
         writer.write(self.side, records)
 
-    def _cut(self, records: Rows, written: int) -> tuple[int, Rows]:
+    def _cut(self, records: Rows, passed: int) -> tuple[int, Rows]:
         """Leave out what was before `since`; returns how many records that are, and the others."""
         assert self.ring is not None
         if self._since is None:
             return 0, records
         first = int(np.searchsorted(records["at"], self._since))
-        overwritten = written - len(records)
+        overwritten = passed - len(records)
         missing = int((float(records["at"][0]) - self._since) * self.ring.rate_hz) if overwritten else 0
         return first + overwritten - max(0, missing), records[first:]
 
