@@ -148,6 +148,7 @@ class FollowerPort:
         wanted = self._wanted(values, elapsed) if engaged and not self._is_overloaded else None
         if wanted is None:
             self.applied = self._guard.hold(step)
+            self._press_limit.forget()
         else:
             goal = self._press_limit.bounded(wanted, self.applied, self.angles, self.torques, step)
             self.contact_ticks += goal is not wanted

@@ -3,12 +3,15 @@
 from math import copysign, inf
 
 from weberlink.geometry.joints import Joints
-from weberlink.slave.safety import REBOUND, TRIP_PAUSE, TripGuard
+from weberlink.slave.safety import REBOUND, TRIP_PAUSE, PressStep, TripGuard
 
 TRIP_RETREAT = 0.05
 """How far an axis that trips backs off [rad]: 1 cm at the end of 20 cm. Chosen."""
 CONTACT_SHARE = 0.1
 """An axis is in contact from this share of its largest press on; less is friction of gears and noise. Chosen."""
+DAMPING_MOST = 4.0
+"""Largest damping of what an axis touches that the press limit provides for [N m s/rad]: 100 N s/m at the end of 20 cm.
+Chosen."""
 FULL_SHARE = 0.95
 """Share of the largest press that counts as all of it: filtered, a measurement that saturates stays below. Chosen."""
 
@@ -17,8 +20,9 @@ class JointPressLimit:
     """Bounds the torque with which each axis presses on what it touches; the counterpart of `PressLimit`.
 
     Against the torque of the environment, the commanded angle may lie at most `most / stiffness` beyond the measured
-    one, so that the position control of the axis presses with at most `most`. This holds for `REBOUND` after the
-    contact too. Motion away from the contact is not bounded.
+    one, so that the position control of the axis presses with at most `most`; `PressStep` says how it gets there. This
+    holds for `REBOUND` after the contact too, unless the operator pulls out, and after a damped one until the command
+    has caught up. Motion away from the contact is not bounded.
 
     Most followers sag under their own weight, which their position control holds by a distance to the command that is
     no contact. So the command goes back only where the torque of the environment reaches `most`; below it, it only goes
@@ -31,7 +35,7 @@ class JointPressLimit:
         noise: uncertainty of a measured torque [N m]; a contact below it is none.
     """
 
-    __slots__ = ("_contact", "_left", "_most", "_reach", "_sign")
+    __slots__ = ("_angles", "_contact", "_held", "_left", "_most", "_reach", "_sign", "_steps")
 
     def __init__(self, most: Joints, stiffness: Joints, noise: float) -> None:
         if not all(torque >= 0.0 for torque in most):
@@ -39,8 +43,17 @@ class JointPressLimit:
         self._most = most
         self._reach = tuple(inf if k == inf else torque / k for torque, k in zip(most, stiffness, strict=True))
         self._contact = tuple(min(torque, max(CONTACT_SHARE * torque, noise)) or inf for torque in most)
+        self._steps = [PressStep(reach, DAMPING_MOST / k) for reach, k in zip(self._reach, stiffness, strict=True)]
         self._sign = [0.0] * len(most)
         self._left = [0.0] * len(most)
+        self._held: Joints = ()
+        self._angles: Joints = ()
+
+    def forget(self) -> None:
+        """The arm holds: what comes next does not follow from what was before."""
+        self._held = ()
+        for step in self._steps:
+            step.rest()
 
     def bounded(self, target: Joints, held: Joints, angles: Joints, torques: Joints, elapsed: float) -> Joints:
         """The target, less deep on axes that press too far; itself if none does [rad].
@@ -53,19 +66,34 @@ class JointPressLimit:
             elapsed: time since the last call [s].
         """
         bounded = target
+        former, left = (self._held, self._angles) if self._held else (held, angles)
+        self._held, self._angles = held, angles
         for axis, torque in enumerate(torques):
-            if abs(torque) >= self._contact[axis]:
+            touches = abs(torque) >= self._contact[axis]
+            if touches:
                 self._sign[axis], self._left[axis] = copysign(1.0, torque), REBOUND
-            elif self._left[axis] <= 0.0:
+            elif self._left[axis] <= 0.0 and not self._steps[axis].catches_up:
+                self._steps[axis].rest()
+                continue
+            # Along the axis, with the direction into the contact as positive.
+            sign = -self._sign[axis]
+            depth = sign * (target[axis] - angles[axis])
+            if depth <= 0.0 and not touches:
+                self._left[axis] = 0.0
+                self._steps[axis].rest()
                 continue
             self._left[axis] -= elapsed
-            # Along the axis, with the direction out of the contact as positive.
-            sign = self._sign[axis]
-            deepest = sign * angles[axis] - self._reach[axis]
-            if abs(torque) < FULL_SHARE * self._most[axis]:
-                deepest = min(deepest, sign * held[axis])
-            if sign * target[axis] < deepest:
-                bounded = (*bounded[:axis], sign * deepest, *bounded[axis + 1 :])
+            wanted = sign * (target[axis] - held[axis])
+            allowed = self._steps[axis].allowed(
+                wanted,
+                press=sign * (held[axis] - angles[axis]),
+                before=sign * (former[axis] - left[axis]),
+                went=sign * (held[axis] - former[axis]),
+                elapsed=elapsed,
+                retreats=abs(torque) >= FULL_SHARE * self._most[axis],
+            )
+            if allowed < wanted:
+                bounded = (*bounded[:axis], held[axis] + sign * allowed, *bounded[axis + 1 :])
         return bounded
 
     def near(self, held: Joints, angles: Joints) -> Joints:

@@ -221,11 +221,12 @@ class RobotPort:
         commanded = values[0] if follows else None
         if commanded is None:
             self.applied = guard.hold(step)
+            self._press_limit.forget()
         else:
             self.commanded = commanded
             endpoint = self._endpoint
             wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
-            goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
+            goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
             self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)
         self.robot.command(self.applied, now)

@@ -17,6 +17,16 @@ TRIP_PAUSE = 0.5
 
 REBOUND = 0.1
 """Time for which a robot that has lost contact may be bouncing [s]."""
+NOISE_SHARE = 1.0 / 32.0
+"""A press that changes by less of its limit tells nothing: it may be noise of the sensors. Chosen."""
+SPRING = 0.5
+"""What counts as the answer of a press to the command until it is measured; that of a spring alone is 1 at most."""
+DAMPED = 2.0
+"""The answer above which it is not that of a spring; measured in motion, that of a robot with inertia is near 1."""
+LEAST_STEP = 1e-3
+"""Share of the largest press that a command may go in within a tick from rest. Chosen."""
+DAMPING_MOST = 100.0
+"""Largest damping of a surface that the press limit provides for [N s/m]. Chosen."""
 
 
 class Follower(Generic[Place]):
@@ -98,44 +108,142 @@ class Follower(Generic[Place]):
         return held
 
 
+class PressStep:
+    """How far a command may go into a contact in a tick, so that the robot's spring presses with at most its limit.
+
+    The press is the depth of the command below the tip: the force of the spring, divided by its stiffness Kc. What it
+    lacks to the limit is the room. A step of the command by all of the room keeps the limit, if the press follows the
+    command as it does in a spring, by no more than the step.
+
+    A robot without inertia passes on the damping of what it touches. At stiffness K <= Kc, damping B and tick T its
+    press is p[k] = (K d[k] + B (d[k] - d[k-1]) / T) / Kc, with the depth d of the command below the surface. Steps of
+    a times the room give z^2 - (1 - a h) z - a b = 0 with h = (K + B / T) / Kc and b = B / (T Kc). At a = 1 that is
+    unstable for b > 1: the command is thrown out of the contact and back into it. At a = 1 / max(1, 2 h), both roots
+    are within the unit circle and at least -1/2 for every K, B and T. Therefore:
+
+    - At an excess that was not there a tick ago the command stops. What damping adds to the press ends with that.
+    - By how much the press follows a change of the command's speed gives h; it is kept while the limit acts.
+    - The command goes 1 / max(1, 2 h) of the room, inwards and outwards. After an excess it goes in at twice its last
+      speed at most: it must not meet a damping that it does not know yet with all of the room.
+
+    A robot that is pushed out at v presses with at most about 2 B v more, with the largest B that is provided for.
+
+    Args:
+        most: press at the limit, > 0.
+        damping: largest damping that is provided for, divided by the robot's stiffness [s].
+    """
+
+    __slots__ = ("_acts", "_answer", "_damping", "_most", "_noise", "_went")
+
+    def __init__(self, most: float, damping: float) -> None:
+        self._most = most
+        self._noise = NOISE_SHARE * most
+        self._damping = damping
+        self._acts = False
+        self._answer = 0.0
+        """h, as far as it is known."""
+        self._went = 0.0
+
+    @property
+    def catches_up(self) -> bool:
+        """Whether the command is behind what it follows, at a speed that suits what it has touched."""
+        return self._acts and self._answer > DAMPED
+
+    def rest(self) -> None:
+        """There is no contact."""
+        self._acts = False
+        self._went = 0.0
+
+    def allowed(
+        self, wanted: float, press: float, before: float, went: float, elapsed: float, *, retreats: bool = True
+    ) -> float:
+        """How far the command may go in, negative for out: `wanted`, or less.
+
+        Args:
+            wanted: how far it is to go in.
+            press: depth of the command below the tip.
+            before: that of the last tick.
+            went: how far the command went in from the last tick to this one.
+            elapsed: time since the last tick [s].
+            retreats: whether it may have to go out; otherwise it stops where the press is too large.
+        """
+        quickening, change, fastest = went - self._went, press - before, max(abs(went), abs(self._went))
+        self._went = went
+        if not self._acts:
+            self._answer = 0.0
+        elif abs(change) > self._noise and change * quickening > 0.0 and 2.0 * abs(quickening) >= fastest:
+            damping = self._damping / elapsed if elapsed > 0.0 else 0.0
+            self._answer = max(self._answer, min(change / quickening, 1.0 + damping))
+        room = self._most - press
+        if room < 0.0:
+            self._answer = max(self._answer, SPRING)
+            room = max(room, min(0.0, self._most - before)) if retreats else 0.0
+        if self._answer > 0.0:
+            room = min(room / max(1.0, 2.0 * self._answer), 2.0 * fastest + LEAST_STEP * self._most)
+        self._acts = wanted > room
+        return room if self._acts else wanted
+
+
 class PressLimit:
     """Bounds the force with which a robot presses on what it touches.
 
     Along the contact force, the command may lie at most `most / stiffness` deeper than the tip, so that the robot's
-    spring presses with at most `most`, however stiff the contact is. This holds for `REBOUND` after the contact too: a
-    heavy robot that bounces off a hard wall would otherwise be pulled into the next impact. Motion along the surface
-    and away from it is not bounded.
+    spring presses with at most `most`, however stiff the contact is; `PressStep` says how it gets there. This holds for
+    `REBOUND` after the contact too, unless the operator pulls out: a heavy robot that bounces off a hard wall would
+    otherwise be pulled into the next impact. After a damped contact it holds until the command has caught up. Motion
+    along the surface and away from it is not bounded.
 
     Args:
         most: largest contact force [N], > 0.
         stiffness: of the robot towards its command [N/m], > 0; an infinite one is not bounded.
     """
 
-    __slots__ = ("_deepest", "_left", "_out")
+    __slots__ = ("_held", "_left", "_out", "_step", "_tip")
 
     def __init__(self, most: float, stiffness: float) -> None:
-        self._deepest = inf if stiffness == inf else most / stiffness
+        self._step = PressStep(inf if stiffness == inf else most / stiffness, DAMPING_MOST / stiffness)
         self._out: Vector = ZERO
         self._left = 0.0
+        self._tip: Vector | None = None
+        self._held: Vector = ZERO
 
-    def bounded(self, target: Vector, tip: Vector, force: Vector, elapsed: float) -> Vector:
+    def forget(self) -> None:
+        """The robot holds: what comes next does not follow from what was before."""
+        self._tip = None
+        self._step.rest()
+
+    def bounded(self, target: Vector, held: Vector, tip: Vector, force: Vector, elapsed: float) -> Vector:
         """The target [m], moved back along the contact force if it lies too deep; itself if it does not.
 
         Args:
             target: position that the robot is to be commanded to [m].
+            held: that of the last command [m].
             tip: where the robot is [m].
             force: of the environment on the robot [N].
             elapsed: time since the last call [s].
         """
+        former, left = (held, tip) if self._tip is None else (self._held, self._tip)
+        self._held, self._tip = held, tip
         x, y, z = force
         length = hypot(x, y, z)
-        if length >= LEAST_CONTACT:
+        touches = length >= LEAST_CONTACT
+        if touches:
             self._out, self._left = (x / length, y / length, z / length), REBOUND
-        elif self._left <= 0.0:
+        elif self._left <= 0.0 and not self._step.catches_up:
+            self._step.rest()
+            return target
+        a, b, c = self._out
+        depth = (tip[0] - target[0]) * a + (tip[1] - target[1]) * b + (tip[2] - target[2]) * c
+        if depth <= 0.0 and not touches:
+            self._left = 0.0
+            self._step.rest()
             return target
         self._left -= elapsed
-        a, b, c = self._out
-        excess = (tip[0] - target[0]) * a + (tip[1] - target[1]) * b + (tip[2] - target[2]) * c - self._deepest
+        press = (tip[0] - held[0]) * a + (tip[1] - held[1]) * b + (tip[2] - held[2]) * c
+        before = (left[0] - former[0]) * a + (left[1] - former[1]) * b + (left[2] - former[2]) * c
+        went = (former[0] - held[0]) * a + (former[1] - held[1]) * b + (former[2] - held[2]) * c
+        wanted = depth - press
+        excess = wanted - self._step.allowed(wanted, press, before, went, elapsed)
         if excess <= 0.0:
             return target
         return (target[0] + excess * a, target[1] + excess * b, target[2] + excess * c)

@@ -192,11 +192,14 @@ def pressed(target: Vector, tip: Vector, outward: Vector, stiffness: float = COU
     return stiffness * dot(subtract(tip, target), outward)
 
 
-@given(places, places, directions, st.floats(LEAST_CONTACT * 1.001, 30.0), st.floats(0.1, 20.0), st.floats(10.0, 1e6))
+@given(
+    places, places, places, directions, st.floats(LEAST_CONTACT * 1.001, 30.0), st.floats(0.1, 20.0),
+    st.floats(10.0, 1e6),
+)  # fmt: skip
 def test_the_spring_of_the_robot_never_presses_with_more_than_the_limit(
-    target: Vector, tip: Vector, outward: Vector, force: float, most: float, stiffness: float
+    target: Vector, held: Vector, tip: Vector, outward: Vector, force: float, most: float, stiffness: float
 ) -> None:
-    goal = PressLimit(most, stiffness).bounded(target, tip, scale(outward, force), TICK)
+    goal = PressLimit(most, stiffness).bounded(target, held, tip, scale(outward, force), TICK)
     assert pressed(goal, tip, outward, stiffness) <= most + 1e-9 * stiffness
     if pressed(target, tip, outward, stiffness) <= most - 1e-9 * stiffness:
         assert goal == target
@@ -213,21 +216,31 @@ def test_motion_along_a_contact_and_out_of_it_is_not_bounded(
 ) -> None:
     along = subtract(aside, scale(outward, dot(aside, outward)))
     target = add(tip, add(along, scale(outward, out)))
-    assert PressLimit(MOST, COUPLING).bounded(target, tip, scale(outward, 5.0), TICK) == target
+    assert PressLimit(MOST, COUPLING).bounded(target, target, tip, scale(outward, 5.0), TICK) == target
 
 
 def test_a_robot_that_bounces_is_held_back_until_the_rebound_is_over() -> None:
     limit = PressLimit(MOST, COUPLING)
     deep, tip, up = (0.01, 0.0, -0.02), (0.0, 0.0, 0.001), (0.0, 0.0, 1.0)
-    assert limit.bounded(deep, tip, ZERO, TICK) == deep  # before any contact
-    limit.bounded(deep, tip, (0.0, 0.0, 3.0), TICK)
+    assert limit.bounded(deep, deep, tip, ZERO, TICK) == deep  # before any contact
+    limit.bounded(deep, deep, tip, (0.0, 0.0, 3.0), TICK)
     ticks = round(REBOUND / TICK)
     for _ in range(ticks - 2):
-        assert pressed(limit.bounded(deep, tip, ZERO, TICK), tip, up) == pytest.approx(MOST)
-    free = [limit.bounded(deep, tip, (0.0, 0.0, 0.9 * LEAST_CONTACT), TICK) == deep for _ in range(4)]
+        assert pressed(limit.bounded(deep, deep, tip, ZERO, TICK), tip, up) == pytest.approx(MOST)
+    free = [limit.bounded(deep, deep, tip, (0.0, 0.0, 0.9 * LEAST_CONTACT), TICK) == deep for _ in range(4)]
     assert free[-1]
+
+
+def test_the_rebound_is_over_once_the_operator_has_pulled_out() -> None:
+    limit = PressLimit(MOST, COUPLING)
+    deep, tip, out = (0.0, 0.0, -0.02), (0.0, 0.0, 0.001), (0.0, 0.0, 0.002)
+    assert limit.bounded(deep, tip, tip, (0.0, 0.0, 3.0), TICK) != deep
+    assert limit.bounded(out, tip, tip, (0.0, 0.0, 3.0), TICK) == out
+    assert limit.bounded(deep, tip, tip, ZERO, TICK) != deep, "out within the contact is not out of it"
+    assert limit.bounded(out, tip, tip, ZERO, TICK) == out
+    assert limit.bounded(deep, tip, tip, ZERO, TICK) == deep
 
 
 def test_a_robot_of_unstated_stiffness_is_not_bounded() -> None:
     deep = (0.0, 0.0, -1.0)
-    assert PressLimit(MOST, inf).bounded(deep, ZERO, (0.0, 0.0, 5.0), TICK) == deep
+    assert PressLimit(MOST, inf).bounded(deep, deep, ZERO, (0.0, 0.0, 5.0), TICK) == deep

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.system.systems import configuration, decoded, output, raw, steps, system
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice
@@ -377,3 +378,20 @@ def test_a_run_without_a_session_has_failed_and_not_completed() -> None:
             simulation.master.stop(step.master.at, "completed")
     assert simulation.master.failure == "the slave did not answer in 2.0 s"
     assert simulation.master.outcome == simulation.master.failure
+
+
+def test_press_limit_makes_no_chatter_of_taps_on_a_damped_surface() -> None:
+    taps = "{driver: operator, script: [{motion: tap, at_m: [0, 0, 0], frequency_hz: 3, depth_m: 0.03}]}"
+    felt = []
+    for limit in (10, 30):
+        simulation = system(
+            "control.scheme=none",
+            f"master.device={taps}",
+            "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 20}]",
+            f"slave.limits.contact_n={limit}",
+        )
+        felt.append([norm(raw(step.slave)) for step in steps(simulation, 2.2)])
+    contacts = [sum(a < LEAST_CONTACT <= b for a, b in pairwise(forces)) for forces in felt]
+    assert simulation.slave.record().contact_ticks == 0, "it reaches the lower limit alone"
+    assert contacts[0] <= 3 * contacts[1]
+    assert sum(force > 10.5 for force in felt[0]) <= contacts[0], "an impact is above the limit for a tick"
