@@ -99,7 +99,8 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
         "others_good": "ready", "others_bad": "broken", "others_none": "broken", "others_odd": "broken",
     }  # fmt: skip
     assert others["others_bad"].advice == (
-        "cannot be loaded: ModuleNotFoundError: No module named 'others_things_missing'",
+        "device others_bad of others-things: others_things_bad:Bad cannot be imported: "
+        "ModuleNotFoundError: No module named 'others_things_missing'",
     )
     assert all(each.package is None for each in found.drivers if not each.driver.startswith("others"))
 

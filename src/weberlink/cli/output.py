@@ -2,13 +2,14 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
+from weberlink.registry import fault_of
 from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
@@ -34,16 +35,27 @@ class Study(Protocol):
 
 
 @contextmanager
-def errors() -> Iterator[None]:
-    """Report a wrong file with status 2, a missing runtime directory with status 1; one line each."""
-    from weberlink.system.configuration import ConfigurationError  # noqa: PLC0415 - not for the help
+def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
+    """Report a wrong file with status 2; a missing runtime directory or a broken driver with status 1; one line each.
+
+    Args:
+        log: receives the trace of a driver, or of another part by name, that raised an error.
+    """
+    from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for the help
 
     try:
         yield
     except ConfigurationError as error:
+        log(trace_of(error))
         fail(str(error), MISCONFIGURED)
     except RuntimeDirectoryError as error:
         fail(str(error), FAILED)
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is None:
+            raise
+        log(trace_of(error))
+        fail(fault, FAILED)
 
 
 def tell(message: str) -> None:

@@ -37,7 +37,9 @@ LOSS_COUNT = 20
 
 _ENDINGS = (
     ("device", "device fault"),
+    ("device", "leader arm fault"),
     ("robot", "robot fault"),
+    ("robot", "follower arm fault"),
     ("refused", "refused"),
     ("taken_over", "taken over"),
     ("no_answer", "the slave did not answer"),

@@ -3,14 +3,31 @@
 import re
 from collections.abc import Sequence
 from difflib import get_close_matches
+from traceback import format_exception
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from weberlink.registry import PartError, fault_of
+
 
 class ConfigurationError(ValueError):
     """A file, a field or an argument is wrong; the text is one line: where, and what was expected."""
+
+
+def trace_of(error: BaseException) -> list[str]:
+    """The trace of a part by name, such as a driver, that raised what an error tells; empty where none did."""
+    at: BaseException | None = error
+    while at is not None:
+        if isinstance(at, PartError):
+            return format_exception(at.__cause__)
+        if fault_of(at) is not None:
+            return format_exception(at)
+        within = at.errors(include_url=False) if isinstance(at, ValidationError) else ()
+        causes = (each.get("ctx", {}).get("error") for each in within)
+        at = next((cause for cause in causes if isinstance(cause, PartError)), at.__cause__ or at.__context__)
+    return []
 
 
 _EXPECTED = {
