@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
 STANDARD_OUTPUT = Path("-")
+PROGRESS_EVERY_S = 10.0
+"""Least time between two lines about the progress of a command without a terminal [s]."""
 
 
 class Study(Protocol):
@@ -45,17 +48,23 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
 
     try:
         yield
-    except ConfigurationError as error:
-        log(trace_of(error))
-        fail(str(error), MISCONFIGURED)
     except RuntimeDirectoryError as error:
         fail(str(error), FAILED)
     except Exception as error:
-        fault = fault_of(error)
-        if fault is None:
+        is_wrong_file = isinstance(error, ConfigurationError)
+        told = str(error) if is_wrong_file else fault_of(error)
+        if told is None or was_interrupted(error):
             raise
         log(trace_of(error))
-        fail(fault, FAILED)
+        fail(told, MISCONFIGURED if is_wrong_file else FAILED)
+
+
+def was_interrupted(error: BaseException) -> bool:
+    """Whether Ctrl-C is behind an error: Python 3.11 wraps it where it comes while a class is made, as in an import."""
+    at: BaseException | None = error
+    while at is not None and not isinstance(at, KeyboardInterrupt):
+        at = at.__cause__ or at.__context__
+    return at is not None
 
 
 def tell(message: str) -> None:
@@ -137,8 +146,12 @@ def finish(
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[..., None]]:
-    """Show progress on standard error if it is a terminal; yields `report(done, total, what)`."""
+def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., None]]:
+    """Show progress on standard error; yields `report(done, total, what)`.
+
+    Args:
+        every_s: least time between two lines where it is no terminal [s].
+    """
     from rich.console import Console  # noqa: PLC0415 - for long commands alone
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -152,8 +165,14 @@ def progress_bar() -> Iterator[Callable[..., None]]:
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
+        began = told = monotonic()
 
         def report(done: float, total: float, what: str = "") -> None:
-            bar.update(task, completed=done, total=total, description=f"{done:g}/{total:g} {what}")
+            nonlocal told
+            text, now = f"{done:g}/{total:g} {what}", monotonic()
+            bar.update(task, completed=done, total=total, description=text)
+            if bar.disable and now - told >= every_s:
+                told = now
+                tell(f"{text}, after {now - began:.0f} s")
 
         yield report

@@ -1,7 +1,8 @@
 """The program: its commands, put together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, entry_points, version
+from signal import SIG_DFL, SIGINT, default_int_handler, getsignal, signal
 from typing import Annotated, Any
 
 import typer
@@ -87,6 +88,8 @@ def program(
         typer.echo(context.get_help())
 
 
-def main() -> None:
-    """Entry point of the program."""
-    app(prog_name="weberlink")
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the program; with arguments in place of those of the process."""
+    if getsignal(SIGINT) is default_int_handler:
+        signal(SIGINT, SIG_DFL)  # until a command begins, which has something to close or to keep
+    app(arguments, prog_name="weberlink")
