@@ -25,6 +25,7 @@ from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
+from weberlink.installation import install_line
 from weberlink.master import devices
 from weberlink.master.devices import leaders
 from weberlink.registry import Registry
@@ -112,7 +113,7 @@ def fails(cls: Any) -> list[PluggedDevice]:
 @pytest.mark.parametrize(
     ("candidate", "state", "advice"),
     [
-        (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", ('pip install "weberlink[x]"',)),
+        (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", (install_line("x"),)),
         (type("Driver", (), {"NEEDS": ("json", "x")}), "ready", ()),
         (driver(), "nothing plugged in", ()),
         (driver(plugged=classmethod(lambda cls: None)), "cannot be listed", ()),

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from weberlink.apps import rules
 from weberlink.hardware.discovery import PluggedDevice
+from weberlink.installation import install_line
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
 from weberlink.registry import PartError, Registry, in_words
@@ -152,7 +153,7 @@ class _Inspection:
         kind = "hardware" if hasattr(driver, "plugged") else "virtual"
         package, extra = getattr(driver, "NEEDS", (None, None))
         if package is not None and find_spec(package) is None:
-            return self._status(kind, extra, NO_EXTRA, (), f'pip install "weberlink[{extra}]"')
+            return self._status(kind, extra, NO_EXTRA, (), install_line(str(extra)))
         if kind == "virtual":
             return self._status(kind, extra, READY)
         return self._hardware(driver, extra)

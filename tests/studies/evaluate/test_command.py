@@ -25,6 +25,7 @@ from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
+from weberlink.installation import install_line
 from weberlink.studies.evaluate.command import run
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, tables_of
@@ -468,5 +469,5 @@ for further, status in ((["--dask", "tcp://127.0.0.1:1"], 2), (["--json", "-"], 
 """
     ended = process(traces[0], "--predictor", "zoh", program=twice)
     assert ended.returncode == 0
-    assert ended.stderr == 'weberlink: --dask: needs distributed; install it with: pip install "weberlink[dask]"\n'
+    assert ended.stderr == f"weberlink: --dask: needs distributed; install it with: {install_line('dask')}\n"
     assert len(json.loads(ended.stdout)["rows"]) == 1

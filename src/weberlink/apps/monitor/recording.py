@@ -14,6 +14,7 @@ from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.installation import install_line
 from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
 from weberlink.system.wording import INFO, WARN, Words
 from weberlink.telemetry.recording.marks import shortened
@@ -153,7 +154,7 @@ class RecordingDesk:
         if session.ended or session.remote or session.ring is None or "system" not in session.description:
             return "only a running session of this host can be recorded"
         if any(find_spec(package) is None for package in NEEDS):
-            return 'recording needs mcap; install it with: pip install "weberlink[recording]"'
+            return f"recording needs mcap; install it with: {install_line('recording')}"
         return None
 
     def _start(self, session: WatchedSession, name: object) -> Answer:

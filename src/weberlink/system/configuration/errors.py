@@ -30,6 +30,14 @@ def trace_of(error: BaseException) -> list[str]:
     return []
 
 
+STUCK = re.compile(r"[ \t]*(?:- )?([A-Za-z_]\w*:)(?=[^\s:/])")
+"""A key whose value follows without a space: for YAML, both are one word."""
+
+
+def no_space(stuck: re.Match[str]) -> str:
+    return f'a space is missing behind "{stuck[1]}"'
+
+
 _EXPECTED = {
     "tuple_type": "should be a list",
     "list_type": "should be a list",
@@ -142,4 +150,5 @@ def _expectation(error: ErrorDetails) -> str:
         return one_of(re.findall(r"'([^']*)'", error["ctx"]["expected"]), given)
     message = _EXPECTED.get(error["type"], message)
     shown = "" if isinstance(given, (dict, BaseModel)) else f", not {given!r}"
-    return f"{message}{shown}"
+    stuck = STUCK.match(given) if isinstance(given, str) and "mapping" in message else None
+    return f"{message}{shown}" if stuck is None else f"{message}{shown}; {no_space(stuck)}"
