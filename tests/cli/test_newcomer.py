@@ -245,7 +245,7 @@ TRIALS = {
     "missing file": Trial(said("check", "{}/none.yaml"), 2, "no such file"),
     "folder for a file": Trial(said("check", "{}"), 2, "is a folder; give the name of a file"),
     "binary file": Trial(with_file(b"\xff\xfe\x00"), 2, "it is not text; give a YAML file"),
-    "empty file": Trial(with_file(b""), 2, "is empty; start from one of the files of configs/"),
+    "empty file": Trial(with_file(b""), 2, "is empty; start from a shipped file"),
     "force beyond the device": Trial(checked("master.limits.force_n=1.0e+9"), 2, "less than or equal to 10000"),
     # Devices and extras.
     "unknown device": Trial(checked("master.device.driver=operater"), 2, "nearest is 'operator'"),

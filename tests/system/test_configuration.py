@@ -86,7 +86,7 @@ def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "is empty; start from one of the files of configs/"),
+        ("", "is empty; start from a shipped file"),
         ("axes: x", "link: is missing"),
         ("- 1", "must be a mapping"),
         ("link: [", "not YAML"),

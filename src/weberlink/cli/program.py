@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, studies, visit
+from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, shipped, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -23,6 +23,7 @@ TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
         sessions.slave,
         sessions.simulate,
         sessions.check,
+        shipped.configs,
         sessions.keygen,
         peers.peers,
     ),

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Hashable
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,7 +64,7 @@ def parse(path: Path) -> dict[str, Any]:
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: not YAML: {error}") from None
     if content is None:
-        raise ConfigurationError(f"{path}: is empty; start from one of the files of configs/")
+        raise ConfigurationError(f"{path}: is empty; start from a shipped file: weberlink configs")
     if not isinstance(content, dict):
         for number, line in enumerate(text.splitlines(), 1):
             if (stuck := STUCK.match(line)) is not None:
@@ -76,13 +77,19 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise ConfigurationError(f"{path}: no such file") from None
+        raise ConfigurationError(f"{path}: no such file{_shipped(path)}") from None
     except IsADirectoryError:
         raise ConfigurationError(f"{path}: cannot be read: it is a folder; give the name of a file") from None
     except UnicodeDecodeError:
         raise ConfigurationError(f"{path}: cannot be read: it is not text; give a YAML file") from None
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _shipped(path: Path) -> str:
+    """How to get the file of this name that comes with the program, if there is one."""
+    is_shipped = path.suffix == ".yaml" and (files("weberlink.configs") / path.name).is_file()
+    return f"; weberlink configs {path.stem} copies the shipped one here" if is_shipped else ""
 
 
 class _Mistake(NamedTuple):
