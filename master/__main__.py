@@ -2,6 +2,6 @@
 
 import sys
 
-from weberlink.cli import app
+from weberlink.cli import main
 
-app(["master", *sys.argv[1:]], prog_name="weberlink")
+main(["master", *sys.argv[1:]])

@@ -1,8 +1,10 @@
 """Recorded teleoperation signals: positions and forces over time, from CSV or from a recording of a session."""
 
 import csv
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from errno import ENOENT
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.installation import install_line
 from weberlink.protocol.states import State
 
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
@@ -149,8 +152,10 @@ def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
     if is_other:
         raise TraceError(f"{path}: is no regular file; expected a trace")
     if _is_recording(path):
+        if not path.exists():
+            raise TraceError(f"{path}: cannot be read: {os.strerror(ENOENT)}; expected a recording")
         if find_spec("mcap") is None:
-            raise TraceError(f'{path}: reading it needs mcap; install it with: pip install "weberlink[recording]"')
+            raise TraceError(f"{path}: reading it needs mcap; install it with: {install_line('recording')}")
         return as_trace(_recorded(path, sides))
     columns = _columns(path)
     table = _numbers(path, columns)

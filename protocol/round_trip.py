@@ -117,11 +117,11 @@ class RoundTripAgreement:
             return
         milliseconds = int.from_bytes(body, "big")
         if self._proposes or len(body) != _BYTES or milliseconds > in_ms(self.longest) or self.switch_at < inf:
-            self.negotiation.answer("")
+            self.negotiation.answer(proposed, "")
             return
         self._liveness.expect(milliseconds * 1e-3)
         self.switch_at = now + max(ahead, 0.0)
-        self.negotiation.answer(None)
+        self.negotiation.answer(proposed, None)
 
     def take_answer(self, number: int, body: bytes, now: float) -> None:
         """Take an answer to our proposal."""

@@ -2,6 +2,6 @@
 
 import sys
 
-from weberlink.cli import app
+from weberlink.cli import main
 
-app(["slave", *sys.argv[1:]], prog_name="weberlink")
+main(["slave", *sys.argv[1:]])

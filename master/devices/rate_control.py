@@ -187,8 +187,7 @@ class RateDevice:
         reading = self._reading
         if reading is None:
             raise self._fault("not open")
-        if self._worker.fault is not None:
-            raise self._fault(self._worker.fault)
+        self._worker.check(self._fault)
         if now <= self._asked_at:
             return reading
         self._asked_at = now

@@ -114,8 +114,7 @@ class BlockingDevice(Generic[Command]):
     def latest(self, now: float) -> DeviceReading:
         if not self._is_open:
             raise self._fault("not open")
-        if self._worker.fault is not None:
-            raise self._fault(self._worker.fault)
+        self._worker.check(self._fault)
         if self._answer is None or self._answer[0] != now:
             self._answer = (now, self._worker.newest[0])
         return self._answer[1]

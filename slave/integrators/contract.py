@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol, cast
 
 from weberlink.geometry.vector import Vector
-from weberlink.registry import check_contract, resolve
+from weberlink.registry import check_contract, import_part
 from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
@@ -75,10 +75,7 @@ class IntegrationScheme:
         Raises:
             ValueError: it cannot be imported, or is no integrator.
         """
-        try:
-            make = cast(IntegratorClass, resolve(self.where))
-        except (ImportError, AttributeError) as error:
-            raise ValueError(f"integrator {self.where} cannot be imported: {error}") from None
+        make = cast(IntegratorClass, import_part("integrator", self.where))
         integrator = make(body, scene or Scene([]))
         check_contract("integrator", integrator, Integrator)
         return integrator

@@ -3,12 +3,15 @@
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import lru_cache, reduce
 from importlib import import_module
+from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+    from types import FrameType
 
 T = TypeVar("T")
 
@@ -16,6 +19,10 @@ T = TypeVar("T")
 def is_hardware(driver: object) -> bool:
     """Whether a driver may move something real: every one may that does not say `COMPUTED = True`."""
     return not getattr(driver, "COMPUTED", False)
+
+
+class PartError(ValueError):
+    """A part of another distribution cannot be imported; the text is one line, the cause what it raised."""
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -43,14 +50,16 @@ class Registry(Mapping[str, T], Generic[T]):
         self.group = group
         self._check = check
         self._loaded: dict[str, T] = {}
+        _TABLES.append(self)
 
     def __getitem__(self, name: str) -> T:
         """Import an entry.
 
         Raises:
             KeyError: no entry has this name.
-            ImportError: a package that the entry needs is missing.
-            ValueError: the entry of another distribution cannot be imported or used.
+            ImportError: a package that a built-in entry needs is missing.
+            PartError: the entry of another distribution cannot be imported.
+            ValueError: it cannot be used.
         """
         if name not in self._loaded:
             if name in self.built_in:
@@ -89,20 +98,41 @@ class Registry(Mapping[str, T], Generic[T]):
         installed = {name: entry.value for name, entry in self._installed.items()}
         return installed | {name: str(place) for name, place in self.built_in.items()}
 
+    def owned(self, name: str) -> str:
+        """The name of an entry, with the distribution that has it where that is another one."""
+        installed = None if name in self.built_in else self._installed.get(name)
+        return name if installed is None or installed.dist is None else f"{name} of {installed.dist.name}"
+
+    def runs(self, frame: "FrameType") -> str | None:
+        """The name of the loaded entry whose method a frame runs; None for another frame."""
+        part = frame.f_locals.get("self")
+        for name, entry in self._loaded.items():
+            if part is not None and (part is entry or (isinstance(entry, type) and isinstance(part, entry))):
+                return name
+        return None
+
+    def ships(self, frame: "FrameType") -> str | None:
+        """The name of a loaded entry of another distribution in whose module, or package, a frame runs; else None."""
+        module = frame.f_globals.get("__name__", "")
+        for name in self._loaded.keys() & (self._installed.keys() - self.built_in.keys()):
+            package, _, own = self._installed[name].module.rpartition(".")
+            if module.startswith(f"{package}.") if package else module == own:
+                return name
+        return None
+
     def _load_installed(self, name: str) -> T:
         installed = self._installed[name]
-        try:
-            entry = installed.load()
-        except ImportError:
-            raise  # the caller names the missing package
-        except Exception as error:
-            raise ValueError(f"{self.kind} {name}: {installed.value} cannot be imported: {error}") from error
+        entry = import_part(f"{self.kind} {self.owned(name)}", f"{installed.module}:{installed.attr or ''}")
         self._check(name, entry)
         return cast(T, entry)
 
     @property
     def _installed(self) -> Mapping[str, "EntryPoint"]:
         return {} if self.group is None else _installed(self.group, tuple(sys.path))
+
+
+_TABLES: list[Registry[Any]] = []
+"""All of this process."""
 
 
 @lru_cache
@@ -113,14 +143,55 @@ def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, "EntryPoint"]:
 
 
 def resolve(place: str) -> Any:
-    """Import "module:attribute".
+    """Import "module:attribute"; the attribute may have dots.
 
     Raises:
         ImportError: the module, or a package that it needs, is missing.
         AttributeError: the module has no such attribute.
     """
     module, _, attribute = place.partition(":")
-    return getattr(import_module(module), attribute)
+    return reduce(getattr, filter(None, attribute.split(".")), import_module(module))
+
+
+def import_part(what: str, place: str) -> Any:
+    """Import "module:attribute" of another distribution, whose module may raise anything.
+
+    Args:
+        what: kind, name and distribution, for the message.
+        place: "module:attribute".
+
+    Raises:
+        PartError: it cannot be imported.
+    """
+    try:
+        return resolve(place)
+    except Exception as error:
+        raise PartError(f"{what}: {place} cannot be imported: {in_words(error)}") from error
+
+
+def in_words(error: BaseException) -> str:
+    """Type and text of an error in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
+
+
+def fault_of(error: BaseException) -> str | None:
+    """Kind, name, distribution, error and line, of an error that escaped from a part by name, such as a driver.
+
+    None for an error of other code. A method of a part is looked for first, from the innermost frame outwards, then
+    other code that comes with a part of another distribution.
+    """
+    frames: list[tuple[FrameType, int]] = []
+    at = error.__traceback__
+    while at is not None:
+        frames.insert(0, (at.tb_frame, at.tb_lineno))
+        at = at.tb_next
+    for look in (Registry.runs, Registry.ships):
+        for (frame, _), table in product(frames, _TABLES):
+            if (name := look(table, frame)) is not None:
+                file = frame.f_code.co_filename
+                line = next(number for each, number in frames if each.f_code.co_filename == file)
+                return f"{table.kind} fault: {table.owned(name)}: {in_words(error)} ({Path(file).name}:{line})"
+    return None
 
 
 def check_contract(what: str, made: object, contract: type) -> None:

@@ -19,6 +19,7 @@ import pytest
 from tests.system.systems import CONFIGS
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.umockdev import HidNode, Testbed, missing
+from weberlink.installation import install_line
 from weberlink.master.emulators import load
 from weberlink.protocol.keys import generate
 
@@ -54,7 +55,7 @@ class Trouble:
 
 @contextmanager
 def missing_extra(folder: Path) -> Iterator[Trouble]:
-    says = ["slave.robot", 'pip install "weberlink[mujoco]"']
+    says = ["slave.robot", install_line("mujoco")]
     yield Trouble(["check", CONFIGS / "mujoco-arm.yaml"], 2, says, hidden=["mujoco"])
 
 

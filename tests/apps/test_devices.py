@@ -25,6 +25,7 @@ from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
+from weberlink.installation import install_line
 from weberlink.master import devices
 from weberlink.master.devices import leaders
 from weberlink.registry import Registry
@@ -99,7 +100,8 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
         "others_good": "cannot be listed", "others_bad": "broken", "others_none": "broken", "others_odd": "broken",
     }  # fmt: skip
     assert others["others_bad"].advice == (
-        "cannot be loaded: ModuleNotFoundError: No module named 'others_things_missing'",
+        "device others_bad of others-things: others_things_bad:Bad cannot be imported: "
+        "ModuleNotFoundError: No module named 'others_things_missing'",
     )
     assert all(each.package is None for each in found.drivers if not each.driver.startswith("others"))
 
@@ -111,7 +113,7 @@ def fails(cls: Any) -> list[PluggedDevice]:
 @pytest.mark.parametrize(
     ("candidate", "state", "advice"),
     [
-        (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", ('pip install "weberlink[x]"',)),
+        (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", (install_line("x"),)),
         (type("Driver", (), {"NEEDS": ("json", "x"), "COMPUTED": True}), "ready", ()),
         (type("Driver", (), {"NEEDS": ("json", "x")}), "cannot be listed", ()),
         (driver(), "nothing plugged in", ()),

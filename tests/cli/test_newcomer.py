@@ -19,6 +19,7 @@ import pytest
 
 from tests.system.processes import PATIENT, ROOT, Program, free_port, until
 from tests.system.systems import CONFIGS
+from weberlink.installation import install_line
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.recording.reader import read_recording
 
@@ -244,7 +245,7 @@ TRIALS = {
     "missing file": Trial(said("check", "{}/none.yaml"), 2, "no such file"),
     "folder for a file": Trial(said("check", "{}"), 2, "is a folder; give the name of a file"),
     "binary file": Trial(with_file(b"\xff\xfe\x00"), 2, "it is not text; give a YAML file"),
-    "empty file": Trial(with_file(b""), 2, "is empty; start from one of the files of configs/"),
+    "empty file": Trial(with_file(b""), 2, "is empty; start from a shipped file"),
     "force beyond the device": Trial(checked("master.limits.force_n=1.0e+9"), 2, "less than or equal to 10000"),
     # Devices and extras.
     "unknown device": Trial(checked("master.device.driver=operater"), 2, "nearest is 'operator'"),
@@ -260,7 +261,22 @@ TRIALS = {
         1,
         "/dev/ttyACM77: there is no such port",
     ),
-    "missing extra": Trial(without_mcap, 2, 'pip install "weberlink[recording]"'),
+    "missing extra": Trial(without_mcap, 2, install_line("recording")),
+    "missing recording without the extra": Trial(
+        said("info", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
+    ),
+    "missing recording to export": Trial(
+        said("export", "{}/none.mcap", "--to", "csv", program=BLOCKED.format("mcap")), 2, "cannot be read: No such file"
+    ),
+    "missing recording to evaluate": Trial(
+        said("evaluate", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
+    ),
+    "missing recording to play": Trial(
+        said("monitor", "--replay", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "cannot be read: No such file"
+    ),
+    "missing ledgers without the extra": Trial(
+        said("ratings", "{}/none", program=BLOCKED.format("scipy")), 2, "no such folder"
+    ),
     "study without a person": Trial(said("experiment", LOOPBACK, "--out", "{}/study"), 2, "add --simulate"),
     # Where nothing can be written.
     "unwritable folder": Trial(said("simulate", LOOPBACK, "--json", "/sys/out.json"), 2, "give another place"),

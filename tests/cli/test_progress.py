@@ -1,4 +1,4 @@
-"""What a long command shows on a terminal while it works."""
+"""What a long command shows while it works, on a terminal or without one."""
 
 import re
 
@@ -6,6 +6,7 @@ import pytest
 
 from tests.system.systems import CONFIGS
 from tests.terminals import WIDTH, on_terminal
+from weberlink.cli.output import progress_bar
 
 
 @pytest.mark.parametrize(
@@ -27,3 +28,13 @@ def test_long_command_shows_its_progress(arguments: tuple[object, ...], total: f
     assert len({of for _, of in told}) == 1
     assert total is None or told[0][1] == total
     assert not any("None" in line for line in lines)
+
+
+def test_progress_without_a_terminal_is_a_line_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar(every_s=0.0) as report:
+        report(1, 3, "problems")
+        report(2, 3, "problems")
+    assert capsys.readouterr() == ("", "weberlink: 1/3 problems, after 0 s\nweberlink: 2/3 problems, after 0 s\n")
+    with progress_bar() as report:
+        report(1, 3, "problems")
+    assert capsys.readouterr() == ("", ""), "not for what is done at once"

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from weberlink.apps.monitor import address
 from weberlink.cli import app
+from weberlink.installation import install_line
 
 
 def complaint(*arguments: object, status: int = 2) -> str:
@@ -50,7 +51,7 @@ def test_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     find = importlib.util.find_spec
     hidden = lambda name, package=None: None if name == "aiohttp" else find(name, package)  # noqa: E731
     monkeypatch.setattr("weberlink.system.configuration.extras.find_spec", hidden)
-    assert 'pip install "weberlink[monitor]"' in complaint()
+    assert install_line("monitor") in complaint()
 
 
 def test_usual_port_in_use_gives_way_to_another(taken_port: int) -> None:

@@ -168,6 +168,10 @@ def test_exception_in_the_thread_is_a_fault(mistake: BaseException) -> None:
         wait_for(lambda: worker.fault is not None)
         assert worker.fault == f"internal error: {mistake!r}"
         wait_for(lambda: not exchange.is_open)
+        # An error of the exchange's code comes with its trace; what would end the program is a fault like another one.
+        with pytest.raises(type(mistake) if isinstance(mistake, Exception) else HardwareFault) as caught:
+            worker.check(HardwareFault)
+        assert caught.value is mistake or str(caught.value) == worker.fault
 
 
 def test_failed_open_leaves_nothing_behind() -> None:

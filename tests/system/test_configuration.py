@@ -90,7 +90,7 @@ def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "is empty; start from one of the files of configs/"),
+        ("", "is empty; start from a shipped file"),
         ("axes: x", "link: is missing"),
         ("- 1", "must be a mapping"),
         ("link: [", "not YAML"),
@@ -101,6 +101,44 @@ def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None
 )
 def test_what_is_no_configuration_is_said_to_be_none(tmp_path: Path, text: str, expected: str) -> None:
     assert expected in complaint(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "told"),
+    [
+        ("rate_hz: 500\nmaster:\n\tdevice: {driver: operator}\n", 3, 1, "tab"),
+        ("master:\n  device:\n  \tdriver: operator\n", 3, 3, "tab"),
+        ("rate_hz:500\naxes: xyz\n", 1, 9, '"rate_hz:"'),
+        ("rate_hz:500\n", 1, 9, '"rate_hz:"'),
+        ("# mine\naxes: xyz\nrate_hz:500\n\nlink: {}\n", 3, 9, '"rate_hz:"'),
+        ("link:\n  silence_ms:200\n  listen: 127.0.0.1:0\n", 2, 14, '"silence_ms:"'),
+        ("link:\n  listen: 127.0.0.1:0\n  silence_ms:200\n", 3, 14, '"silence_ms:"'),
+        ('link: {silence_ms:200, listen: "127.0.0.1:0"}\n', 1, 8, '"silence_ms:"'),
+        ("slave:\n  scene:\n    - shape:plane\n      stiffness_n_m: 1\n", 3, 13, '"shape:"'),
+        ("axes: xyz\nrate_hz 500\nlink: {}\n", 2, 1, "key: value"),
+        ("link: {silence_ms: 200\naxes: xyz\n", 2, 5, "}"),
+        ("link:\n   silence_ms: 200\n  listen: x\n", 3, 3, "indented"),
+        ("axes: @x\n", 1, 7, "@"),
+    ],
+)
+def test_a_slip_in_yaml_has_its_place_and_plain_words(
+    tmp_path: Path, text: str, line: int, column: int, told: str
+) -> None:
+    path = write(tmp_path, text)
+    said = complaint(path)
+    assert said.startswith(f"{path}:{line}:{column}: ")
+    assert told in said
+    assert not any(word in said for word in ("token", "mapping values", "block", "could not find"))
+
+
+def test_a_space_is_missed_in_a_value_and_in_an_override(tmp_path: Path) -> None:
+    assert '"silence_ms:"' in complaint(write(tmp_path, "link:\n  silence_ms:200\n"))
+    assert '"silence_ms:"' in complaint(write(tmp_path, MINIMAL), "link={silence_ms:200}")
+
+
+def test_a_colon_in_a_value_and_a_tab_behind_one_are_no_slips(tmp_path: Path) -> None:
+    system = load(write(tmp_path, 'link:\t{listen: robot:47000, slave: "robot:47000",\tkey_file: key}\n')).system
+    assert (system.link.listen, system.link.slave) == ("robot:47000", "robot:47000")
 
 
 def test_a_file_that_is_not_there_or_not_text(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from textwrap import dedent
 import pytest
 
 import weberlink
+from weberlink.installation import install_line
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 
@@ -133,7 +134,7 @@ def test_modules_import_with_the_extras_of_their_place_alone(
 def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
     with pytest.raises(ConfigurationError) as caught:
         need("no_such_package", "plots", "--plots")
-    assert str(caught.value) == '--plots: needs no_such_package; install it with: pip install "weberlink[plots]"'
+    assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('plots')}"
 
 
 def test_a_package_that_is_there_is_no_matter() -> None:

@@ -213,6 +213,17 @@ def test_run_without_records_tells_the_address_too() -> None:
     assert "in 2.0 s at 10.0.0.2:47000: is it running there" in verdict(summary).line
 
 
+def test_call_of_a_placeholder_is_told_as_that() -> None:
+    summary = clean() | {"outcome": "failed: the slave did not answer in 2.0 s"}
+    for address in ("192.0.2.1:47000", "[2001:db8::1]:47000"):
+        summary["addresses"] = {"listen": "0.0.0.0:47000", "slave": address}
+        line = verdict(summary).line
+        assert address in line
+        assert "placeholder" in line
+        assert "link.slave" in line
+        assert "is it running there" not in line
+
+
 def test_reason_for_no_path_is_told_once() -> None:
     summary = clean() | {"outcome": "failed: no path to robot: UDP is blocked"}
     summary["paths"] = {"master": [{"route": "", "note": "no path to robot: UDP is blocked"}]}

@@ -12,6 +12,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
+from weberlink.installation import install_line
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.master.devices.inverse3.http_requests import service_devices
 from weberlink.master.devices.inverse3.options import ADDRESS, NAME, Inverse3Options
@@ -39,7 +40,7 @@ class Inverse3Device(ThreadedDevice):
     def __init__(self, options: Inverse3Options, tick_period: float) -> None:
         package, extra = self.NEEDS
         if find_spec(package) is None:
-            raise ValueError(f'driver {NAME}: needs {package}; install it with: pip install "weberlink[{extra}]"')
+            raise ValueError(f"driver {NAME}: needs {package}; install it with: {install_line(extra)}")
         self._options = options
         self._service: Any = import_module("weberlink.master.devices.inverse3.service")
         armed = options.signs_checked == self.fingerprint(options)

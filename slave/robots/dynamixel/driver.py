@@ -115,8 +115,7 @@ class DynamixelRobot:
     def latest(self, now: float) -> RobotReading:
         if not self._open:
             raise RobotFault(f"{NAME}: not open")
-        if self._worker.fault is not None:
-            raise RobotFault(_named(self._worker.fault))
+        self._worker.check(lambda why: RobotFault(_named(why)))
         if self._reading is not None and now <= self._reading[0]:
             return self._reading[1]
         at, (x, y, z, fx, fy, fz) = self._interpolation.at(now)

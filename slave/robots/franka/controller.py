@@ -15,6 +15,7 @@ from signal import SIG_DFL, SIG_IGN, SIGHUP, SIGINT, SIGTERM, signal
 from time import monotonic
 from typing import Any, Final
 
+from weberlink.installation import install_line
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent, forbid_core_dumps, prepare
 from weberlink.slave.robots.franka.control_loop import ControlLoop, position_of
@@ -164,7 +165,7 @@ def main(arguments: list[str]) -> int:
     try:
         control(import_module(LIBRARY), options, memory, parent)
     except ModuleNotFoundError as error:
-        reason = f'needs {error.name}; install it with: pip install "weberlink[franka]"'
+        reason = f"needs {error.name}; install it with: {install_line('franka')}"
     except Exception as error:  # whatever the library raises: the daemon names it
         reason = line_of(error)
     else:

@@ -8,6 +8,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, ClassVar
 
 from weberlink.geometry.vector import Vector
+from weberlink.installation import install_line
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import Quaternion, RobotSpec
 from weberlink.slave.robots.mjcf.options import MujocoOptions
@@ -39,7 +40,7 @@ class MujocoRobot(ComputedRobot):
             raise ValueError("driver mujoco: touches what is in its MJCF file; leave slave.scene out")
         package, extra = self.NEEDS
         if find_spec(package) is None:
-            raise ValueError(f'driver mujoco: needs {package}; install it with: pip install "weberlink[{extra}]"')
+            raise ValueError(f"driver mujoco: needs {package}; install it with: {install_line(extra)}")
         module = import_module("weberlink.slave.robots.mjcf.simulation")
         self._simulation: MjcfSimulation = module.MjcfSimulation(options, tick_period)
         spec = RobotSpec(

@@ -14,9 +14,10 @@ from rich.text import Text
 
 from weberlink.apps import rules
 from weberlink.hardware.discovery import PluggedDevice
+from weberlink.installation import install_line
 from weberlink.master.devices import DEVICES
 from weberlink.master.devices.leaders import LEADERS
-from weberlink.registry import Registry, is_hardware
+from weberlink.registry import PartError, Registry, in_words, is_hardware
 from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.followers import FOLLOWERS
 
@@ -147,11 +148,12 @@ class _Inspection:
             if not isinstance(driver, type):
                 raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
         except Exception as error:  # another package may raise anything at import
-            return self._status(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
+            why = str(error) if isinstance(error, PartError) else f"cannot be loaded: {in_words(error)}"
+            return self._status(None, None, BROKEN, (), why)
         kind = "hardware" if is_hardware(driver) else "virtual"
         package, extra = getattr(driver, "NEEDS", (None, None))
         if package is not None and find_spec(package) is None:
-            return self._status(kind, extra, NO_EXTRA, (), f'pip install "weberlink[{extra}]"')
+            return self._status(kind, extra, NO_EXTRA, (), install_line(str(extra)))
         if kind == "virtual":
             return self._status(kind, extra, READY)
         return self._hardware(driver, extra)
@@ -160,7 +162,7 @@ class _Inspection:
         try:
             listed = driver.plugged() if hasattr(driver, "plugged") else None
         except Exception as error:  # a listing that fails must not hide the other drivers
-            return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {_in_words(error)}")
+            return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {in_words(error)}")
         if listed is None:
             return self._status("hardware", extra, UNSEEN)
         plugged = tuple(listed)
@@ -227,7 +229,3 @@ def _packages(table: Registry[Any]) -> dict[str, str]:
         for entry in entry_points(group=table.group or "")
         if entry.name not in table.built_in
     }
-
-
-def _in_words(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
+from weberlink.system.configuration.extras import need, need_to_read
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
@@ -230,7 +230,7 @@ def _place(write: Output, path: Path) -> str:
 
 
 def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
-    need("mcap", "recording", str(paths[0]))
+    need_to_read(paths, str(paths[0]))
     from weberlink.system.scoring.recorded import put_together  # noqa: PLC0415 - reads with an optional library
     from weberlink.telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import Vector
+from weberlink.installation import install_line
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def mujoco() -> Any:
     """The package; raises ValueError with one line where it is not installed, or too old."""
     package, extra = NEEDS
     if find_spec(package) is None:
-        raise ValueError(f'models of arms need {package}; install it with: pip install "weberlink[{extra}]"')
+        raise ValueError(f"models of arms need {package}; install it with: {install_line(extra)}")
     module = import_module(package)
     if tuple(int(part) for part in module.__version__.split(".")[:3]) < LEAST:
         oldest = ".".join(map(str, LEAST))

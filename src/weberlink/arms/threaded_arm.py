@@ -84,8 +84,7 @@ class ThreadedArm(Generic[Command]):
     def latest(self, now: float) -> ArmReading:
         if not self._is_open:
             raise self._fault("not open")
-        if self._worker.fault is not None:
-            raise self._fault(self._worker.fault)
+        self._worker.check(self._fault)
         if self._answer is None or now > self._answer[0]:
             at, values = self._interpolation.at(now)
             axes = self.spec.axes

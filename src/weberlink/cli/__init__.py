@@ -1,6 +1,6 @@
 """The command line: arguments, exit statuses and what is printed.
 
-Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong, 130 Ctrl-C ended the work before its end
+Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong, 130 Ctrl-C or SIGTERM ended the work early
 (one line on standard error each).
 """
 

@@ -1,16 +1,19 @@
 """Arguments that commands share, and the command group: help by topic, one-line errors, the answer to Ctrl-C."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
+from signal import SIG_DFL, SIGINT, SIGTERM, default_int_handler, getsignal, signal
+from threading import current_thread, main_thread
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from weberlink.cli.output import fail
+from weberlink.cli.output import fail, was_interrupted
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
@@ -92,6 +95,20 @@ Workers = Annotated[
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM alike raise KeyboardInterrupt, unless something handles or ignores them."""
+    settable = (SIGINT, SIGTERM) if current_thread() is main_thread() else ()
+    taken = [number for number in settable if getsignal(number) is SIG_DFL]
+    try:
+        for number in taken:
+            signal(number, default_int_handler)
+        yield
+    finally:
+        for number in taken:
+            signal(number, SIG_DFL)
+
+
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, wrong arguments in one line, Ctrl-C in one line with status 130."""
 
@@ -116,8 +133,12 @@ class CommandGroup(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:  # of a command that has nothing to keep
+            with interruptible():
+                return super().invoke(ctx)
+        except BaseException as error:
+            if isinstance(error, typer.Exit) or not was_interrupted(error):
+                raise
+            # Of a command that has nothing to keep.
             typer.echo("weberlink: interrupted; nothing was kept", err=True)
             raise typer.Exit(INTERRUPTED) from None
 

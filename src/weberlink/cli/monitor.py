@@ -105,10 +105,10 @@ def _view(text: str) -> Any:
 def _replayed(paths: list[Path]) -> Any:
     """What --replay plays."""
     from weberlink.apps.monitor.program import tell  # noqa: PLC0415
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
+    from weberlink.system.configuration.extras import need_to_read  # noqa: PLC0415
 
     with errors():
-        need("mcap", "recording", "--replay")
+        need_to_read(paths, "--replay", before="--replay: ")
         from weberlink.apps.monitor.replay import read_source  # noqa: PLC0415 - reads with an optional library
 
         return read_source(paths, tell)

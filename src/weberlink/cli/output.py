@@ -2,19 +2,24 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import typer
 
+from weberlink.registry import fault_of
 from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+
+PROGRESS_EVERY_S = 10.0
+"""Least time between two lines about the progress of a command without a terminal [s]."""
 
 
 class Study(Protocol):
@@ -33,16 +38,33 @@ class Study(Protocol):
 
 
 @contextmanager
-def errors() -> Iterator[None]:
-    """Report a wrong file with status 2, a missing runtime directory with status 1; one line each."""
-    from weberlink.system.configuration import ConfigurationError  # noqa: PLC0415 - not for the help
+def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[None]:
+    """Report a wrong file with status 2; a missing runtime directory or a broken driver with status 1; one line each.
+
+    Args:
+        log: receives the trace of a driver, or of another part by name, that raised an error.
+    """
+    from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for the help
 
     try:
         yield
-    except ConfigurationError as error:
-        fail(str(error), MISCONFIGURED)
     except RuntimeDirectoryError as error:
         fail(str(error), FAILED)
+    except Exception as error:
+        is_wrong_file = isinstance(error, ConfigurationError)
+        told = str(error) if is_wrong_file else fault_of(error)
+        if told is None or was_interrupted(error):
+            raise
+        log(trace_of(error))
+        fail(told, MISCONFIGURED if is_wrong_file else FAILED)
+
+
+def was_interrupted(error: BaseException) -> bool:
+    """Whether Ctrl-C is behind an error: Python 3.11 wraps it where it comes while a class is made, as in an import."""
+    at: BaseException | None = error
+    while at is not None and not isinstance(at, KeyboardInterrupt):
+        at = at.__cause__ or at.__context__
+    return at is not None
 
 
 def tell(message: str) -> None:
@@ -124,8 +146,12 @@ def finish(
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[..., None]]:
-    """Show progress on standard error if it is a terminal; yields `report(done, total, what)`."""
+def progress_bar(every_s: float = PROGRESS_EVERY_S) -> Iterator[Callable[..., None]]:
+    """Show progress on standard error; yields `report(done, total, what)`.
+
+    Args:
+        every_s: least time between two lines where it is no terminal [s].
+    """
     from rich.console import Console  # noqa: PLC0415 - for long commands alone
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -139,8 +165,14 @@ def progress_bar() -> Iterator[Callable[..., None]]:
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
+        began = told = monotonic()
 
         def report(done: float, total: float, what: str = "") -> None:
-            bar.update(task, completed=done, total=total, description=f"{done:g}/{total:g} {what}")
+            nonlocal told
+            text, now = f"{done:g}/{total:g} {what}", monotonic()
+            bar.update(task, completed=done, total=total, description=text)
+            if bar.disable and now - told >= every_s:
+                told = now
+                tell(f"{text}, after {now - began:.0f} s")
 
         yield report

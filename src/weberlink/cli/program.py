@@ -1,12 +1,13 @@
 """The program: its commands, put together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, entry_points, version
+from signal import SIG_DFL, SIGINT, default_int_handler, getsignal, signal
 from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, studies, visit
+from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, shipped, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -22,6 +23,7 @@ TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
         sessions.slave,
         sessions.simulate,
         sessions.check,
+        shipped.configs,
         sessions.keygen,
         peers.peers,
     ),
@@ -87,6 +89,8 @@ def program(
         typer.echo(context.get_help())
 
 
-def main() -> None:
-    """Entry point of the program."""
-    app(prog_name="weberlink")
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the program; with arguments in place of those of the process."""
+    if getsignal(SIGINT) is default_int_handler:
+        signal(SIGINT, SIG_DFL)  # until a command begins, which has something to close or to keep
+    app(arguments, prog_name="weberlink")

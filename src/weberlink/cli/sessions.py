@@ -1,8 +1,9 @@
 """Commands that run a system or one side of it, or check its file."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,9 +32,12 @@ def loopback(
 ) -> None:
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-    overrides = [*(set_ or ()), *free_port(path, set_ or ())]
-    refuse_peers(path, overrides)
-    _live("loopback", path, overrides, SIDES, duration, json_out, record, log)
+
+    def added() -> list[str]:
+        refuse_peers(path, set_ or ())
+        return free_port(path, set_ or ())
+
+    _live("loopback", path, set_, added, SIDES, duration, json_out, record, log)
 
 
 def master(
@@ -52,8 +56,8 @@ def master(
     peer: PeerLabel = None,
 ) -> None:
     """Run the operator side."""
-    overrides = [*(set_ or ()), *acquainted(file, set_ or (), MASTER, peer, join)]
-    _live("master", file, overrides, [MASTER], duration, json_out, record, log, take_over=take_over)
+    added = partial(acquainted, file, set_ or (), MASTER, peer, join)
+    _live("master", file, set_, added, [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
 def slave(
@@ -69,8 +73,8 @@ def slave(
     peer: PeerLabel = None,
 ) -> None:
     """Run the teleoperator side."""
-    overrides = [*(set_ or ()), *acquainted(file, set_ or (), SLAVE, peer, INVITE if invite else None)]
-    _live("slave", file, overrides, [SLAVE], duration, json_out, record, log)
+    added = partial(acquainted, file, set_ or (), SLAVE, peer, INVITE if invite else None)
+    _live("slave", file, set_, added, [SLAVE], duration, json_out, record, log)
 
 
 def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | None, code: str | None) -> list[str]:
@@ -82,8 +86,7 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
         from weberlink.apps.pairing import pair  # noqa: PLC0415 - each command imports what it needs
         from weberlink.system.configuration import load  # noqa: PLC0415
 
-        with errors():
-            paired = pair(load(path, [*overrides, *added], [side]), side, code, label)
+        paired = pair(load(path, [*overrides, *added], [side]), side, code, label)
         if side == SLAVE:  # which waits for all that it knows
             return added
         label = paired
@@ -91,16 +94,13 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
 
 
 def refuse_peers(path: Path, overrides: Sequence[str]) -> None:
-    """Both sides of one host do not pair."""
-    from weberlink.system.configuration import load  # noqa: PLC0415
+    """Both sides of one host do not pair; raises ConfigurationError where the file asks for it."""
+    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
 
-    with errors():
-        link = load(path, overrides).system.link
-    if link.security == "peers":
-        fail(
+    if load(path, overrides).system.link.security == "peers":
+        raise ConfigurationError(
             f"{path}: link.security: peers is for two hosts; for weberlink loopback add --set link.security=session "
-            "--set link.path=direct --set link.listen=127.0.0.1:47000",
-            MISCONFIGURED,
+            "--set link.path=direct --set link.listen=127.0.0.1:47000"
         )
 
 
@@ -159,7 +159,8 @@ def simulate(
 def _live(
     name: str,
     path: Path,
-    overrides: Sequence[str],
+    given: Sequence[str] | None,
+    added: Callable[[], list[str]],
     sides: Any,
     duration: float | None,
     json_out: Path | None,
@@ -173,23 +174,23 @@ def _live(
     from weberlink.system.launcher import Session  # noqa: PLC0415
     from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
 
-    with errors():
-        configuration = load(path, overrides, sides)
-        notes = try_out(configuration)
-        directory()
-        if record is not None:
-            from weberlink.system.recorder import check_target  # noqa: PLC0415
+    with journals_to(log, json_out) as journal_at:
+        with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
+            overrides = [*(given or ()), *added()]
+            configuration = load(path, overrides, sides)
+            notes = try_out(configuration)
+            directory()
+            if record is not None:
+                from weberlink.system.recorder import check_target  # noqa: PLC0415
 
-            check_target(record)
-    for note in notes:
-        tell(f"note: {note}")
-    with (
-        journal_to(log, json_out, configuration.system.rate_hz) as journal,
-        Session(
+                check_target(record)
+        for note in notes:
+            tell(f"note: {note}")
+        journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
+        with Session(
             configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over, tell=tell
-        ) as session,
-    ):
-        summary = session.run()
+        ) as session:
+            summary = session.run()
     finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
@@ -215,8 +216,8 @@ def status_display() -> Iterator[Any]:
 
 
 @contextmanager
-def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Iterator[Any]:
-    """Open the log of a session; None without `--log`."""
+def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
+    """Open the log of a session; gives what makes a journal in it, of the tick rate [Hz], or None without `--log`."""
     if log is None:
         yield None
         return
@@ -228,19 +229,21 @@ def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Itera
     with errors():
         file = LogFile(log)
     with file:
-        yield Journal(file.write, rate_hz)
+        yield partial(Journal, file.write)
 
 
 def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
-    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once."""
+    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once.
+
+    Raises:
+        ConfigurationError: the file is wrong.
+    """
     import socket  # noqa: PLC0415
 
     from weberlink.system.configuration import load  # noqa: PLC0415
     from weberlink.system.configuration.model import split_address  # noqa: PLC0415
 
-    with errors():
-        link = load(path, overrides).system.link
-    host, port = split_address(link.listen)
+    host, port = split_address(load(path, overrides).system.link.listen)
     if port != 0:
         return []
     is_v6 = ":" in host

@@ -7,7 +7,7 @@ group `weberlink.control_schemes` that names a `Scheme`.
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from weberlink.control.contract import Control, MasterControl, SchemeParameters, SlaveControl
-from weberlink.registry import Registry, resolve
+from weberlink.registry import Registry, import_part
 
 
 class Scheme(NamedTuple):
@@ -83,10 +83,7 @@ def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
 
 
 def _build(name: str, place: str, settings: SchemeParameters) -> Control:
-    try:
-        control = resolve(place)(settings)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"control scheme {name}: {place} cannot be imported: {error}") from None
+    control = import_part(f"control scheme {SCHEMES.owned(name)}", place)(settings)
     if control.active not in SCHEMES:
         raise ValueError(f"control scheme {name}: {place}.active is {control.active!r}, which is not a scheme")
     return cast(Control, control)

@@ -119,6 +119,8 @@ class Worker(Generic[Command, Sample]):
         self._left: tuple[Thread, int] | None = None
         self.fault: str | None = None
         """Why there are no more samples; None while they come."""
+        self._error: Exception | None = None
+        """An error of the exchange's own code, which ended the thread."""
         self.trouble: str | None = None
         """The error of the last exchange; None if there was none."""
         self.round_trip = 0.0
@@ -135,6 +137,13 @@ class Worker(Generic[Command, Sample]):
         """Whether a guardian process takes the force off when this process stops."""
         return self._guardian is not None
 
+    def check(self, kind: Callable[[str], Exception]) -> None:
+        """Raise `fault`, as the error that `kind` makes of it; an error of the exchange's own code as it is."""
+        if self._error is not None:
+            raise self._error
+        if self.fault is not None:
+            raise kind(self.fault)
+
     @property
     def newest(self) -> tuple[Sample, float]:
         """The last good sample, and when it came [s]; to be asked for between `start` and `stop`."""
@@ -150,7 +159,7 @@ class Worker(Generic[Command, Sample]):
         self.stop()
         if self._hangs():
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
-        self.fault = self.trouble = None
+        self.fault = self.trouble = self._error = None
         self.bad_count = 0
         self._command = (self._rest, -inf, self._gaps_met)
         self._share = 0.0
@@ -217,6 +226,7 @@ class Worker(Generic[Command, Sample]):
         except HardwareFault as fault:
             self.fault = str(fault)
         except BaseException as error:  # an error in this thread must end the session too
+            self._error = error if isinstance(error, Exception) else None
             self.fault = f"internal error: {error!r}"
         finally:
             self._close()

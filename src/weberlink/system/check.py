@@ -4,19 +4,23 @@ The parts are built as the daemons build them; nothing is opened or sent.
 """
 
 import os
-from collections.abc import Iterator
-from math import cos, pi, sin
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from math import cos, floor, pi, sin
 from statistics import median
 from time import perf_counter
 from typing import Protocol, runtime_checkable
+from urllib.parse import urlsplit
 
 from weberlink.codec import Channel
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.codec.replay import code
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
+from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
 from weberlink.system.composition.channels import channels, streams
@@ -24,20 +28,31 @@ from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import Configuration, System
+from weberlink.system.configuration import Configuration, ConfigurationError, System
+from weberlink.system.configuration.loading import Part
 from weberlink.system.configuration.model import (
     PERCEPTUAL_WEBER_LIMIT,
     EmulationSettings,
     MappingSettings,
+    MasterSettings,
     PredictedSettings,
+    SlaveSettings,
     is_loopback,
+    is_placeholder,
 )
+from weberlink.system.simulate import build_simulation
+from weberlink.system.verdict import PLACEHOLDER
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 SILENCE_TICKS = 5
 """Ticks that the silence limit should span: both ends look at the link in ticks."""
+USUAL_RATE_HZ = 1000.0
+TICKS = 600
+"""Measured where the rate is higher: 0.1 s or less."""
+TICK_SHARE = 1 / 3
+"""Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 
 
 @runtime_checkable
@@ -63,7 +78,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
         from weberlink.system.check_arms import arms  # noqa: PLC0415 - for arms alone
 
         yield from arms(configuration, security.tag_size, _link(system))
-    for warning in (*_link_warnings(system), *notes):
+    for warning in (*rate_warnings(configuration), *placeholders(configuration), *_link_warnings(system), *notes):
         yield f"warning   {warning}"
 
 
@@ -242,6 +257,87 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
     if system.control.scheme in ("mmt", "auto") and not fits_a_surface(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
+
+
+def rate_warnings(
+    configuration: Configuration, tick_s: Callable[[Configuration], float | None] | None = None
+) -> Iterator[str]:
+    """Warn of a tick rate that this machine can hardly hold; a usual one is not looked at.
+
+    Args:
+        configuration: of both sides.
+        tick_s: measures how long a tick takes [s]; None where it cannot.
+    """
+    system = configuration.system
+    if system.rate_hz <= USUAL_RATE_HZ:
+        return
+    took = (tick_s or measured_tick_s)(configuration)
+    if took is not None and took > TICK_SHARE * system.tick_period:
+        most = max(100.0, 100.0 * floor(TICK_SHARE / took / 100.0))
+        yield (
+            f"rate_hz {system.rate_hz:g}: a tick takes about {1e6 * took:.0f} of its {1e6 * system.tick_period:.0f} us "
+            f"on this machine, and many would be missed; use at most {most:g}"
+        )
+
+
+def placeholders(configuration: Configuration) -> Iterator[str]:
+    """Warn of addresses that stand for one's own: of the slave, or among the options of a driver."""
+    link = configuration.system.link
+    found = {} if link.path == "ice" else {"link.slave": link.slave}
+    for where, part in (("master.device", configuration.device), ("slave.robot", configuration.robot)):
+        options = {} if part is None else part.options.model_dump()
+        found |= {f"{where}.{name}": value for name, value in options.items() if isinstance(value, str)}
+    for field, text in found.items():
+        if is_placeholder(_host_in(text)):
+            whose = "on the operator's host set it to that of the robot" if field == "link.slave" else "set it to yours"
+            yield f"{field} {text}: {PLACEHOLDER}; {whose}"
+
+
+def _host_in(text: str) -> str:
+    """The host of an address, with or without port, or of a URL; of another text, anything."""
+    try:
+        return urlsplit(text if "://" in text else f"//{text}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def measured_tick_s(configuration: Configuration) -> float | None:
+    """Median run time of a tick of both sides in virtual time [s], which is about that of one side in real time.
+
+    A simulated hand and a point stand in for what cannot run in virtual time; None where they do not fit the file.
+    """
+    system = configuration.system
+    link = system.link.model_copy(update={"emulate": None})  # a session begins at once
+    here = replace(configuration, system=system.model_copy(update={"link": link}))
+    for candidate in (here, _computed(here)):
+        try:
+            simulation = build_simulation(candidate)
+        except ConfigurationError:
+            continue
+        times = []
+        try:
+            for _ in range(TICKS):
+                began = perf_counter()
+                simulation.step()
+                times.append(perf_counter() - began)
+        finally:
+            simulation.close()
+        return median(times)
+    return None
+
+
+def _computed(configuration: Configuration) -> Configuration:
+    """The same coding of position and force between a simulated hand and a point."""
+    system = configuration.system
+    codec = system.codec.model_copy(update={"rotation": None, "joints": None, "gripper": None})
+    parts = {"codec": codec, "master": MasterSettings(), "slave": SlaveSettings()}
+    hand, point = DEVICES["operator"], ROBOTS["point"]
+    return replace(
+        configuration,
+        system=system.model_copy(update=parts),
+        device=Part(hand, hand.Options()),
+        robot=Part(point, point.Options()),
+    )
 
 
 def _link_warnings(system: System) -> Iterator[str]:

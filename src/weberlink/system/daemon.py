@@ -6,13 +6,14 @@ The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary a
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
 from subprocess import TimeoutExpired
 from time import monotonic, perf_counter, time_ns
+from traceback import format_exception, print_exception
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +22,11 @@ from weberlink.protocol.aio.udp import UdpShell
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
+from weberlink.registry import fault_of, in_words
 from weberlink.system import description
 from weberlink.system.composition.link import Identity, build_link, build_security
 from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, System, load
+from weberlink.system.configuration.errors import trace_of
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
 from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
@@ -60,9 +63,17 @@ def main(text: str) -> int:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
         summary = serve(order, configuration)
     except ConfigurationError as error:
-        return _complain(order, error, MISCONFIGURED)
+        return _complain(order, str(error), MISCONFIGURED, trace_of(error))
     except (StartError, OSError) as error:  # among them a port in use, a ring in use
-        return _complain(order, error, FAILED)
+        fault = fault_of(error)
+        # An OSError's own text begins with its number.
+        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        return _complain(order, fault or text, FAILED, format_exception(error) if fault else ())
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is None:  # of this program itself: whoever mends it needs the trace
+            print_exception(error)
+        return _complain(order, fault or f"internal error: {in_words(error)}", FAILED, format_exception(error))
     _tell(summary)
     return FAILED if summary["failed"] else COMPLETED
 
@@ -75,6 +86,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
 
     Raises:
         ConfigurationError, StartError, OSError: before the first tick.
+        Exception: whatever a driver, another part or this program itself raised.
     """
     system = configuration.system
     realtime = system.realtime
@@ -214,7 +226,7 @@ def _drive(
     try:
         with _interruptible():
             side.open(monotonic())
-    except RuntimeError as fault:  # the device's or the robot's, by the contract of both
+    except side.port.fault as fault:
         raise StartError(str(fault)) from fault
     except Stopped:
         side.close()
@@ -271,11 +283,9 @@ def _summary(run_: Run, side: Side, udp: UdpShell, grants: Grants) -> dict[str, 
     }
 
 
-def _complain(order: DaemonOrder, error: Exception, status: int) -> int:
-    # An OSError's own text begins with its number.
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+def _complain(order: DaemonOrder, text: str, status: int, trace: Sequence[str]) -> int:
     sys.stderr.write(f"weberlink {order.side}: {text}\n")
-    _tell(failure(text))
+    _tell(failure(text, trace))
     return status
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C in long work: it ends the piece under way, and keeps all pieces that are done."""
+"""Ctrl-C in long work: it ends the piece under way, and keeps all pieces that are done; SIGTERM, where it is alike."""
 
 import signal
 from collections.abc import Callable, Iterable, Iterator
@@ -8,6 +8,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 Piece = TypeVar("Piece")
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
@@ -18,7 +19,7 @@ class Interruption:
         self._working = False
 
     def pieces(self, source: Iterable[Piece]) -> Iterator[Piece]:
-        """The pieces of a source until Ctrl-C.
+        """The pieces of a source until Ctrl-C, or another signal that raises KeyboardInterrupt.
 
         The signal interrupts the source while it computes a piece, which is lost. It never interrupts what the caller
         does with a piece, such as writing it.
@@ -35,23 +36,30 @@ class Interruption:
                 except KeyboardInterrupt:
                     self.noted = True
                     return
+                except Exception:
+                    if self._is_over():  # of the same signal, such as the end of a worker which got it too
+                        return
+                    raise
                 finally:
                     self._working = False
                 yield piece
+
+    def _is_over(self) -> bool:
+        return self.noted
 
     @contextmanager
     def _handling(self) -> Iterator[None]:
         if current_thread() is not main_thread():  # which alone handles signals
             yield
             return
-        before = signal.getsignal(signal.SIGINT)
-        if before is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self._note)
+        taken = [number for number in SIGNALS if signal.getsignal(number) is signal.default_int_handler]
         try:
+            for number in taken:
+                signal.signal(number, self._note)
             yield
         finally:
-            if before is signal.default_int_handler:
-                signal.signal(signal.SIGINT, before)
+            for number in taken:
+                signal.signal(number, signal.default_int_handler)
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:
         self.noted = True

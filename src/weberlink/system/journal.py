@@ -17,6 +17,7 @@ as in recordings.
 | `missed` | `ticks`: missed deadlines since the last such line |
 | `clipped` | `ticks`: ticks with output changed by a limiter since the last such line |
 | `slewed` | `ticks`: ticks with force held back by the slew limit since the last such line |
+| `trace` | `entry`: a piece of the trace of an error that ended a side, or kept the session from its start |
 | `summary` | figures of the last interval |
 | `ended` | `outcome`, `verdict`, and the figures of the session |
 """
@@ -51,6 +52,8 @@ LONGEST_OUTCOME = 1000
 """Characters of an outcome that are written: a line must fit into a pipe."""
 LONGEST_TEXT = 500
 """Characters of the words of an event."""
+LONGEST_ENTRY = 1000
+"""Characters of a piece of a trace: a frame with its line of code has less."""
 KEPT = ("status", "verdict", "duration_s", "faults", "drops", "realtime", "host")
 """Keys of the report in the line `ended`, beside its outcome and the packets."""
 COUNTERS = ("updates_sent", "datagrams_sent", "datagrams_received", "datagrams_lost", "datagrams_dropped", "bytes_sent")
@@ -236,6 +239,11 @@ class Journal:
             if not is_idle and known.paths.get(told["place"]) != told:
                 known.paths[told["place"]] = told
                 self._offer(side, known, _Event(known.last, f"path {told['place']}", "path", told))
+
+    def trace(self, entries: Sequence[str], side: str = SESSION) -> None:
+        """Write the trace of an error, one line for each of its pieces (`traceback.format_exception`)."""
+        for entry in entries:
+            self._line(self._now(), side, "trace", {"entry": entry.rstrip()[:LONGEST_ENTRY]})
 
     def flush(self) -> None:
         """Write the changes that wait for their second."""

@@ -268,6 +268,8 @@ class Session:
         recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
         report = self._judged(self._report(summaries) | recording, summaries)
         if self.journal is not None:
+            for side, summary in sorted(summaries.items()):
+                self.journal.trace(summary.get("trace", ()), side)
             self.journal.end(report)
         return report
 

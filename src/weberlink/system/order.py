@@ -1,6 +1,7 @@
 """What a launcher asks of a daemon, and what it hears of its end."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from signal import SIGHUP, SIGINT, SIGTERM
 from typing import Any
@@ -48,10 +49,11 @@ class DaemonOrder:
         return cls(**{**values, "overrides": tuple(values["overrides"])})
 
 
-def failure(outcome: str) -> dict[str, Any]:
-    """The summary of a daemon without a first tick, or one that could not report its end."""
+def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:
+    """The summary of a daemon without a first tick, or one that could not report its end; `trace` of what it raised."""
     return {
         "outcome": outcome,
+        "trace": list(trace),
         "failed": True,
         "faults": {},
         "drops": {},

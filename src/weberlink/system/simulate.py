@@ -6,7 +6,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from weberlink.registry import is_hardware
+from weberlink.registry import fault_of, is_hardware
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
@@ -107,13 +107,18 @@ def simulate(
     observers.append(SimulatedTime(system.tick_period, length, progress))
     interruption = Interruption()
     began = perf_counter()
+    fault = None
     try:
         simulation.run(length, observers, interruption)
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is None:  # of this program itself
+            raise
     finally:
         simulation.close()
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
-    failures = [side.failure for side in (master, slave) if side.failure is not None]
+    failures = [why for why in (fault, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
     summary = score.summary() | {
         "lookahead_ms": lookahead_ms(system),

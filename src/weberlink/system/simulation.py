@@ -76,9 +76,20 @@ class Simulation:
 
     def _chunks(self, duration: float | None) -> Iterator[tuple[Records, Records]]:
         ticks = self._ticks(duration)
-        while chunk := list(islice(ticks, CHUNK)):
+        error = None
+        while error is None:
+            chunk = []
+            try:
+                for records in islice(ticks, CHUNK):
+                    chunk.append(records)  # noqa: PERF402 - those before an error count
+            except Exception as raised:
+                error = raised
+            if not chunk:
+                break
             masters, slaves = zip(*chunk, strict=True)
             yield as_array(masters), as_array(slaves)
+        if error is not None:
+            raise error
 
     def _ticks(self, duration: float | None) -> Iterator[tuple[Record, Record]]:
         last = None if duration is None else self._index + round(duration / self._tick_period)

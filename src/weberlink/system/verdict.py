@@ -7,6 +7,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from weberlink.system.configuration.model import is_placeholder, split_address
 from weberlink.system.order import COMPLETED, EMERGENCY, FAILED, MASTER, SLAVE
 from weberlink.system.paths import finding
 
@@ -37,13 +38,16 @@ LOSS_COUNT = 20
 
 _ENDINGS = (
     ("device", "device fault"),
+    ("device", "leader arm fault"),
     ("robot", "robot fault"),
+    ("robot", "follower arm fault"),
     ("refused", "refused"),
     ("taken_over", "taken over"),
     ("no_answer", "the slave did not answer"),
     ("killed", "killed by"),
 )
 """Name of the cause and the words that tell it, in the reason of a failed run."""
+PLACEHOLDER = "a placeholder of the file, which no host has"
 _QUESTIONS = "is it running there, is the address right, are the keys the same on both hosts?"
 _PEERS = {MASTER: SLAVE, SLAVE: MASTER}
 
@@ -180,6 +184,8 @@ def _unanswered(summary: Mapping[str, Any], text: str) -> str:
     if note := finding(summary.get("paths", {}).get(MASTER, ())):
         return f"{text}: {note}"
     at = summary.get("addresses", {}).get("slave")
+    if at and is_placeholder(split_address(at)[0]):
+        return f"{text} at {at}, {PLACEHOLDER}: set link.slave to the robot's address"
     return f"{text}{f' at {at}' if at else ''}: {_QUESTIONS}"
 
 

@@ -124,6 +124,7 @@ _EVENTS: dict[str, Callable[[str, Fields], Words]] = {
         "tick had the robot held back by the limit of the contact force",
         "ticks had the robot held back by the limit of the contact force",
     ),
+    "trace": lambda _, fields: Words(ALARM, ": ".join(line.strip() for line in fields["entry"].splitlines()[:2])),
     "summary": lambda _, fields: Words(INFO, f"figures of the last {fields['interval_s']:g} s"),
     "ended": _ended,
 }

@@ -101,8 +101,9 @@ def _alone(name: str, side: str, overrides: Sequence[str]) -> _DriverUnderTest:
     """A driver with its defaults and the overrides."""
     try:
         driver: Any = SIDES[side][name]
-    except ImportError as error:
-        raise ConfigurationError(f"{name}: cannot be loaded: {error}") from None
+    except (ImportError, ValueError) as error:
+        why = str(error) if isinstance(error, ValueError) else f"{name}: cannot be loaded: {error}"
+        raise ConfigurationError(why) from None
     need_of(driver, name)
     content: dict[str, Any] = {}
     overridden = {override(content, text) for text in overrides}

@@ -2,19 +2,18 @@
 
 import shlex
 import stat
-from ipaddress import ip_address, ip_network
+from ipaddress import ip_address
 
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem, unknown
 from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
 from weberlink.protocol import keys
+from weberlink.system.configuration.model import is_placeholder
 from weberlink.telemetry.runtime_directory import user_name
 
 CHARGED_BYTES = 832
 """What the kernel charges a receive buffer for a datagram of ours that came over loopback (Linux 6.18, x86-64: 256 of
 them fill 212992 bytes). A network card whose driver keeps larger buffers is charged more."""
-EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
-"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has."""
 
 
 def receive_buffer(machine: Machine, needs: Needs) -> Finding:
@@ -88,7 +87,7 @@ def slave_address(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 -
     except OSError as error:
         return problem(f"{name} cannot be resolved: {error.strerror}", set_it)
     ip = ip_address(address.partition("%")[0])
-    if any(ip in network for network in EXAMPLES):
+    if is_placeholder(address):
         return problem(f"link.slave is {name}, an address reserved for documentation", set_it)
     try:
         own = machine.route(address)

@@ -12,6 +12,7 @@ from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
 from weberlink.compiled import is_compiled
+from weberlink.installation import pip_install
 
 TOOLS = {"cyclictest": "rt-tests", "sockperf": "sockperf"}
 """Tools that `weberlink bench` compares with, and their Debian packages."""
@@ -49,7 +50,7 @@ def compiled(_machine: Machine, _needs: Needs) -> Finding:
 def uvloop(_machine: Machine, _needs: Needs) -> Finding:
     number = _version("uvloop")
     if number is None:
-        return problem("uvloop is not installed", "pip install uvloop")
+        return problem("uvloop is not installed", f"{pip_install()} uvloop")
     return ok(f"uvloop {number}")
 
 

@@ -46,11 +46,11 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     Raises:
         ConfigurationError: for an argument or a ledger that cannot be used, or a missing package.
     """
+    if not folder.is_dir():
+        raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
     need("scipy", "statistics", "ratings")
     if plots:
         need("matplotlib", "plots", "--plots")
-    if not folder.is_dir():
-        raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
     try:
         answers = gather(folder, _whose(only))
     except LedgerError as error:

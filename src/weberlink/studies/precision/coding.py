@@ -125,6 +125,7 @@ def study(
     *,
     make_channel: MakeChannel = shipped_channel,
     latency_ticks: int = 1,
+    begin: Callable[[str], None] = lambda _: None,
 ) -> CodingStudy:
     """Run every combination.
 
@@ -134,6 +135,7 @@ def study(
         webers: Weber factors.
         make_channel: the force channel of a predictor and a Weber factor.
         latency_ticks: after which an update is felt, >= 0; 1 is a link without delay, since it is felt a tick later.
+        begin: called with the name of each signal before it is coded.
 
     Raises:
         ValueError: if there is nothing to run, or a trace leaves the range of the wire: its geometry would be cut off.
@@ -144,6 +146,7 @@ def study(
         raise ValueError(f"latency_ticks must be >= 0, not {latency_ticks}")
     rows: list[CodingRow] = []
     for name, trace in traces.items():
+        begin(name)
         _check_range(name, trace, make_channel(predictors[0], webers[0]))
         rows += _mark(
             [

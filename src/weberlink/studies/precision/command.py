@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from weberlink.studies.evaluate.traces import SHIPPED
 from weberlink.studies.precision import coding, study
 from weberlink.studies.precision.coding import RECOMMENDED, CodingStudy
 from weberlink.studies.precision.measurement import IntegratorRow
-from weberlink.studies.precision.problems import PROBLEMS
+from weberlink.studies.precision.problems import PROBLEMS, Problem
 from weberlink.studies.precision.study import (
     DEFAULT,
     FULL,
@@ -60,13 +61,24 @@ def combined(sections: Sections, facts: dict[str, Any], interrupted: str = "") -
     return StudyResult(document, whole, draw, interrupted=interrupted)
 
 
-def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> StudyResult:
+def run(
+    *,
+    full: bool,
+    plots: bool,
+    progress: Progress = lambda *_: None,
+    problems: Sequence[Problem] = PROBLEMS,
+    scenes: Sequence[str] = SCENES,
+    recorded_ticks: int | None = None,
+) -> StudyResult:
     """Measure everything.
 
     Args:
         full: finer steps and more repeats: minutes instead of half a minute.
         plots: whether figures will be drawn.
-        progress: called before each problem.
+        progress: called before each problem, each simulation of a signal, and each signal that is coded.
+        problems: of the integrators.
+        scenes: names of shipped configurations whose signals are coded.
+        recorded_ticks: of the shipped recording; None for all.
 
     Raises:
         ConfigurationError: if a package is missing; nothing was computed then.
@@ -78,17 +90,27 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Stu
     caption = footer(facts)
     signal = FULL_SIGNAL_S if full else SIGNAL_S
     interruption = Interruption()
-    solved = integrators(full, caption, progress, interruption)
-    coded = list(interruption.pieces(pieces_of(lambda: codec(SCENES, signal, caption, progress))))
+    first, whole = len(problems), len(problems) + codec_pieces(scenes)
+    solved = integrators(full, caption, lambda done, _, what: progress(done, whole, what), interruption, problems)
+
+    def code() -> StudyResult:
+        def tell(done: int, _: int, what: str) -> None:
+            progress(first + done, whole, what)
+
+        return codec(scenes, signal, caption, tell, recorded_ticks)
+
+    coded = list(interruption.pieces(pieces_of(code)))
     sections = {"integrators": solved} | ({"codec": coded[0]} if coded else {})
     done = len(solved.document["problems"])
-    return combined(sections, facts, "" if coded else f"{done} of {len(PROBLEMS)} problems, and nothing of the codec,")
+    return combined(sections, facts, "" if coded else f"{done} of {len(problems)} problems, and nothing of the codec,")
 
 
-def integrators(full: bool, caption: str, progress: Progress, interruption: Interruption) -> StudyResult:
+def integrators(
+    full: bool, caption: str, progress: Progress, interruption: Interruption, problems: Sequence[Problem] = PROBLEMS
+) -> StudyResult:
     """The integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came."""
     effort = FULL if full else DEFAULT
-    results = study.study(effort, chooser=automatic, progress=progress, interruption=interruption)
+    results = study.study(effort, problems, chooser=automatic, progress=progress, interruption=interruption)
 
     def draw(folder: Path) -> None:
         from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415 - slow import
@@ -112,17 +134,22 @@ def codec(
         scenes: names of shipped configurations.
         duration: of each of their signals [s].
         caption: of the figure.
-        progress: called before each signal.
+        progress: called before each simulation, before each signal that is coded, and at the end.
         recorded_ticks: of the shipped recording; None for all.
     """
     whole = read_trace(SHIPPED)
     part = slice(recorded_ticks)
     traces = {"operator": Trace(whole.time_s[part], whole.position_m[part], whole.force_n[part], whole.gaps_s)}
-    for done, name in enumerate(scenes):
-        progress(done, len(scenes), f"signal of {name}")
+    pieces = count()
+
+    def tell(what: str) -> None:
+        progress(next(pieces), codec_pieces(scenes), what)
+
+    for name in scenes:
+        tell(f"signal of {name}")
         traces[name] = _signal(name, duration)
-    progress(len(scenes), len(scenes), "coding")
-    coded = coding.study(traces)
+    coded = coding.study(traces, begin=lambda name: tell(f"coding {name}"))
+    tell("done")
 
     def draw(folder: Path) -> None:
         from weberlink.studies.precision.figures import coding_figure  # noqa: PLC0415 - slow import
@@ -131,6 +158,11 @@ def codec(
 
     document = coded.as_json() | {"signal_s": {name: _length(t) for name, t in traces.items()}}
     return StudyResult(document, _coding_table(coded), draw)
+
+
+def codec_pieces(scenes: Sequence[str]) -> int:
+    """How many pieces the codec's part has: a simulation of each scene, and the coding of each and of the recording."""
+    return 2 * len(scenes) + 1
 
 
 def _signal(name: str, duration: float) -> Trace:

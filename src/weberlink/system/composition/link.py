@@ -15,7 +15,7 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
-from weberlink.registry import check_contract
+from weberlink.registry import check_contract, fault_of
 from weberlink.system.composition.channels import force_deadband
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
@@ -185,7 +185,7 @@ def construct(where: str, driver: Any, *arguments: Any, contract: type | None = 
         contract: a protocol that its object must satisfy; the driver may be of another distribution.
 
     Raises:
-        ConfigurationError: it takes other arguments or refuses them, or lacks a method.
+        ConfigurationError: it takes other arguments or refuses them, lacks a method, or raises anything else.
     """
     try:
         made = driver(*arguments)
@@ -194,10 +194,13 @@ def construct(where: str, driver: Any, *arguments: Any, contract: type | None = 
     except ValueError as error:
         text = str(error)
         raise ConfigurationError(text if text.startswith(f"{where}:") else f"{where}: {text}") from None
-    except TypeError as error:
-        if driver.__module__.startswith("weberlink."):
+    except Exception as error:
+        fault = fault_of(error)
+        if fault is None and not driver.__module__.startswith("weberlink."):
+            fault = f"{driver.__module__}:{driver.__qualname__}: {error}"
+        if fault is None:
             raise
-        raise ConfigurationError(f"{where}: {driver.__module__}:{driver.__qualname__}: {error}") from None
+        raise ConfigurationError(f"{where}: {fault}") from error
     return made
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from weberlink.control.contract import MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
-from weberlink.registry import check_contract, resolve
+from weberlink.registry import check_contract, import_part
 from weberlink.slave.robots.contract import Robot
 from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.link import build_security, construct, located
@@ -72,12 +72,10 @@ def _check_scheme(configuration: Configuration) -> None:
     name = configuration.system.control.scheme
     if name in SCHEMES.built_in:
         return
-    try:
-        scheme = construct("control.scheme", SCHEMES.load, name)
-        for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
-            construct("control.scheme", check_contract, f"control scheme {name}", resolve(place), contract)
-    except (ImportError, AttributeError) as error:
-        raise ConfigurationError(f"control.scheme: {name} cannot be imported: {error}") from None
+    scheme, what = construct("control.scheme", SCHEMES.load, name), f"control scheme {SCHEMES.owned(name)}"
+    for place, contract in ((scheme.master, MasterControl), (scheme.slave, SlaveControl)):
+        made = construct("control.scheme", import_part, what, place)
+        construct("control.scheme", check_contract, what, made, contract)
 
 
 def lacks(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:

@@ -1,23 +1,27 @@
 """Read the YAML document and apply overrides of the command line, without validating keys or values."""
 
+import re
 from collections.abc import Hashable
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
-from weberlink.system.configuration.errors import ConfigurationError
+from weberlink.system.configuration.errors import STUCK, ConfigurationError, no_space
 
 
 class _EachKeyOnce:
-    """Refuses a key that is given twice, of which YAML would silently drop one."""
+    """Refuses a key that is given twice, of which YAML would silently drop one, and one that holds its value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 continue  # YAML itself refuses it
+            if not key.style and (stuck := STUCK.match(key.value)) is not None:
+                raise yaml.constructor.ConstructorError(None, None, no_space(stuck), key.start_mark)
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"the key {key.value!r} is given twice", key.start_mark
@@ -51,29 +55,82 @@ def parse(path: Path) -> dict[str, Any]:
     Raises:
         ConfigurationError: there is no such file, it is empty or holds no mapping, or a key is given twice.
     """
+    text = _text(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        content = _read(text)
+    except yaml.MarkedYAMLError as error:
+        found = _mistake(text, error)
+        raise ConfigurationError(f"{path}:{found.line + 1}:{found.column + 1}: not YAML: {found.words}") from None
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{path}: not YAML: {error}") from None
+    if content is None:
+        raise ConfigurationError(f"{path}: is empty; start from a shipped file: weberlink configs")
+    if not isinstance(content, dict):
+        for number, line in enumerate(text.splitlines(), 1):
+            if (stuck := STUCK.match(line)) is not None:
+                raise ConfigurationError(f"{path}:{number}:{stuck.end() + 1}: not YAML: {no_space(stuck)}")
+        raise ConfigurationError(f"{path}: must be a mapping with keys like link, codec, master, slave")
+    return content
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise ConfigurationError(f"{path}: no such file") from None
+        raise ConfigurationError(f"{path}: no such file{_shipped(path)}") from None
     except IsADirectoryError:
         raise ConfigurationError(f"{path}: cannot be read: it is a folder; give the name of a file") from None
     except UnicodeDecodeError:
         raise ConfigurationError(f"{path}: cannot be read: it is not text; give a YAML file") from None
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        content = _read(text)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        at = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise ConfigurationError(f"{path}{at}: not YAML: {error.problem}") from None
-    except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: not YAML: {error}") from None
-    if content is None:
-        raise ConfigurationError(f"{path}: is empty; start from one of the files of configs/")
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"{path}: must be a mapping with keys like link, codec, master, slave")
-    return content
+
+
+def _shipped(path: Path) -> str:
+    """How to get the file of this name that comes with the program, if there is one."""
+    is_shipped = path.suffix == ".yaml" and (files("weberlink.configs") / path.name).is_file()
+    return f"; weberlink configs {path.stem} copies the shipped one here" if is_shipped else ""
+
+
+class _Mistake(NamedTuple):
+    """Where a text is not YAML, counted from 0, and why."""
+
+    line: int
+    column: int
+    words: str
+
+
+_WORDS = (
+    (r"mapping values are not allowed here", 'a value holds ": " or a key; put the value in quotes, or begin a line'),
+    (r"could not find expected ':'", "expected key: value"),
+    (r"found character '(.)' that cannot start any token", r"a value cannot begin with \1; put it in quotes"),
+    (r"found undefined alias '(.*)'", r"a value cannot begin with *; put it in quotes"),
+    (r"expected ',' or '([]}])', but .*", r"a \1 is missing"),
+    (r"expected <block end>, but found .*", "this line is indented by other spaces than those above"),
+    (r"found unexpected end of stream", "a quote is not closed"),
+    (r"but found another document", "a second document begins here; a file holds one"),
+)
+"""What the commonest mistakes are, by the parser's words for them."""
+
+
+def _mistake(text: str, error: yaml.MarkedYAMLError) -> _Mistake:
+    """What is wrong, and where: the parser sees much of it only in the line after it."""
+    mark, problem = error.problem_mark or error.context_mark, str(error.problem)
+    line, column = (0, 0) if mark is None else (mark.line, mark.column)
+    lines = text.splitlines()
+    before = next((at for at in range(min(line, len(lines)) - 1, -1, -1) if lines[at].strip(" \t")), line)
+    for at in (each for each in (line, before) if each < len(lines)):
+        indent = lines[at][: len(lines[at]) - len(lines[at].lstrip(" \t"))]
+        if "\t" in indent:
+            return _Mistake(at, indent.index("\t"), "a tab indents this line; use spaces")
+    for at in (before, line):
+        stuck = STUCK.match(lines[at]) if at < len(lines) else None
+        if stuck is not None:
+            return _Mistake(at, stuck.end(), no_space(stuck))
+    if "expected ':'" in problem:
+        line, column = before, 0
+    words = (re.sub(pattern, word, problem) for pattern, word in _WORDS if re.fullmatch(pattern, problem))
+    return _Mistake(line, column, next(words, problem))
 
 
 def override(content: dict[str, Any], text: str) -> str:
@@ -91,7 +148,7 @@ def override(content: dict[str, Any], text: str) -> str:
     try:
         parsed = _read(value)
     except yaml.YAMLError as error:
-        problem = error.problem if isinstance(error, yaml.MarkedYAMLError) else error
+        problem = _mistake(value, error).words if isinstance(error, yaml.MarkedYAMLError) else error
         raise ConfigurationError(f"--set {text}: the value is not YAML: {problem}") from None
     target: Any = content
     for depth, key in enumerate(keys):

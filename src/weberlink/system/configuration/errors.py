@@ -3,14 +3,39 @@
 import re
 from collections.abc import Sequence
 from difflib import get_close_matches
+from traceback import format_exception
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from weberlink.registry import PartError, fault_of
+
 
 class ConfigurationError(ValueError):
     """A file, a field or an argument is wrong; the text is one line: where, and what was expected."""
+
+
+def trace_of(error: BaseException) -> list[str]:
+    """The trace of a part by name, such as a driver, that raised what an error tells; empty where none did."""
+    at: BaseException | None = error
+    while at is not None:
+        if isinstance(at, PartError):
+            return format_exception(at.__cause__)
+        if fault_of(at) is not None:
+            return format_exception(at)
+        within = at.errors(include_url=False) if isinstance(at, ValidationError) else ()
+        causes = (each.get("ctx", {}).get("error") for each in within)
+        at = next((cause for cause in causes if isinstance(cause, PartError)), at.__cause__ or at.__context__)
+    return []
+
+
+STUCK = re.compile(r"[ \t]*(?:- )?([A-Za-z_]\w*:)(?=[^\s:/])")
+"""A key whose value follows without a space: for YAML, both are one word."""
+
+
+def no_space(stuck: re.Match[str]) -> str:
+    return f'a space is missing behind "{stuck[1]}"'
 
 
 _EXPECTED = {
@@ -125,4 +150,5 @@ def _expectation(error: ErrorDetails) -> str:
         return one_of(re.findall(r"'([^']*)'", error["ctx"]["expected"]), given)
     message = _EXPECTED.get(error["type"], message)
     shown = "" if isinstance(given, (dict, BaseModel)) else f", not {given!r}"
-    return f"{message}{shown}"
+    stuck = STUCK.match(given) if isinstance(given, str) and "mapping" in message else None
+    return f"{message}{shown}" if stuck is None else f"{message}{shown}; {no_space(stuck)}"

@@ -6,7 +6,7 @@ The options of a device or robot driver belong to the driver, and are validated 
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from ipaddress import ip_address
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -719,6 +719,19 @@ def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interva
         if not low < high:
             raise ValueError(f"{axis} must rise, not [{low}, {high}]")
     return box
+
+
+EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24", "2001:db8::/32")]
+"""Addresses for documentation (RFC 5737, RFC 3849), which nobody has: placeholders of shipped files."""
+
+
+def is_placeholder(host: str) -> bool:
+    """Whether a host is an address for documentation, in the place of which one's own is to be put."""
+    try:
+        address = ip_address(host.partition("%")[0])
+    except ValueError:
+        return False
+    return any(address in network for network in EXAMPLES)
 
 
 def is_loopback(address: str) -> bool:

@@ -68,5 +68,5 @@ def test_bad_options_are_refused(options: dict[str, Any], what: str) -> None:
 def test_missing_zenoh_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("weberlink.system.configuration.extras.find_spec", lambda _name: None)
     package, extra = Ros2Device.NEEDS
-    with pytest.raises(ConfigurationError, match=r'install it with: pip install "weberlink\[ros2\]"'):
+    with pytest.raises(ConfigurationError, match=r"install it with: .*\[ros2\]"):
         need(package, extra, "master.device.driver: ros2")

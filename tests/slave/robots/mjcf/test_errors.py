@@ -11,6 +11,7 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from tests.slave.robots.mjcf.models import TICK, chain, gantry, robot
 from weberlink.geometry.vector import ZERO
+from weberlink.installation import install_line
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -84,7 +85,7 @@ def test_missing_mujoco_is_reported_at_construction() -> None:
     ended = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=60, check=False)
     assert ended.stderr == ""
     assert ended.stdout.splitlines() == [
-        'driver mujoco: needs mujoco; install it with: pip install "weberlink[mujoco]"',
+        f"driver mujoco: needs mujoco; install it with: {install_line('mujoco')}",
         "['weberlink.slave.robots.mjcf.driver', 'weberlink.slave.robots.mjcf.options']",
     ]
     assert MujocoRobot.NEEDS == ("mujoco", "mujoco")

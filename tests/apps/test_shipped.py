@@ -1,0 +1,141 @@
+"""The shipped files: all are listed, and a copy works as the file itself does, wherever it is."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from typer.testing import CliRunner, Result
+
+from tests.system.systems import CONFIGS, UNUSABLE
+from weberlink.apps.shipped import HOME, OTHERS, copy, listing, needed_by
+from weberlink.cli import app
+from weberlink.system.configuration import Configuration, ConfigurationError, load
+
+SCHEMA = "weberlink.schema.json"
+SHIPPED = sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc"))
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["configs", *map(str, arguments)])
+
+
+def paths_in(settings: Any) -> Iterator[Path]:
+    """All paths among settings."""
+    if isinstance(settings, Path):
+        yield settings
+    elif isinstance(settings, BaseModel):
+        for value in dict(settings).values():
+            yield from paths_in(value)
+        for value in (settings.model_extra or {}).values():
+            yield from paths_in(value)
+    elif isinstance(settings, (tuple, list)):
+        for value in settings:
+            yield from paths_in(value)
+
+
+def of_configuration(found: Configuration) -> list[Path]:
+    options = [part.options for part in (found.device, found.robot) if part is not None]
+    return [path for settings in (found.system, *options) for path in paths_in(settings)]
+
+
+def test_every_file_is_in_the_list() -> None:
+    named = {name for name, _ in listing().rows}
+    top = {path.relative_to(CONFIGS).parts[0] for path in SHIPPED}
+    assert named == {Path(name).stem if name.endswith(".yaml") else name for name in top if "." in name} | {
+        f"{name}/" for name in top if "." not in name
+    }
+    assert set(OTHERS) <= named
+    assert all(about for _, about in listing().rows)
+
+
+def test_the_wheel_has_every_file() -> None:
+    project = tomllib.loads((CONFIGS.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns = project["tool"]["setuptools"]["package-data"]["weberlink.configs"]
+    assert sorted({path for pattern in patterns for path in CONFIGS.glob(pattern) if path.is_file()}) == SHIPPED
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
+    written = copy(path.stem, tmp_path / "mine.yaml")
+    assert (tmp_path / "mine.yaml").read_bytes() == path.read_bytes()
+    assert set(written) == {each for each in tmp_path.rglob("*") if each.is_file()}
+    if path.read_text(encoding="utf-8").startswith("# yaml-language-server"):
+        assert (tmp_path / SCHEMA).read_bytes() == (CONFIGS / SCHEMA).read_bytes()
+    if path.name in UNUSABLE:
+        return
+    here, there = of_configuration(load(path)), of_configuration(load(tmp_path / "mine.yaml"))
+    for original, copied in zip(here, there, strict=True):
+        if original.is_file():
+            assert copied.is_relative_to(tmp_path)
+            assert copied.read_bytes() == original.read_bytes()
+
+
+def test_some_files_name_others() -> None:
+    """Else the test above would say nothing."""
+    assert HOME / "traces" / "operator.csv" in needed_by(CONFIGS / "replay.yaml")
+    assert HOME / "mujoco" / "peg_at_wall.xml" in needed_by(CONFIGS / "mujoco-peg.yaml")
+    assert needed_by(CONFIGS / "arms" / "koch_leader.xml") == [HOME / "arms" / "koch_links.xml"]
+
+
+@pytest.mark.parametrize("name", sorted({path.parent.name for path in SHIPPED if path.parent != CONFIGS}))
+def test_folder_is_copied_whole(name: str, tmp_path: Path) -> None:
+    copy(f"{name}/", tmp_path)
+    copied = {path.relative_to(tmp_path): path for path in tmp_path.rglob("*") if path.is_file()}
+    originals = {path.relative_to(CONFIGS): path for path in SHIPPED if path.parent.name == name}
+    assert copied.keys() == originals.keys()
+    for place, path in copied.items():
+        assert path.read_bytes() == originals[place].read_bytes()
+        assert path.stat().st_mode & 0o111 == originals[place].stat().st_mode & 0o111
+
+
+def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> None:
+    assert copy("replay", tmp_path) != []
+    assert copy("replay", tmp_path) == [], "what is there already stays"
+    (tmp_path / "replay.yaml").unlink()
+    (tmp_path / "traces" / "operator.csv").write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"operator\.csv: exists"):
+        copy("replay", tmp_path)
+    assert not (tmp_path / "replay.yaml").exists()
+    assert (tmp_path / "traces" / "operator.csv").read_text(encoding="utf-8") == "mine"
+
+
+def test_command_lists_and_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    listed = run()
+    assert listed.exit_code == 0
+    assert max(map(len, listed.stdout.splitlines())) <= 80
+    for name in ("delay", "configs/lan.yaml"):
+        copied = run(name)
+        assert (copied.exit_code, copied.stderr) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"delay.yaml", "lan.yaml", SCHEMA}
+    assert run("delay", "--out", "-").stdout == (CONFIGS / "delay.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("deley",), "did you mean delay?"),
+        (("delay", "--out", "none/delay.yaml"), "create it first"),
+        (("relay/", "--out", "-"), "is a folder"),
+        (("--out", "delay.yaml"), "--out"),
+    ],
+)
+def test_what_cannot_be_copied_is_one_line(
+    arguments: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    (line,) = result.stderr.splitlines()
+    assert told in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_file_of_a_shipped_name_says_where_that_is(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"no such file; weberlink configs delay"):
+        load(tmp_path / "configs" / "delay.yaml")
+    with pytest.raises(ConfigurationError, match=r"no such file$"):
+        load(tmp_path / "mine.yaml")

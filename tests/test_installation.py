@@ -1,0 +1,58 @@
+"""The line that adds an extra is one that works here: from a clone, and from an installed wheel."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from weberlink import installation
+
+ROOT = Path(__file__).parents[1]
+PRINTING = "from weberlink.installation import install_line; print(install_line('recording'))"
+
+
+def line(folder: Path, package: Path, path: str | None = None) -> list[str]:
+    """The words of the line that a program in a folder prints, where `weberlink` is imported from `package`."""
+    environment = {"PYTHONPATH": str(package), "PATH": os.environ["PATH"] if path is None else path}
+    ended = subprocess.run(
+        [sys.executable, "-c", PRINTING], cwd=folder, env=os.environ | environment, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    return shlex.split(ended.stdout)
+
+
+@pytest.fixture
+def wheel(tmp_path: Path) -> Path:
+    """A folder of installed packages."""
+    package = tmp_path / "lib" / "python3" / "site-packages" / "weberlink"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    shutil.copy(installation.__file__, package)
+    return package.parent
+
+
+def test_clone_is_installed_anew_and_a_wheel_by_its_name(wheel: Path, tmp_path: Path) -> None:
+    assert line(ROOT, ROOT / "src")[-3:] == ["install", "-e", ".[recording]"]
+    assert line(tmp_path, ROOT / "src")[-3:] == ["install", "-e", f"{ROOT}[recording]"]
+    assert line(tmp_path, wheel)[-2:] == ["install", "weberlink[recording]"]
+
+
+def test_it_is_the_installer_of_this_environment(wheel: Path, tmp_path: Path) -> None:
+    """That of the first environment on the path may be another one."""
+    words = line(tmp_path, wheel, path="/usr/bin:/bin")
+    told = subprocess.run(
+        [*words[: words.index("install")], "--version"], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    assert told.startswith("uv ") or f" from {sys.prefix}/" in told
+
+
+def test_pip_below_the_present_folder_and_on_the_path_is_short(wheel: Path, tmp_path: Path) -> None:
+    beside = Path(sys.executable).parent
+    if not (beside / "pip").is_file():
+        pytest.skip("this environment has no pip beside its Python")
+    assert line(beside.parent, wheel, path="/usr/bin:/bin")[0] == f"{beside.name}/pip"
+    assert line(tmp_path, wheel, path=f"{beside}:/usr/bin")[0] == "pip"
