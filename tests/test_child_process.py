@@ -34,7 +34,12 @@ NOWHERE = "ws://127.0.0.1:1/v1"
 SESSION = (str(CONFIGS / "loopback.yaml"), "--duration", "0.5", "--set", "realtime.lock_memory=false")
 OTHERS = ("weberlink", "aioice", "cv2", "msgpack", "mujoco", "numpy", "pydantic", "twisted", "uvloop", "websockets")
 HOSTILE = "with open({marker!r}, 'a') as marker:\n    marker.write(__name__ + ' ')\n"
-RUN = {"guardian.py": "-I", "rules.py": ".with_name", "child_process.py": "-P"}
+RUN = {
+    "guardian.py": "-I",
+    "rules.py": ".with_name",
+    "child_process.py": "-P",
+    "installation.py": "Path(sys.executable)",  # only names what the user may run
+}
 """Files of the product that name the interpreter, and how each keeps to installed modules."""
 
 
