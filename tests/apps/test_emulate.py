@@ -20,7 +20,7 @@ from weberlink.apps.emulate import names, run
 from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.umockdev import ADVICE, missing
+from weberlink.hardware.umockdev import ADVICE, SYSTEM_PYTHON, WRAPPER, missing
 from weberlink.master import emulators as devices
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.slave import emulators as robots
@@ -225,6 +225,30 @@ def test_wrong_arguments_are_one_line_and_leave_nothing(tmp_path: Path) -> None:
     assert "-- COMMAND" in refused("polhem_hid")
     assert "--link" in refused("polhem_hid", link=port, command=["true"])
     assert list(tmp_path.iterdir()) == [there]
+
+
+def test_a_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
+    leave = "import os, sys; from weberlink.cli import main; os.rmdir(os.getcwd()); sys.exit(main())"
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    ended = subprocess.run(
+        [sys.executable, "-c", leave, "emulate", "polhem_serial"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1), ended.stderr
+    assert "polhem_serial: cannot be created: No such file" in ended.stderr
+
+
+@pytest.mark.skipif(not Path(SYSTEM_PYTHON).exists(), reason="the system has no Python of its own")
+def test_a_testbed_that_cannot_be_started_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    wrapper = tmp_path / WRAPPER
+    wrapper.write_bytes(b"\x7fELF")  # of another processor, as the system says
+    wrapper.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "polhem_hid: cannot be plugged in: Exec format error" in refused("polhem_hid", command=["true"])
 
 
 def test_stale_link_is_replaced(tmp_path: Path) -> None:

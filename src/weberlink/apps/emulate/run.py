@@ -143,19 +143,34 @@ def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tu
         if emulator.transport == "websocket":
             return *_on_a_websocket(stack, name, emulator), dict(os.environ)
         if emulator.transport in OF_THE_KERNEL:
-            testbed = stack.enter_context(Testbed(PRIORITY))
-            node = stack.enter_context(plugged_into(testbed, emulator, _hurry))
-            return node, node.node, testbed.environment
-        path = Path.cwd() / (link or f"weberlink-{name}")
+            return _in_the_kernel(stack, name, emulator)
+        return *_on_a_terminal(stack, name, emulator, link), dict(os.environ)
+    except HardwareFault as fault:
+        raise ConfigurationError(f"{name}: {fault}") from None
+
+
+def _in_the_kernel(stack: ExitStack, name: str, emulator: Any) -> tuple[ServedDevice, str, dict[str, str]]:
+    """The device, its node, and the environment of processes that see it."""
+    try:
+        testbed = stack.enter_context(Testbed(PRIORITY))
+        node = stack.enter_context(plugged_into(testbed, emulator, _hurry))
+    except OSError as error:
+        raise ConfigurationError(f"{name}: cannot be plugged in: {error.strerror}") from None
+    return node, node.node, testbed.environment
+
+
+def _on_a_terminal(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tuple[ServedDevice, str]:
+    """The device, and the path of its pseudo-terminal."""
+    path = link or Path(f"weberlink-{name}")
+    try:
+        path = Path.cwd() / path
         if path.is_symlink() and path.readlink().is_relative_to("/dev/pts") and not path.exists():
             path.unlink()  # left by a process that was killed
-        return stack.enter_context(PtyDevice(emulator, path, begin=_hurry)), str(path), dict(os.environ)
+        return stack.enter_context(PtyDevice(emulator, path, begin=_hurry)), str(path)
     except FileExistsError as error:
         raise ConfigurationError(f"{error.filename2 or path}: exists already; choose another with --link") from None
     except OSError as error:
         raise ConfigurationError(f"{error.filename2 or path}: cannot be created: {error.strerror}") from None
-    except HardwareFault as fault:
-        raise ConfigurationError(f"{name}: {fault}") from None
 
 
 def _on_a_websocket(stack: ExitStack, name: str, emulator: Any) -> tuple[ServedDevice, str]:

@@ -131,11 +131,22 @@ class SessionControl:
             return refusal(f"{NO_SESSION} to stop")
         return _joined(_without_ended(session, await self._ask_sides(session, {"stop": why})))
 
+    def halted_by(self, name: str | None) -> list[WatchedSession]:
+        """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
+
+        A page may name a session that is over while another one runs. One that runs on another host cannot be stopped
+        from here, and its page must say so.
+        """
+        named, known = self._running(name), self._sessions.get(name or "")
+        if named is not None:
+            return [named]
+        if known is not None and known.remote:
+            return []
+        return [session for session in self._sessions.values() if self._running(session.name) is not None]
+
     async def emergency(self, name: str | None = None) -> Answer:
-        """Force to zero at both ends of a session; of all sessions of this host if no name is given."""
-        named = self._running(name)
-        sessions = [session for session in self._sessions.values() if self._running(session.name) is not None]
-        sessions = sessions if name is None else [] if named is None else [named]
+        """Force to zero at both ends of the sessions that are `halted_by` this."""
+        sessions = self.halted_by(name)
         if not sessions:
             return refusal(f"{NO_SESSION} to stop")
         asked = [self._ask_sides(session, {"emergency": True}, EMERGENCY_S, self._emergency) for session in sessions]

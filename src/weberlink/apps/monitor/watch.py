@@ -186,9 +186,10 @@ class SessionWatcher:
         return await self.control.stop(name, "stopped from the page")
 
     async def emergency(self, name: str | None) -> Answer:
-        """Force to zero at once, at both ends of a session; of all sessions of this host if there is no name."""
+        """Force to zero at once, at both ends of a session; of all sessions of this host if none of that name runs."""
         if self.keeper is not None:
-            self.keeper.expect_end(name)
+            for session in self.control.halted_by(name):
+                self.keeper.expect_end(session.name)
         return await self.control.emergency(name)
 
     def put(self, session: WatchedSession) -> None:

@@ -91,7 +91,7 @@ class Site:
         return web.Response(body=body, headers={"Content-Type": kind})
 
     async def _emergency(self, request: web.Request) -> web.StreamResponse:
-        """Stop a session at once, all of this host if none is named: also for a page whose WebSocket is slow."""
+        """Stop a session at once, all of this host if none of that name runs: also for a page whose socket is slow."""
         if not self._watch.requests.proves(request.headers.get(PROOF_HEADER)):
             return _refusal(HTTPStatus.FORBIDDEN, UNPROVEN)
         answer = await self._watch.emergency(request.query.get("session"))
