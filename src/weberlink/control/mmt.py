@@ -62,10 +62,10 @@ class MmtMaster:
         "_level",
         "_mixture",
         "_port",
-        "_supplied",
         "_tank",
         "_tick",
         "_tick_period",
+        "_unconfirmed",
         "_untouched",
         "_wanted",
     )
@@ -111,12 +111,13 @@ class MmtMaster:
         self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
-        self._supplied = 0.0
+        self._unconfirmed = 0.0
 
     def grip(self, stored: float, share: float) -> None:
         self._tank.level = self._grant.raised(self._tank.level, stored, share)
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+        self._confirm(force, position)
         known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         self._free = surface is None and not touches
@@ -143,6 +144,17 @@ class MmtMaster:
             known.renew(surface, position)
         mixture.want(surface if known.covers else None)
 
+    def _confirm(self, force: Vector, position: Vector) -> None:
+        """Gain the work of the modelled motion, as far as a sample finds the surface where the motion has led it."""
+        gained, self._unconfirmed = self._unconfirmed, 0.0
+        length = hypot(force[0], force[1], force[2])
+        if gained == 0.0 or self._known is None or length <= LEAST_CONTACT:
+            return
+        surface = self._known.surface
+        stated = norm(surface.at(self._tick, position))
+        beyond = max(0.0, stated - length) / surface.stiffness
+        self._tank.level += max(0.0, gained - stated * beyond)
+
     def _keep_within(self, position: Vector) -> None:
         """Display the known surface while the hand [m] is within its edges."""
         known = self._known
@@ -158,8 +170,11 @@ class MmtMaster:
             self._lead += (0.5 * quality.rtt - self._lead) * min(1.0, elapsed / LEAD_TIME)
         self._elapsed, self._tick = elapsed, tick
         tank.level += self._port.move(position)
-        self._supplied = self._displayed_share() * mixture.follow(self._present, position)
-        tank.level += self._supplied
+        work = self._displayed_share() * mixture.follow(self._present, position)
+        if work > 0.0:
+            self._unconfirmed += work
+        else:
+            tank.level += work
         self._keep_within(position)
         self._drop_unconfirmed()
         mixture.turn(elapsed, tank.level - mixture.stored)
@@ -183,6 +198,7 @@ class MmtMaster:
 
     def _lose(self) -> None:
         self._known = None
+        self._unconfirmed = 0.0
         self._mixture.want(None)
 
     @property
@@ -219,7 +235,7 @@ class MmtMaster:
     def render(self, force: Vector) -> Vector:  # noqa: ARG002
         port, tank, mixture = self._port, self._tank, self._mixture
         self._wanted = wanted = mixture.force
-        passive = port.passive(wanted, tank.level, self._elapsed, self._supplied)
+        passive = port.passive(wanted, tank.level, self._elapsed)
         dragged = self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
         return port.secured(dragged, tank.level)
 

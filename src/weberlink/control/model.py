@@ -6,7 +6,8 @@ energy allows is displayed recessed: at a greater depth, with its own stiffness.
 A mixture with fixed weights and recesses is passive: in the frame of each surface, the force is that of a spring to an
 anchor, the foot of the hand or the god-object of friction, and the anchor slides towards the hand only, which takes
 energy. A change of the mixture creates or takes energy, and the amount is known before the change. A surface that moves
-does work on the hand; `follow` returns it.
+does work on the hand; `follow` returns it. Only the newest surface moves: what it replaces stays where it is, fades out
+and is dropped, whatever energy there is.
 """
 
 from math import hypot, sqrt
@@ -68,7 +69,7 @@ class RecessedSurface:
         pressed: size of the force with the recess, without the weight [N].
     """
 
-    __slots__ = ("_length", "_moved", "force", "memory", "pressed", "recess", "surface", "weight")
+    __slots__ = ("_length", "_moved", "_moves", "_tick", "force", "memory", "pressed", "recess", "surface", "weight")
 
     def __init__(self, surface: WallModel, memory: Any, tick: float) -> None:
         self.surface = surface
@@ -76,14 +77,24 @@ class RecessedSurface:
         self.weight = self.recess = self.pressed = self._length = 0.0
         self.force: Vector = ZERO
         self._moved = surface.displacement(tick)
+        self._tick = tick
+        self._moves = True
 
     @property
     def stored(self) -> float:
         """Stored energy, without the weight [J]."""
         return 0.5 * self.pressed * self.pressed / self.surface.stiffness
 
+    def stay(self) -> None:
+        """Move no more: its motion was fitted to samples that a newer one has replaced."""
+        self._moves = False
+
     def follow(self, tick: float, position: Vector) -> float:
         """Go on to this tick and position of the hand [m]; returns the work of its motion without the weight [J]."""
+        if self._moves:
+            self._tick = tick
+        else:
+            tick = self._tick
         surface, before = self.surface, self._moved
         moved = surface.displacement(tick)
         work = 0.0
@@ -194,6 +205,10 @@ class SurfaceMixture:
         """
         newest = self.newest
         self._waiting = None
+        if newest is not None:
+            newest.stay()
+        if self._wanted is not None:
+            self._wanted.stay()
         if surface is None:
             self._wanted = None
             return
@@ -233,8 +248,8 @@ class SurfaceMixture:
     def turn(self, elapsed: float, spare: float) -> None:
         """Move weight to the wanted surface, and let it rise.
 
-        The force on the hand turns, rises and drops by this at no more than `STEEPEST`. A drop is delayed only as long
-        as the surfaces that cause the force are there: they store the energy that the hand takes out meanwhile.
+        The force on the hand turns, rises and drops by this at no more than `STEEPEST`. As far as that allows it, every
+        surface that is not wanted shrinks at least by the factor e in `TURN`, whatever the energy.
 
         Args:
             elapsed: time since the last call [s].
@@ -250,14 +265,15 @@ class SurfaceMixture:
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
-            spare -= self._move(wanted, moved, most, spare)
+            spare -= self._move(wanted, moved, share, most, spare)
         wanted.come_up(elapsed, spare)
 
-    def _move(self, wanted: RecessedSurface, moved: float, most: float, spare: float) -> float:
+    def _move(self, wanted: RecessedSurface, moved: float, fading: float, most: float, spare: float) -> float:
         """Move this weight to the wanted surface, or as much as energy and slew allow; returns the energy cost [J].
 
-        The other surfaces lose weight so that the sum stays at most 1. They lose more, up to the weight that moves, if
-        the energy that this frees is needed.
+        The other surfaces lose weight so that the sum stays at most 1, and at least the share `fading` of what they
+        have: a surface that is not wanted never stays. They lose more, up to the weight that moves, if the energy that
+        this frees is needed.
         """
         spare = max(0.0, spare)
         others = [part for part in self._parts if part is not wanted]
@@ -281,7 +297,10 @@ class SurfaceMixture:
         if change * share > most:
             share = most / change
         if of_others > 0.0:
-            self._fade(others, max(0.0, 1.0 - share * left))
+            lacking, length = fading - share * left, hypot(x, y, z)
+            if lacking * length > most - share * change:
+                lacking = (most - share * change) / length
+            self._fade(others, max(0.0, 1.0 - share * left - max(0.0, lacking)))
         wanted.weight += share * moved
         return share * price
 
