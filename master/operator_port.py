@@ -1,14 +1,15 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
-from math import hypot, inf
+from math import ceil, hypot, inf
 from typing import ClassVar
 
-from weberlink.control.contract import LEAST_CONTACT, MasterControl
+from weberlink.codec.decoder import Decoder
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.operator_end import OperatorEnd
-from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
@@ -27,9 +28,12 @@ class HandPosition:
     Args:
         control: the operator's end of the control scheme.
         force_bound: deadband of a force of this size [N].
+        free: largest force that needs no contact [N]; more is a contact's, also where the decoder states none yet.
     """
 
-    def __init__(self, control: MasterControl, force_bound: Callable[[float], float]) -> None:
+    def __init__(
+        self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE
+    ) -> None:
         self.value: Vector = ZERO
         self.command: Vector = ZERO
         """What was sampled last [m]."""
@@ -39,6 +43,7 @@ class HandPosition:
         """Force of the contact as decoded [N]: in free motion, drag alone does not narrow the deadband."""
         self._control = control
         self._force_bound = force_bound
+        self._free = free
 
     def complaint(self, reading: DeviceReading) -> str | None:
         position = reading.position
@@ -52,9 +57,101 @@ class HandPosition:
         self.command = command = control.command(self.value)
         shown, touched = self.displayed, self.touched
         force = hypot(shown[0], shown[1], shown[2])
-        touches = force > LEAST_CONTACT and hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
+        touches = force > LEAST_CONTACT and (
+            force > self._free or hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
+        )
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
+
+
+class ContactWatch:
+    """Bounds the force on the hand by whether the robot's end states a contact.
+
+    What it states is the received model, where the robot is by now: where it was commanded to a round trip ago. A hand
+    that is ahead of the robot in the same model counts too, since the robot's end corrects a model with which the
+    operator feels a contact that it does not reach (`weberlink.system.channels.Unreached`).
+
+    Args:
+        limiter: takes the time.
+        decoder: of the force.
+        endpoint: measures the link.
+        least: smallest force that states a contact [N]: less may be left over within the deadband.
+        tick_period: of both sides [s].
+        delay: what look-ahead and play-out add to the round trip [s].
+        playout: how much later than received an update is used [ticks].
+        longest: longest round trip [s].
+    """
+
+    def __init__(
+        self,
+        limiter: ContactLimiter,
+        decoder: Decoder,
+        endpoint: Endpoint,
+        *,
+        least: float,
+        tick_period: float,
+        delay: float,
+        playout: int,
+        longest: float,
+    ) -> None:
+        self._limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
+        self._least = least
+        self._tick_period = tick_period
+        self._delay = delay
+        self._playout = playout
+        self._commands = [ZERO] * (ceil((longest + delay) / tick_period) + 1)
+        self._newest = self._known = 0
+        self._tick = 0.0
+
+    @property
+    def unfounded(self) -> bool:
+        return self._limiter.unfounded
+
+    def reset(self) -> None:
+        self._limiter.reset()
+        self._known = 0
+
+    def follow(self, command: Vector, tick: float) -> None:
+        """Take in the command of this tick [m], and the present tick of the other side."""
+        count = len(self._commands)
+        self._newest = (self._newest + 1) % count
+        self._commands[self._newest] = command
+        self._known = min(self._known + 1, count)
+        self._tick = tick
+
+    def bounded(self, output: Vector, wanted: Vector, decoded: Vector, elapsed: float) -> Vector:
+        """What may be displayed of a force.
+
+        Args:
+            output: that is to be displayed [N].
+            wanted: before slew limit and gate [N].
+            decoded: what the received model states where the hand is [N].
+            elapsed: time since the last call [s].
+        """
+        limiter, asked = self._limiter, hypot(wanted[0], wanted[1], wanted[2])
+        if not (limiter.asks(asked) or limiter.waits):
+            return output
+        endpoint = self._endpoint
+        rtt = endpoint.rtt
+        round_trip = None if rtt is None else rtt + self._delay
+        stated = hypot(decoded[0], decoded[1], decoded[2]) > self._least or self._states(round_trip)
+        most = limiter.bound(
+            asked, elapsed, None if round_trip is None else round_trip + endpoint.jitter, stated=stated
+        )
+        length = hypot(output[0], output[1], output[2])
+        if length <= most:
+            return output
+        share = most / length
+        return (share * output[0], share * output[1], share * output[2])
+
+    def _states(self, round_trip: float | None) -> bool:
+        """Whether the received model states a contact where the robot is by now."""
+        if round_trip is None or self._known == 0:
+            return False
+        ago = min(round(round_trip / self._tick_period), self._known - 1)
+        there = self._commands[self._newest - ago]  # an index below 0 counts from the end
+        x, y, z = self._decoder.stated(self._tick - self._playout, there)
+        return hypot(x, y, z) > self._least
 
 
 class Display:
@@ -65,6 +162,7 @@ class Display:
         slew: bounds the rate of change.
         write: commands the device; None where it cannot display this, and nothing is felt.
         control: renders the force that the decoder gives; None to display it as it is.
+        contact: ends what no contact founds; None for what is displayed as it is decoded.
 
     Attributes:
         decoded: before all limits.
@@ -77,8 +175,9 @@ class Display:
         slew: SlewLimiter,
         write: Callable[[Vector, float], None] | None,
         control: MasterControl | None = None,
+        contact: ContactWatch | None = None,
     ) -> None:
-        self.limiter, self.slew, self._write, self._control = limiter, slew, write, control
+        self.limiter, self.slew, self._write, self._control, self.contact = limiter, slew, write, control, contact
         self.decoded: Vector = ZERO
         self.output: Vector = ZERO
 
@@ -98,7 +197,10 @@ class Display:
         control, slew = self._control, self.slew
         limited = self.limiter.limit(decoded if control is None else control.render(decoded))
         slewed = slew.place(limited) if step is None else slew.limit(limited, step)
-        self.output = output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
+        output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
+        if self.contact is not None and step is not None:
+            output = self.contact.bounded(output, limited, decoded, step)
+        self.output = output
         if control is not None:
             control.displayed(output)
         if self._write is not None:
@@ -142,9 +244,28 @@ class OperatorPort(OperatorEnd):
         self.hand = hand
         self._endpoint = endpoint
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
+        self._contact = displays[0].contact
+        self._tick = 0.0
+
+    @property
+    def unfounded(self) -> bool:
+        return self._contact is not None and self._contact.unfounded
+
+    def reset(self) -> None:
+        super().reset()
+        self._forget()
+
+    def restart(self) -> None:
+        super().restart()
+        self._forget()
+
+    def _forget(self) -> None:
+        if self._contact is not None:
+            self._contact.reset()
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
+        self._tick = tick
         control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
         return control.credit
 
@@ -166,6 +287,8 @@ class OperatorPort(OperatorEnd):
             self._grip(values[0] or ZERO, gain)
             if gain == 1.0:
                 self._settles_for -= step
+        if self._contact is not None:
+            self._contact.follow(self.hand.command, self._tick)
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)

@@ -10,10 +10,10 @@ A surface that moves is displayed where it is now on the other side, and the com
 changes of the scene are felt a round trip later. A sample without a surface (the first one of a contact, a fit outside
 its limits) is taken as a wall as stiff as the robot's coupling, the stiffest that the robot can feel.
 
-The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It
-assumes that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the
-modelled displacement. So a wrong motion costs at most the force times the distance that the model moves the surface
-by mistake, until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 m/s and 0.7 s.
+The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. A motor
+of the scene supplies the work of a surface that moves: the displayed force times the displacement. The tank gains it
+when a sample finds the surface where the model had moved it to, and what of the way is wrong is not gained. Until then
+the work comes from the tank.
 """
 
 from math import dist, hypot, inf
@@ -36,7 +36,8 @@ MISFIT_FLOOR = 0.05
 UNTOUCHED_TIME = 0.05
 """Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
 UNTOUCHED_DEPTH = 5e-4
-"""Depth of the displayed force in the surface from which the robot must touch it too [m]."""
+"""Depth of the displayed force in the surface from which the robot must touch it too [m]; at the latest from the
+largest force without a contact on."""
 FARTHEST = 0.02
 """Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
 than any contact is deep, and the samples from there would not correct it."""
@@ -56,6 +57,7 @@ class MmtMaster:
         "_drag",
         "_elapsed",
         "_free",
+        "_free_force",
         "_grant",
         "_known",
         "_lead",
@@ -77,7 +79,8 @@ class MmtMaster:
         self._level = settings.level
         self._coupling = settings.coupling
         self._tick_period = settings.tick_period
-        self._drag = LevelDrag(settings.damping, self._level)
+        self._free_force = settings.free_force
+        self._drag = LevelDrag(settings.damping, self._level, settings.free_force)
         self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
         self._mixture = SurfaceMixture()
@@ -189,7 +192,8 @@ class MmtMaster:
         if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
             self._lose()
             return
-        if newest is None or not self._free or hypot(*self._displayed) < UNTOUCHED_DEPTH * newest.surface.stiffness:
+        felt = hypot(*self._displayed)
+        if newest is None or not self._free or felt < min(UNTOUCHED_DEPTH * newest.surface.stiffness, self._free_force):
             self._untouched = 0.0
             return
         self._untouched += self._elapsed

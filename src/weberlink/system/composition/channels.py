@@ -108,6 +108,14 @@ def playout_ticks(system: System) -> int:
     return _ticks(system.link.playout_ms, system)
 
 
+def signal_delay(system: System) -> float:
+    """What look-ahead and play-out of both directions add to the round trip of the signals [s]; an arm has no
+    look-ahead."""
+    arm = system.codec.joints is not None
+    ahead = 0 if arm else sum([channel.lookahead for channel in channels(system)])
+    return (ahead + 2 * playout_ticks(system)) * system.tick_period
+
+
 def lookahead_ms(system: System) -> dict[str, float]:
     """How much later than without look-ahead the signals are displayed, by channel, in whole ticks; none of an arm."""
     if system.codec.joints is not None:
