@@ -171,7 +171,10 @@ class LeaderPort(OperatorEnd):
         limited = limiter.limit(wanted, slew_step)
         output = limited if gain == 1.0 else tuple([torque * gain for torque in limited])
         if slew_step is not None:
+            was_unfounded = self.unfounded
             output = self._founded(output, wanted, slew_step)
+            if self.unfounded and not was_unfounded:
+                control.resume(self._endpoint.peer_credit)
         self.output = output
         control.displayed(output)
         if self._displays:
@@ -192,7 +195,7 @@ class LeaderPort(OperatorEnd):
             asked, part = _largest(sensor.part(wanted)), sensor.part(output)
             if contact.asks(asked) or contact.waits:
                 endpoint = self._endpoint
-                round_trip = None if endpoint.rtt is None else endpoint.rtt + endpoint.jitter + self._delay
+                round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
                 decoded = sensor.part(self.decoded)
                 stated = any([abs(torque) > most for torque, most in zip(decoded, least, strict=True)])
                 most = contact.bound(asked, elapsed, round_trip, stated=stated)

@@ -19,6 +19,11 @@ GRIP_S = 0.1
 known, which takes some samples of its force."""
 
 
+LOOK_S = 0.005
+"""Time between two looks at whether the robot's end states a contact, while there is a force; and how long after it was
+due a correction of what is looked at is waited for, beside the jitter [s]."""
+
+
 class HandPosition:
     """The position of the device [m], and what is sent of it: the command of the control scheme.
 
@@ -28,7 +33,7 @@ class HandPosition:
     Args:
         control: the operator's end of the control scheme.
         force_bound: deadband of a force of this size [N].
-        free: largest force that needs no contact [N]; more is a contact's, also where the decoder states none yet.
+        free: largest force that needs no contact [N].
     """
 
     def __init__(
@@ -41,6 +46,9 @@ class HandPosition:
         """Force on the hand now [N], drag included."""
         self.touched: Vector = ZERO
         """Force of the contact as decoded [N]: in free motion, drag alone does not narrow the deadband."""
+        self.asked = 0.0
+        """Size of what the control scheme asks for [N]: no drag is larger than `free`, and a model that is felt before
+        the robot touches must lead it there."""
         self._control = control
         self._force_bound = force_bound
         self._free = free
@@ -58,7 +66,7 @@ class HandPosition:
         shown, touched = self.displayed, self.touched
         force = hypot(shown[0], shown[1], shown[2])
         touches = force > LEAST_CONTACT and (
-            force > self._free or hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
+            self.asked > self._free or hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
         )
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
@@ -67,9 +75,9 @@ class HandPosition:
 class ContactWatch:
     """Bounds the force on the hand by whether the robot's end states a contact.
 
-    What it states is the received model, where the robot is by now: where it was commanded to a round trip ago. A hand
-    that is ahead of the robot in the same model counts too, since the robot's end corrects a model with which the
-    operator feels a contact that it does not reach (`weberlink.system.channels.Unreached`).
+    What it states is the received model, at the place that its newest statement is about: where the robot was commanded
+    to a round trip ago, since by now a correction of the model for that place would have come. A robot that is elsewhere
+    says so (`weberlink.system.channels.Unreached`).
 
     Args:
         limiter: takes the time.
@@ -119,25 +127,21 @@ class ContactWatch:
         self._known = min(self._known + 1, count)
         self._tick = tick
 
-    def bounded(self, output: Vector, wanted: Vector, decoded: Vector, elapsed: float) -> Vector:
+    def bounded(self, output: Vector, asked: float, elapsed: float) -> Vector:
         """What may be displayed of a force.
 
         Args:
             output: that is to be displayed [N].
-            wanted: before slew limit and gate [N].
-            decoded: what the received model states where the hand is [N].
+            asked: its size before slew limit and gate [N].
             elapsed: time since the last call [s].
         """
-        limiter, asked = self._limiter, hypot(wanted[0], wanted[1], wanted[2])
+        limiter = self._limiter
         if not (limiter.asks(asked) or limiter.waits):
             return output
-        endpoint = self._endpoint
-        rtt = endpoint.rtt
+        rtt = self._endpoint.rtt
         round_trip = None if rtt is None else rtt + self._delay
-        stated = hypot(decoded[0], decoded[1], decoded[2]) > self._least or self._states(round_trip)
-        most = limiter.bound(
-            asked, elapsed, None if round_trip is None else round_trip + endpoint.jitter, stated=stated
-        )
+        stated = limiter.lasted >= LOOK_S and self._states(round_trip)
+        most = limiter.bound(asked, elapsed, round_trip, stated=stated)
         length = hypot(output[0], output[1], output[2])
         if length <= most:
             return output
@@ -145,10 +149,9 @@ class ContactWatch:
         return (share * output[0], share * output[1], share * output[2])
 
     def _states(self, round_trip: float | None) -> bool:
-        """Whether the received model states a contact where the robot is by now."""
-        if round_trip is None or self._known == 0:
-            return False
-        ago = min(round(round_trip / self._tick_period), self._known - 1)
+        """Whether the received model states a contact where the robot was as the newest news of it left."""
+        waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
+        ago = min(round(waited / self._tick_period), self._known - 1)
         there = self._commands[self._newest - ago]  # an index below 0 counts from the end
         x, y, z = self._decoder.stated(self._tick - self._playout, there)
         return hypot(x, y, z) > self._least
@@ -166,6 +169,7 @@ class Display:
 
     Attributes:
         decoded: before all limits.
+        asked: size of what is to be displayed, before the slew limit.
         output: as commanded.
     """
 
@@ -179,6 +183,7 @@ class Display:
     ) -> None:
         self.limiter, self.slew, self._write, self._control, self.contact = limiter, slew, write, control, contact
         self.decoded: Vector = ZERO
+        self.asked = 0.0
         self.output: Vector = ZERO
 
     def show(self, decoded: Vector, gain: float, step: float | None, now: float) -> bool:
@@ -196,10 +201,11 @@ class Display:
         self.decoded = decoded
         control, slew = self._control, self.slew
         limited = self.limiter.limit(decoded if control is None else control.render(decoded))
+        self.asked = asked = hypot(limited[0], limited[1], limited[2])
         slewed = slew.place(limited) if step is None else slew.limit(limited, step)
         output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
         if self.contact is not None and step is not None:
-            output = self.contact.bounded(output, limited, decoded, step)
+            output = self.contact.bounded(output, asked, step)
         self.output = output
         if control is not None:
             control.displayed(output)
@@ -289,13 +295,17 @@ class OperatorPort(OperatorEnd):
                 self._settles_for -= step
         if self._contact is not None:
             self._contact.follow(self.hand.command, self._tick)
+        was_unfounded = self.unfounded
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
             clipped |= display.limiter.clipped
-        self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
+        hand, force = self.hand, self.displays[0]
+        hand.displayed, hand.touched, hand.asked = force.output, force.decoded, force.asked
         self.slew_ticks += held_back
         self.clipped = clipped
+        if self.unfounded and not was_unfounded:
+            self.control.resume(self._endpoint.peer_credit)
 
     def _grip(self, force: Vector, gain: float) -> None:
         """Tell the control what the contact stores in which the operator takes or leaves the handle."""

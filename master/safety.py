@@ -163,10 +163,11 @@ class ContactLimiter:
     Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
 
     Attributes:
+        lasted: time for which more than `free` was asked for since a contact was stated [s].
         unfounded: whether what is asked for is at fault; until a contact is stated, or the bound has risen again.
     """
 
-    __slots__ = ("_bound", "_free", "_lasted", "_longest", "_most", "unfounded")
+    __slots__ = ("_bound", "_free", "_longest", "_most", "lasted", "unfounded")
 
     def __init__(self, most: float, free: float, longest: float) -> None:
         """Make the limiter.
@@ -182,14 +183,14 @@ class ContactLimiter:
         self.reset()
 
     def reset(self) -> None:
-        self._lasted = 0.0
+        self.lasted = 0.0
         self._bound = inf
         self.unfounded = False
 
     @property
     def waits(self) -> bool:
         """Whether a force was asked for lately without a contact."""
-        return self._bound < inf or self._lasted > 0.0
+        return self._bound < inf or self.lasted > 0.0
 
     def asks(self, asked: float) -> bool:
         """Whether so much needs a contact."""
@@ -207,12 +208,12 @@ class ContactLimiter:
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
         if stated:
-            self._lasted = 0.0
+            self.lasted = 0.0
         elif self.asks(asked):
-            self._lasted = min(self._lasted + elapsed, patience + max(FADE, GRACE))
+            self.lasted = min(self.lasted + elapsed, patience + max(FADE, GRACE))
         else:
-            self._lasted = max(0.0, self._lasted - elapsed)
-        left = patience - self._lasted
+            self.lasted = max(0.0, self.lasted - elapsed)
+        left = patience - self.lasted
         if left >= FALL:
             self.unfounded = False
             allowed = inf

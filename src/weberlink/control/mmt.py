@@ -33,8 +33,9 @@ MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
-UNTOUCHED_TIME = 0.05
-"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
+UNTOUCHED_TIME = 0.02
+"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]; time in which
+it is hardly displayed counts back."""
 UNTOUCHED_DEPTH = 5e-4
 """Depth of the displayed force in the surface from which the robot must touch it too [m]; at the latest from the
 largest force without a contact on."""
@@ -83,7 +84,7 @@ class MmtMaster:
         self._drag = LevelDrag(settings.damping, self._level, settings.free_force)
         self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
-        self._mixture = SurfaceMixture()
+        self._mixture = SurfaceMixture(settings.force_range)
         self._grant = GripGrant()
         self._elapsed = self._tick = self._lead = 0.0
         self._forget()
@@ -192,13 +193,14 @@ class MmtMaster:
         if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
             self._lose()
             return
-        felt = hypot(*self._displayed)
-        if newest is None or not self._free or felt < min(UNTOUCHED_DEPTH * newest.surface.stiffness, self._free_force):
+        if newest is None or not self._free:
             self._untouched = 0.0
-            return
-        self._untouched += self._elapsed
-        if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
-            self._lose()
+        elif hypot(*self._displayed) < min(UNTOUCHED_DEPTH * newest.surface.stiffness, self._free_force):
+            self._untouched = max(0.0, self._untouched - self._elapsed)
+        else:
+            self._untouched += self._elapsed
+            if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
+                self._lose()
 
     def _lose(self) -> None:
         self._known = None

@@ -10,7 +10,7 @@ does work on the hand; `follow` returns it. Only the newest surface moves: what 
 and is dropped, whatever energy there is.
 """
 
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import Any, ClassVar
 
 from weberlink.control.contract import WallModel
@@ -141,11 +141,16 @@ class RecessedSurface:
 
 
 class SurfaceMixture:
-    """Weighted surfaces: the newest is the wanted one and fades in, the others fade out."""
+    """Weighted surfaces: the newest is the wanted one and fades in, the others fade out.
 
-    __slots__ = ("_parts", "_position", "_tick", "_waiting", "_wanted")
+    Args:
+        most: largest force that is displayed [N]; what is above it fades at once.
+    """
 
-    def __init__(self) -> None:
+    __slots__ = ("_most", "_parts", "_position", "_tick", "_waiting", "_wanted")
+
+    def __init__(self, most: float = inf) -> None:
+        self._most = most
         self.reset()
 
     def reset(self) -> None:
@@ -261,7 +266,9 @@ class SurfaceMixture:
         if wanted is None:
             length, weight = hypot(*self.force), sum(part.weight for part in self._parts)
             lost = min(1.0, share / weight) if weight > 0.0 else 1.0
-            self._fade(self._parts, 1.0 - (min(lost, most / length) if length > 0.0 else lost))
+            if length > 0.0:
+                lost = min(lost, (most + max(0.0, length - self._most)) / length)
+            self._fade(self._parts, 1.0 - lost)
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
-from weberlink.control.contract import LEAST_CONTACT, MasterControl
+from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.update import Update
@@ -33,12 +33,14 @@ class Unreached:
     Args:
         mirror: of the encoder.
         led: where the operator leads the robot [m]; None for nowhere.
+        least: smallest force that states a contact [N]: less may be left over within the deadband.
         tick_period: [s].
     """
 
-    def __init__(self, mirror: Decoder, led: Callable[[], Vector | None], tick_period: float) -> None:
+    def __init__(self, mirror: Decoder, led: Callable[[], Vector | None], least: float, tick_period: float) -> None:
         self._mirror = mirror
         self._led = led
+        self._least = least
         self._most = round(UNREACHED_S / tick_period)
         self._ticks = 0
 
@@ -51,15 +53,14 @@ class Unreached:
             position: where it feels that [m].
         """
         led = self._led()
-        if led is None or led == position or _touches(value) or not _touches(self._mirror.stated(tick, led)):
+        if led is None or led == position or self._is(value) or not self._is(self._mirror.stated(tick, led)):
             self._ticks = 0
             return position
         self._ticks += 1
         return position if self._ticks <= self._most else led
 
-
-def _touches(force: Vector) -> bool:
-    return hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+    def _is(self, contact: Vector) -> bool:
+        return hypot(contact[0], contact[1], contact[2]) > self._least
 
 
 class OutgoingChannel:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
-from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
@@ -17,7 +16,7 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import playout_ticks, signal_delay, streams
+from weberlink.system.composition.channels import least_contact, playout_ticks, signal_delay, streams
 from weberlink.system.composition.coupling import coupling
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -85,7 +84,7 @@ def build_master(
         ContactLimiter(force_limit, free, silence),
         force_decoder,
         endpoint,
-        least=max(LEAST_CONTACT, system.codec.force.floor_n),
+        least=least_contact(system),
         tick_period=system.tick_period,
         delay=signal_delay(system),
         playout=playout_ticks(system),
