@@ -210,7 +210,7 @@ class ContactLimiter:
         if stated:
             self.lasted = 0.0
         elif self.asks(asked):
-            self.lasted = min(self.lasted + elapsed, patience + max(FADE, GRACE))
+            self.lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
             self.lasted = max(0.0, self.lasted - elapsed)
         left = patience - self.lasted

@@ -282,9 +282,9 @@ def _line(finding: Finding) -> str:
     kept = [each for each in made.overrides if each.startswith(("control", "codec.force", "slave", "rate"))]
     delays = " and ".join(f"{1e3 * each:.0f}" for each in made.delay_s)
     return (
-        f"seed {made.seed}: {1e3 * finding.longest:.0f} ms, {1e3 * finding.allowed:.0f} allowed; {finding.ticks} ticks too "
-        f"long with up to {finding.largest:.1f} N; {finding.faults} faults, {finding.rash} too early; {delays} ms, jitter "
-        f"{1e3 * made.jitter_s:.1f} ms, loss {made.loss}; {', '.join(kept)}"
+        f"seed {made.seed}: {1e3 * finding.longest:.0f} ms, {1e3 * finding.allowed:.0f} allowed; {finding.ticks} ticks "
+        f"too long with up to {finding.largest:.1f} N; {finding.faults} faults, {finding.rash} too early; {delays} ms, "
+        f"jitter {1e3 * made.jitter_s:.1f} ms, loss {made.loss}; {', '.join(kept)}"
     )
 
 

@@ -60,6 +60,7 @@ class MmtMaster:
         "_free",
         "_free_force",
         "_grant",
+        "_is_modelled",
         "_known",
         "_lead",
         "_level",
@@ -68,6 +69,7 @@ class MmtMaster:
         "_tank",
         "_tick",
         "_tick_period",
+        "_touches",
         "_unconfirmed",
         "_untouched",
         "_wanted",
@@ -112,6 +114,7 @@ class MmtMaster:
         self._mixture.reset()
         self._known: KnownSurface | None = None
         self._free = True
+        self._is_modelled = self._touches = False
         self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
@@ -124,6 +127,7 @@ class MmtMaster:
         self._confirm(force, position)
         known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        self._is_modelled = surface is not None
         self._free = surface is None and not touches
         if surface is None:
             if known is None:
@@ -193,7 +197,9 @@ class MmtMaster:
         if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
             self._lose()
             return
-        if newest is None or not self._free:
+        # Where there is no surface, what the sample's predictor states here counts; a surface may have moved since.
+        free = self._free or not (self._is_modelled or self._touches)
+        if newest is None or not free:
             self._untouched = 0.0
         elif hypot(*self._displayed) < min(UNTOUCHED_DEPTH * newest.surface.stiffness, self._free_force):
             self._untouched = max(0.0, self._untouched - self._elapsed)
@@ -238,7 +244,8 @@ class MmtMaster:
         u, v, w = surface.displacement(present + self._lead / self._tick_period)
         return (x + u - a, y + v - b, z + w - c)
 
-    def render(self, force: Vector) -> Vector:  # noqa: ARG002
+    def render(self, force: Vector) -> Vector:
+        self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         port, tank, mixture = self._port, self._tank, self._mixture
         self._wanted = wanted = mixture.force
         passive = port.passive(wanted, tank.level, self._elapsed)
