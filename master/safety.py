@@ -8,9 +8,9 @@ from math import dist, hypot, inf
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
 
-PATIENCE = 0.05
+PATIENCE = 0.045
 """Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
-behind its command, and an update that comes late."""
+behind its command, and an update that comes late. Together with the time between two looks it is 50 ms."""
 FALL = 0.03
 """Last part of it, in which the bound falls [s]."""
 FADE = 0.1

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from tests.system.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.master.safety import PATIENCE
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation, as_array
 from weberlink.telemetry.fault import Fault
@@ -32,6 +31,8 @@ SECONDS = 4.0
 SCHEMES = ("none", "tdpa", *("mmt", "auto") * 2)
 PREDICTION = (*PREDICTORS.built_in, HYBRID, *("surface", ADAPTIVE) * 3)
 """What each session draws from: models of a surface have the most to go wrong."""
+PATIENCE = 0.05
+"""What the law allows beyond the round trip [s]."""
 REPAIR_S = 0.06
 """An update that was lost is repeated a round trip and so much later, on a link that loses one in fifty [s]."""
 
