@@ -144,7 +144,7 @@ class SurfaceMixture:
     """Weighted surfaces: the newest is the wanted one and fades in, the others fade out.
 
     Args:
-        most: largest force that is displayed [N]; what is above it fades at once.
+        most: largest force that is displayed [N]; in a change to free space, what is above it goes at once.
     """
 
     __slots__ = ("_most", "_parts", "_position", "_tick", "_waiting", "_wanted")
@@ -265,10 +265,11 @@ class SurfaceMixture:
         wanted = self._wanted
         if wanted is None:
             length, weight = hypot(*self.force), sum(part.weight for part in self._parts)
+            if length > self._most:
+                self._fade(self._parts, self._most / length)
+                length, weight = self._most, weight * self._most / length
             lost = min(1.0, share / weight) if weight > 0.0 else 1.0
-            if length > 0.0:
-                lost = min(lost, (most + max(0.0, length - self._most)) / length)
-            self._fade(self._parts, 1.0 - lost)
+            self._fade(self._parts, 1.0 - (min(lost, most / length) if length > 0.0 else lost))
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
