@@ -112,6 +112,10 @@ class ContactWatch:
         self._tick = 0.0
 
     @property
+    def doubtful(self) -> bool:
+        return self._limiter.doubtful
+
+    @property
     def unfounded(self) -> bool:
         return self._limiter.unfounded
 
@@ -249,6 +253,7 @@ class OperatorPort(OperatorEnd):
         self.device, self.displays, self.control = device, displays, control
         self.hand = hand
         self._endpoint = endpoint
+        self._was_doubtful = self._was_unfounded = False
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
         self._contact = displays[0].contact
         self._tick = 0.0
@@ -293,9 +298,9 @@ class OperatorPort(OperatorEnd):
             self._grip(values[0] or ZERO, gain)
             if gain == 1.0:
                 self._settles_for -= step
-        if self._contact is not None:
-            self._contact.follow(self.hand.command, self._tick)
-        was_unfounded = self.unfounded
+        contact = self._contact
+        if contact is not None:
+            contact.follow(self.hand.command, self._tick)
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
@@ -304,8 +309,21 @@ class OperatorPort(OperatorEnd):
         hand.displayed, hand.touched, hand.asked = force.output, force.decoded, force.asked
         self.slew_ticks += held_back
         self.clipped = clipped
-        if self.unfounded and not was_unfounded:
+        if contact is not None and (contact.doubtful or self._was_doubtful):
+            self._doubt(doubtful=contact.doubtful, unfounded=contact.unfounded)
+
+    def _doubt(self, *, doubtful: bool, unfounded: bool) -> None:
+        """Have the scheme let go of a model whose force lasts without a contact; at fault, have it begin anew.
+
+        The robot's end is silent while the model of its newest update is right, which the scheme has lost by this. So
+        it is asked for a complete update.
+        """
+        if doubtful and not self._was_doubtful:
+            self.control.refute()
+            self._endpoint.request_full_state()
+        if unfounded and not self._was_unfounded:
             self.control.resume(self._endpoint.peer_credit)
+        self._was_doubtful, self._was_unfounded = doubtful, unfounded
 
     def _grip(self, force: Vector, gain: float) -> None:
         """Tell the control what the contact stores in which the operator takes or leaves the handle."""

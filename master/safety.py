@@ -16,7 +16,7 @@ FALL = 0.03
 FADE = 0.1
 """Time in which what is left falls to zero [s]."""
 GRACE = 0.05
-"""Time after which what still asks for a force is at fault [s]: a scheme fades out what it finds wrong."""
+"""Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of."""
 RISE = 0.05
 """Time in which a bound rises to the largest force [s]."""
 ROUNDING = 1.0 + 1e-9
@@ -157,17 +157,18 @@ class ContactLimiter:
 
     A hand may be ahead of the robot in a contact that a model predicts, for as long as the answer takes: the round trip
     and `PATIENCE`. By then the bound has fallen to `free`, and it falls on to 0. It does not depend on the control
-    scheme or on a predictor, and holds whatever they ask for. What asks for more than `free` for `GRACE` longer is at
-    fault: it does not come to an end by itself.
+    scheme or on a predictor, and holds whatever they ask for. A scheme is told as the bound begins to fall; one that
+    asks for more than `free` `GRACE` beyond the law is at fault.
 
     Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
 
     Attributes:
         lasted: time for which more than `free` was asked for since a contact was stated [s].
-        unfounded: whether what is asked for is at fault; until a contact is stated, or the bound has risen again.
+        doubtful: whether it has lasted so long that the bound falls, or has not risen yet.
+        unfounded: whether what is asked for is at fault, likewise.
     """
 
-    __slots__ = ("_bound", "_free", "_longest", "_most", "lasted", "unfounded")
+    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "lasted", "unfounded")
 
     def __init__(self, most: float, free: float, longest: float) -> None:
         """Make the limiter.
@@ -185,7 +186,7 @@ class ContactLimiter:
     def reset(self) -> None:
         self.lasted = 0.0
         self._bound = inf
-        self.unfounded = False
+        self.doubtful = self.unfounded = False
 
     @property
     def waits(self) -> bool:
@@ -214,7 +215,8 @@ class ContactLimiter:
         else:
             self.lasted = max(0.0, self.lasted - elapsed)
         left = patience - self.lasted
-        if left >= FALL:
+        self.doubtful = left < FALL
+        if not self.doubtful:
             self.unfounded = False
             allowed = inf
         elif left > 0.0:

@@ -8,10 +8,10 @@ from tests.control.teleoperation import Quality
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.codec.predictors.surface import SurfacePatch
-from weberlink.control.contract import SchemeParameters
+from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
-from weberlink.control.mmt import FARTHEST, LONGEST_DRIFT, UNTOUCHED_TIME, MmtMaster
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.control.mmt import FARTHEST, LONGEST_DRIFT, MmtMaster
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 TICK = 1e-3
 WALL = Wall(500.0)
@@ -265,19 +265,12 @@ def test_a_motion_that_a_sample_refutes_has_given_none(force: Vector) -> None:
     assert control.tank == pytest.approx(before, abs=1e-5)
 
 
-def test_where_the_model_of_a_sample_ends_the_wall_of_the_sample_does_not_stay() -> None:
-    """The robot has felt a force, by a model that is no surface and that states none where the hand is."""
-    operator = Operator()
-    operator.control.learn(None, PRESSED, INSIDE)
-    operator.go(0.002, 300)
-    operator.go(-DEPTH, 100)
-    control, forces = operator.control, []
-    for tick in range(4000):
-        control.observe(INSIDE, TICK, 0.0, 0, QUALITY)
-        forces.append(control.render(PRESSED if tick < 1000 else ZERO))
-        control.displayed(forces[-1])
-    assert forces[999] == pytest.approx(PRESSED, abs=0.5)
-    assert forces[1000 + round(1000 * (0.7 + UNTOUCHED_TIME)) + 70] == pytest.approx(ZERO, abs=0.1)
+def test_a_surface_that_is_refuted_is_gone() -> None:
+    operator = Operator.pressing()
+    operator.control.refute()
+    assert operator.go(-DEPTH, 60) == pytest.approx(ZERO, abs=1e-6)
+    operator.go(0.002, 100)
+    assert norm(operator.go(-DEPTH, 100)) <= FREE_FORCE  # drag
 
 
 def test_reset_forgets_the_model() -> None:

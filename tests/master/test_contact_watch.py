@@ -70,7 +70,6 @@ def test_a_robot_that_was_in_the_model_long_ago_states_nothing_now() -> None:
     assert watched.watch.unfounded
 
 
-
 def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:
     watched = Watched()
     watched.go(OUTSIDE, ZERO, 500)

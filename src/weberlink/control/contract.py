@@ -113,7 +113,8 @@ class Choosing(Switchable, Protocol):
 class MasterControl(Control, Protocol):
     """The operator's end of a scheme.
 
-    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`.
+    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`,
+    `refute` if that lasts without a contact.
     """
 
     @property
@@ -142,6 +143,11 @@ class MasterControl(Control, Protocol):
             position: commanded position of that sample [m]; NaN if neither its predictor nor, by its entry in
                 `weberlink.control.table`, the scheme reads it.
         """
+        ...
+
+    def refute(self) -> None:
+        """Let go of what is displayed by a model: it lasts, and the robot's end states no contact. A complete update
+        was asked for."""
         ...
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:

@@ -33,12 +33,10 @@ MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
-UNTOUCHED_TIME = 0.02
-"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]; time in which
-it is hardly displayed counts back."""
+UNTOUCHED_TIME = 0.05
+"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
 UNTOUCHED_DEPTH = 5e-4
-"""Depth of the displayed force in the surface from which the robot must touch it too [m]; at the latest from the
-largest force without a contact on."""
+"""Depth of the displayed force in the surface from which the robot must touch it too [m]."""
 FARTHEST = 0.02
 """Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
 than any contact is deep, and the samples from there would not correct it."""
@@ -58,9 +56,7 @@ class MmtMaster:
         "_drag",
         "_elapsed",
         "_free",
-        "_free_force",
         "_grant",
-        "_is_modelled",
         "_known",
         "_lead",
         "_level",
@@ -69,7 +65,6 @@ class MmtMaster:
         "_tank",
         "_tick",
         "_tick_period",
-        "_touches",
         "_unconfirmed",
         "_untouched",
         "_wanted",
@@ -82,7 +77,6 @@ class MmtMaster:
         self._level = settings.level
         self._coupling = settings.coupling
         self._tick_period = settings.tick_period
-        self._free_force = settings.free_force
         self._drag = LevelDrag(settings.damping, self._level, settings.free_force)
         self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
@@ -114,7 +108,6 @@ class MmtMaster:
         self._mixture.reset()
         self._known: KnownSurface | None = None
         self._free = True
-        self._is_modelled = self._touches = False
         self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
@@ -127,7 +120,6 @@ class MmtMaster:
         self._confirm(force, position)
         known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
-        self._is_modelled = surface is not None
         self._free = surface is None and not touches
         if surface is None:
             if known is None:
@@ -197,16 +189,15 @@ class MmtMaster:
         if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
             self._lose()
             return
-        # Where there is no surface, what the sample's predictor states here counts; a surface may have moved since.
-        free = self._free or not (self._is_modelled or self._touches)
-        if newest is None or not free:
+        if newest is None or not self._free or hypot(*self._displayed) < UNTOUCHED_DEPTH * newest.surface.stiffness:
             self._untouched = 0.0
-        elif hypot(*self._displayed) < min(UNTOUCHED_DEPTH * newest.surface.stiffness, self._free_force):
-            self._untouched = max(0.0, self._untouched - self._elapsed)
-        else:
-            self._untouched += self._elapsed
-            if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
-                self._lose()
+            return
+        self._untouched += self._elapsed
+        if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
+            self._lose()
+
+    def refute(self) -> None:
+        self._lose()
 
     def _lose(self) -> None:
         self._known = None
@@ -244,8 +235,7 @@ class MmtMaster:
         u, v, w = surface.displacement(present + self._lead / self._tick_period)
         return (x + u - a, y + v - b, z + w - c)
 
-    def render(self, force: Vector) -> Vector:
-        self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+    def render(self, force: Vector) -> Vector:  # noqa: ARG002
         port, tank, mixture = self._port, self._tank, self._mixture
         self._wanted = wanted = mixture.force
         passive = port.passive(wanted, tank.level, self._elapsed)

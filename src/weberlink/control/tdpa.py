@@ -180,6 +180,8 @@ class TdpaMaster(_TankedPort):
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
         self._matching.learn(surface)
 
+    def refute(self) -> None: ...
+
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
         book_hand(self._tank, work, self._level, peer_credit, elapsed, in_contact=self._in_contact)
