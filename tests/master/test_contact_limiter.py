@@ -92,6 +92,14 @@ def test_drag_in_free_motion_needs_no_contact() -> None:
     assert not limited.waits
 
 
+def test_a_force_is_doubtful_before_it_is_at_fault() -> None:
+    limited = limiter()
+    doubts = [(limited.bound(5.0, TICK, 0.1, stated=False), limited.doubtful, limited.unfounded) for _ in range(400)]
+    assert [bound < inf for bound, *_ in doubts] == [doubtful for _, doubtful, _ in doubts]
+    begun = [next(tick for tick, each in enumerate(doubts) if each[index]) for index in (1, 2)]
+    assert begun == pytest.approx([ticks(0.1 + PATIENCE - FALL), ticks(0.1 + PATIENCE + GRACE)], abs=2)
+
+
 def test_the_force_comes_back_in_a_ramp_when_a_contact_is_stated() -> None:
     limited = limiter()
     bounds(limited, [5.0] * 1000, 0.1)

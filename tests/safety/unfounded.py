@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from tests.system.systems import configuration
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
+from weberlink.system.scoring.session import Records
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation, as_array
 from weberlink.telemetry.fault import Fault
@@ -208,14 +209,14 @@ class Finding:
     contact: float
 
 
-def judge(cell: Cell, simulation: Simulation, period: float) -> Finding:
-    """Run a session, and compare the force on the hand with what the robot touched, by the clock of both."""
-    masters, slaves = zip(*(simulation.step() for _ in range(round(SECONDS / period))), strict=True)
-    return found(cell, as_array(masters), as_array(slaves), period)
+def records(simulation: Simulation, period: float, seconds: float = SECONDS) -> tuple[Records, Records]:
+    """The records of both sides of a session."""
+    masters, slaves = zip(*(simulation.step() for _ in range(round(seconds / period))), strict=True)
+    return as_array(masters), as_array(slaves)
 
 
-def found(cell: Cell, master: Any, slave: Any, period: float) -> Finding:
-    """The finding of the records of both sides.
+def found(cell: Cell, master: Records, slave: Records, period: float) -> Finding:
+    """What a session showed: the force on the hand beside what the robot touched, by the clock of both.
 
     The robot's end has stated what it feels once it can have arrived: a delay later, and after a loss a round trip
     later still. A run of force without a contact begins with the force, or with the end of the contact.
@@ -254,7 +255,8 @@ def run(seed: int) -> Finding:
     """The session of a seed, judged."""
     made = cell(seed)
     loaded = configuration(*made.overrides)
-    return judge(made, build_simulation(loaded), loaded.system.tick_period)
+    period = loaded.system.tick_period
+    return found(made, *records(build_simulation(loaded), period), period)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
