@@ -23,7 +23,7 @@ def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) 
     period, score = loaded.system.tick_period, score_of(loaded.system)
     master, slave = records(build_simulation(loaded), period, seconds)
     score.add(master, slave)
-    return found(Cell(0, overrides, (DELAY_S, DELAY_S), 0.0, 0.0), master, slave, period), score.summary()
+    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.summary()
 
 
 @pytest.mark.parametrize("scheme", ["mmt", "auto"])

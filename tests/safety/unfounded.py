@@ -46,19 +46,21 @@ class Cell:
         overrides: of configs/loopback.yaml, as of `--set`.
         delay_s: one-way delay to the slave and to the master [s].
         jitter_s: largest additional delay [s].
+        ahead_s: how much later than it could the force is displayed, for look-ahead [s].
         loss: share of datagrams.
     """
 
     seed: int
     overrides: tuple[str, ...]
     delay_s: tuple[float, float]
-    jitter_s: float
-    loss: float
+    jitter_s: float = 0.0
+    loss: float = 0.0
+    ahead_s: float = 0.0
 
     @property
     def round_trip(self) -> float:
-        """The longest one without loss [s]."""
-        return sum(self.delay_s) + 2.0 * self.jitter_s
+        """The longest one of the signals, without loss [s]."""
+        return sum(self.delay_s) + 2.0 * self.jitter_s + self.ahead_s
 
 
 def cell(seed: int) -> Cell:
@@ -89,9 +91,9 @@ def cell(seed: int) -> Cell:
         overrides.append(f"codec.force.smooth_ms={chance.choice([10, 20])}")
     if chance.random() < 0.15:
         overrides.append(f"slave.limits.trip_n={chance.uniform(2.0, 8.0):.2g}")
-    if chance.random() < 0.1:
-        overrides.append(f"codec.force.lookahead_ms={chance.choice([5, 10])}")
-    return Cell(seed, tuple(overrides), delay, jitter, loss)
+    ahead_ms = chance.choice([5, 10]) if chance.random() < 0.1 else 0
+    overrides.append(f"codec.force.lookahead_ms={ahead_ms}")
+    return Cell(seed, tuple(overrides), delay, jitter, loss, 1e-3 * ahead_ms)
 
 
 def _between(chance: Random, low: float, high: float) -> float:
@@ -224,7 +226,7 @@ def found(cell: Cell, master: Records, slave: Records, period: float) -> Finding
     felt = np.linalg.norm(master["output"], axis=1)
     touches = np.linalg.norm(slave["raw"], axis=1) > LEAST_CONTACT
     late = cell.round_trip + REPAIR_S if cell.loss else 0.0
-    arrival = round((cell.delay_s[1] + cell.jitter_s) / period) + 2
+    arrival = round((cell.delay_s[1] + cell.jitter_s + cell.ahead_s) / period) + 2
     lasted = period * _since(touches, arrival, felt <= FREE_FORCE * (1.0 + 1e-9))
     allowed = cell.round_trip + PATIENCE + late
     broken = lasted > allowed + period

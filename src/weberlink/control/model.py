@@ -3,7 +3,7 @@
 Every model is an elastic surface, which may have friction and may move. A new surface that would press harder than the
 energy allows is displayed recessed: at a greater depth, with its own stiffness. It rises as energy becomes available.
 
-A mixture with fixed weights and recesses is passive: in the frame of each surface, the force is that of a spring to an
+A mixture with fixed weights is passive: in the frame of each surface, the force is that of a spring to an
 anchor, the foot of the hand or the god-object of friction, and the anchor slides towards the hand only, which takes
 energy. A change of the mixture creates or takes energy, and the amount is known before the change. A surface that moves
 does work on the hand; `follow` returns it. Only the newest surface moves: what it replaces stays where it is, fades out
@@ -69,7 +69,19 @@ class RecessedSurface:
         pressed: size of the force with the recess, without the weight [N].
     """
 
-    __slots__ = ("_length", "_moved", "_moves", "_tick", "force", "memory", "pressed", "recess", "surface", "weight")
+    __slots__ = (
+        "_length",
+        "_moved",
+        "_moves",
+        "_tick",
+        "_yields",
+        "force",
+        "memory",
+        "pressed",
+        "recess",
+        "surface",
+        "weight",
+    )
 
     def __init__(self, surface: WallModel, memory: Any, tick: float) -> None:
         self.surface = surface
@@ -79,6 +91,7 @@ class RecessedSurface:
         self._moved = surface.displacement(tick)
         self._tick = tick
         self._moves = True
+        self._yields = False
 
     @property
     def stored(self) -> float:
@@ -88,6 +101,10 @@ class RecessedSurface:
     def stay(self) -> None:
         """Move no more: its motion was fitted to samples that a newer one has replaced."""
         self._moves = False
+
+    def give_way(self) -> None:
+        """Press no harder from now on: a hand that sinks into a surface that fades out must not hold it up."""
+        self._moves, self._yields = False, True
 
     def follow(self, tick: float, position: Vector) -> float:
         """Go on to this tick and position of the hand [m]; returns the work of its motion without the weight [J]."""
@@ -110,7 +127,10 @@ class RecessedSurface:
             force, self.memory = surface.advance(tick, position, self.memory)
         self.force = force
         self._length = hypot(force[0], force[1], force[2])
+        pressed = self.pressed
         self.sink_to(self.recess)
+        if self._yields and self.pressed > pressed:
+            self.press_no_harder_than(pressed)
         return work
 
     def sink_to(self, recess: float) -> None:
@@ -216,6 +236,8 @@ class SurfaceMixture:
             self._wanted.stay()
         if surface is None:
             self._wanted = None
+            for part in self._parts:
+                part.give_way()
             return
         memory = surface.memory
         if memory is not None and newest is not None and newest.memory is not None:
