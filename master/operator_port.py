@@ -20,8 +20,9 @@ known, which takes some samples of its force."""
 
 
 LOOK_S = 0.005
-"""Time between two looks at whether the robot's end states a contact, while there is a force; and how long after it was
-due a correction of what is looked at is waited for, beside the jitter [s]."""
+"""Time between two looks at whether the robot's end states a contact, while there is a force, and for how long it must:
+a command that jumps past a model is no contact. So long a correction of what is looked at is waited for, too, beside
+the jitter [s]."""
 
 
 class HandPosition:
@@ -109,7 +110,7 @@ class ContactWatch:
         self._playout = playout
         self._commands = [ZERO] * (ceil((longest + delay) / tick_period) + 1)
         self._newest = self._known = 0
-        self._tick = 0.0
+        self._tick = self._stated_for = 0.0
 
     @property
     def doubtful(self) -> bool:
@@ -122,6 +123,7 @@ class ContactWatch:
     def reset(self) -> None:
         self._limiter.reset()
         self._known = 0
+        self._stated_for = 0.0
 
     def follow(self, command: Vector, tick: float) -> None:
         """Take in the command of this tick [m], and the present tick of the other side."""
@@ -144,8 +146,9 @@ class ContactWatch:
             return output
         rtt = self._endpoint.rtt
         round_trip = None if rtt is None else rtt + self._delay
-        stated = limiter.lasted >= LOOK_S and self._states(round_trip)
-        most = limiter.bound(asked, elapsed, round_trip, stated=stated)
+        looks = limiter.lasted >= LOOK_S and self._states(round_trip)
+        self._stated_for = self._stated_for + elapsed if looks else 0.0
+        most = limiter.bound(asked, elapsed, round_trip, stated=self._stated_for >= LOOK_S)
         length = hypot(output[0], output[1], output[2])
         if length <= most:
             return output

@@ -76,6 +76,13 @@ def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:
     assert set(watched.go(INSIDE, PRESSED, 3000)) == {norm(PRESSED)}
 
 
+def test_commands_that_jump_past_the_model_state_nothing() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    shown = [force for _ in range(20) for force in watched.go(OUTSIDE, PRESSED, 47) + watched.go(INSIDE, PRESSED, 3)]
+    assert max(shown[PATIENT:]) <= 1.0
+
+
 def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:
     watched = Watched("zoh", (0.0,))
     shown = watched.go(INSIDE, PRESSED, PATIENT + round(GRACE / TICK))
