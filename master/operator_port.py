@@ -5,6 +5,7 @@ from math import ceil, hypot, inf
 from typing import ClassVar
 
 from weberlink.codec.decoder import Decoder
+from weberlink.codec.sample import Sample
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
@@ -76,9 +77,9 @@ class HandPosition:
 class ContactWatch:
     """Bounds the force on the hand by whether the robot's end states a contact.
 
-    What it states is the received model, at the place that its newest statement is about: where the robot was commanded
-    to a round trip ago, since by now a correction of the model for that place would have come. A robot that is elsewhere
-    says so (`weberlink.system.channels.Unreached`).
+    It states one by an update whose sample has a force; and while it is silent, by the received model, at the place that
+    its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model for
+    that place would have come. A robot that is elsewhere says so (`weberlink.system.channels.Unreached`).
 
     Args:
         limiter: takes the time.
@@ -111,6 +112,8 @@ class ContactWatch:
         self._commands = [ZERO] * (ceil((longest + delay) / tick_period) + 1)
         self._newest = self._known = 0
         self._tick = self._stated_for = 0.0
+        self._newest_sample: Sample | None = None
+        self._is_new = False
 
     @property
     def doubtful(self) -> bool:
@@ -132,6 +135,8 @@ class ContactWatch:
         self._commands[self._newest] = command
         self._known = min(self._known + 1, count)
         self._tick = tick
+        newest = self._decoder.newest
+        self._is_new, self._newest_sample = newest is not self._newest_sample, newest
 
     def bounded(self, output: Vector, asked: float, elapsed: float) -> Vector:
         """What may be displayed of a force.
@@ -146,16 +151,23 @@ class ContactWatch:
             return output
         rtt = self._endpoint.rtt
         round_trip = None if rtt is None else rtt + self._delay
-        looks = limiter.lasted >= LOOK_S and self._states(round_trip)
-        self._stated_for = self._stated_for + elapsed if looks else 0.0
-        most = limiter.bound(asked, elapsed, round_trip, stated=self._stated_for >= LOOK_S)
+        most = limiter.bound(asked, elapsed, round_trip, stated=self._is_stated(elapsed, round_trip))
         length = hypot(output[0], output[1], output[2])
         if length <= most:
             return output
         share = most / length
         return (share * output[0], share * output[1], share * output[2])
 
-    def _states(self, round_trip: float | None) -> bool:
+    def _is_stated(self, elapsed: float, round_trip: float | None) -> bool:
+        if self._limiter.lasted < LOOK_S:
+            return False
+        newest = self._newest_sample
+        if self._is_new and newest is not None and hypot(*newest.value) > self._least:
+            return True
+        self._stated_for = self._stated_for + elapsed if self._models(round_trip) else 0.0
+        return self._stated_for >= LOOK_S
+
+    def _models(self, round_trip: float | None) -> bool:
         """Whether the received model states a contact where the robot was as the newest news of it left."""
         waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
         ago = min(round(waited / self._tick_period), self._known - 1)

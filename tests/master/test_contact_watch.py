@@ -26,11 +26,10 @@ class Watched:
 
     def __init__(self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH)) -> None:
         channel = force_channel(predictor=predictor)
-        encoder, self.decoder = Encoder(channel), Decoder(channel)
-        for tick, depth in enumerate(samples):
-            update = encoder.encode(tick, (0.0, 0.0, STIFFNESS * depth), (0.0, 0.0, -depth))
-            if update is not None:
-                self.decoder.apply(update)
+        self.encoder, self.decoder = Encoder(channel), Decoder(channel)
+        self.tick = 0
+        for depth in samples:
+            self.receive(depth)
         link: Any = SimpleNamespace(rtt=RTT, jitter=0.0)
         self.watch = ContactWatch(
             ContactLimiter(10.0, 1.0, 1.0),
@@ -42,7 +41,15 @@ class Watched:
             playout=0,
             longest=1.0,
         )
-        self.tick = len(samples)
+
+    def receive(self, depth: float) -> None:
+        """A complete update: of a robot so deep in the plane, whatever was predicted."""
+        self.tick += 1
+        if self.encoder.mirror.newest is not None and self.tick > 2:
+            self.encoder.restart()
+        update = self.encoder.encode(self.tick, (0.0, 0.0, STIFFNESS * depth), (0.0, 0.0, -depth))
+        if update is not None:
+            self.decoder.apply(update)
 
     def go(self, command: Vector, force: Vector, ticks: int) -> list[float]:
         """Command this, and ask for this force; returns what is displayed in each tick [N]."""
@@ -74,6 +81,17 @@ def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:
     watched = Watched()
     watched.go(OUTSIDE, ZERO, 500)
     assert set(watched.go(INSIDE, PRESSED, 3000)) == {norm(PRESSED)}
+
+
+def test_an_update_with_a_force_states_a_contact_wherever_the_robot_was_commanded_to() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    for depth in (0.4, 0.6, 0.8):
+        assert set(watched.go(OUTSIDE, PRESSED, PATIENT - 40)) == {norm(PRESSED)}
+        watched.receive(depth * DEPTH)
+        watched.go(OUTSIDE, PRESSED, 1)
+        watched.receive(0.0)
+    assert watched.go(OUTSIDE, PRESSED, 2 * PATIENT)[-1] < 1.0
 
 
 def test_commands_that_jump_past_the_model_state_nothing() -> None:
