@@ -127,6 +127,20 @@ class Decoder:
         """
         return self._value(tick - self._late, position)
 
+    def stated(self, tick: float, position: Vector) -> Vector:
+        """What the model states for another place or tick than those that `value` follows, without its memory.
+
+        Args:
+            tick, position: as of `value`.
+
+        Returns:
+            Force [N] or position [m]; zero before the first update.
+        """
+        newest, model, channel = self.newest, self.model, self._channel
+        if newest is None or model is None:
+            return ZERO
+        return channel.displayable(model.at(tick - self._late, channel.place(position)), newest)
+
     def _value(self, tick: float, position: Vector) -> Vector | None:
         """The prediction for a tick of the signal."""
         newest, model, channel = self.newest, self.model, self._channel

@@ -9,7 +9,7 @@ from weberlink.arms.sensor import AxesSensor, sensors
 from weberlink.control.contract import JointMaster
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.operator_end import OperatorEnd
-from weberlink.master.safety import ForceGate, TorqueLimiter
+from weberlink.master.safety import ContactLimiter, ForceGate, TorqueLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row, placed
@@ -45,6 +45,10 @@ class PressedAxes:
         return most
 
 
+def _largest(torques: Joints) -> float:
+    return max([abs(torque) for torque in torques])
+
+
 class LeaderPort(OperatorEnd):
     """A leader arm in the frame of the follower; a `weberlink.control.port.Port`.
 
@@ -59,6 +63,9 @@ class LeaderPort(OperatorEnd):
         slew: fastest change of the torques [N m/s], > 0.
         button: only while it is held, the follower follows and torque is displayed; None for always.
         pressed: of the joints and, with one, of the gripper; None for a follower whose stiffness is not known.
+        contacts: end torques that no contact founds, of the joints and, with one, of the gripper.
+        least: smallest torques of all axes that state a contact [N m].
+        delay: what play-out adds to the round trip [s].
 
     Attributes:
         joints: the sensor of the channel of the joints.
@@ -85,6 +92,9 @@ class LeaderPort(OperatorEnd):
         slew: Joints,
         button: int | None = None,
         pressed: Sequence[PressedAxes | None] = (),
+        contacts: Sequence[ContactLimiter] = (),
+        least: Joints = (),
+        delay: float = 0.0,
     ) -> None:
         super().__init__(arm, gate, button)
         spec = arm.spec
@@ -100,9 +110,29 @@ class LeaderPort(OperatorEnd):
         self._pressed = [
             (sensor, axes) for sensor, axes in zip(self._sensors, pressed, strict=False) if axes is not None
         ]
+        self._delay = delay
+        self._contacts = [
+            (sensor, contact, sensor.part(least)) for sensor, contact in zip(self._sensors, contacts, strict=False)
+        ]
         self._nothing = [sensor.value for sensor in self._sensors]
         self._none: Joints = (0.0,) * spec.axes
         self.angles = self.command = self.decoded = self.output = self._none
+
+    @property
+    def unfounded(self) -> bool:
+        return any([contact.unfounded for _, contact, _ in self._contacts])
+
+    def reset(self) -> None:
+        super().reset()
+        self._forget()
+
+    def restart(self) -> None:
+        super().restart()
+        self._forget()
+
+    def _forget(self) -> None:
+        for _, contact, _ in self._contacts:
+            contact.reset()
 
     @property
     def angle_range(self) -> tuple[Joints, Joints]:
@@ -137,13 +167,43 @@ class LeaderPort(OperatorEnd):
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
         self.decoded = self._all(values)
         rendered = control.render(self.decoded)
-        limited = limiter.limit(rendered if is_finite(rendered) else self._none, slew_step)
-        self.output = output = limited if gain == 1.0 else tuple([torque * gain for torque in limited])
+        wanted = rendered if is_finite(rendered) else self._none
+        limited = limiter.limit(wanted, slew_step)
+        output = limited if gain == 1.0 else tuple([torque * gain for torque in limited])
+        if slew_step is not None:
+            was_unfounded = self.unfounded
+            output = self._founded(output, wanted, slew_step)
+            if self.unfounded and not was_unfounded:
+                control.resume(self._endpoint.peer_credit)
+        self.output = output
         control.displayed(output)
         if self._displays:
             self.arm.display(output, now)
         self.slew_ticks += limiter.held_back
         self.clipped = limiter.clipped
+
+    def _founded(self, output: Joints, wanted: Joints, elapsed: float) -> Joints:
+        """What may be displayed: of each channel, as far as it states a torque; a largest torque counts, not a length.
+
+        Args:
+            output: torques that are to be displayed [N m].
+            wanted: before all limits [N m].
+            elapsed: time since the last call [s].
+        """
+        founded: Joints = ()
+        for sensor, contact, least in self._contacts:
+            asked, part = _largest(sensor.part(wanted)), sensor.part(output)
+            if contact.asks(asked) or contact.waits:
+                endpoint = self._endpoint
+                round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
+                decoded = sensor.part(self.decoded)
+                stated = any([abs(torque) > most for torque, most in zip(decoded, least, strict=True)])
+                most = contact.bound(asked, elapsed, round_trip, stated=stated)
+                largest = _largest(part)
+                if largest > most:
+                    part = tuple([torque * most / largest for torque in part])
+            founded += part
+        return founded + output[len(founded) :]
 
     def _all(self, values: Sequence[Joints | None]) -> Joints:
         """The decoded torques of all axes [N m]; none where nothing, or nothing finite, was decoded."""

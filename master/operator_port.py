@@ -1,14 +1,16 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
-from math import hypot, inf
+from math import ceil, hypot, inf
 from typing import ClassVar
 
-from weberlink.control.contract import LEAST_CONTACT, MasterControl
+from weberlink.codec.decoder import Decoder
+from weberlink.codec.sample import Sample
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.operator_end import OperatorEnd
-from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
@@ -16,6 +18,12 @@ from weberlink.telemetry.row import Row
 GRIP_S = 0.1
 """Time with full force after which a grip is settled [s]: the hand has come to rest, and the stiffness of a contact is
 known, which takes some samples of its force."""
+
+
+LOOK_S = 0.005
+"""Time between two looks at whether the robot's end states a contact, while there is a force, and for how long it must:
+a command that jumps past a model is no contact. So long a correction of what is looked at is waited for, too, beside
+the jitter [s]."""
 
 
 class HandPosition:
@@ -27,9 +35,12 @@ class HandPosition:
     Args:
         control: the operator's end of the control scheme.
         force_bound: deadband of a force of this size [N].
+        free: largest force that needs no contact [N].
     """
 
-    def __init__(self, control: MasterControl, force_bound: Callable[[float], float]) -> None:
+    def __init__(
+        self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE
+    ) -> None:
         self.value: Vector = ZERO
         self.command: Vector = ZERO
         """What was sampled last [m]."""
@@ -37,8 +48,12 @@ class HandPosition:
         """Force on the hand now [N], drag included."""
         self.touched: Vector = ZERO
         """Force of the contact as decoded [N]: in free motion, drag alone does not narrow the deadband."""
+        self.asked = 0.0
+        """Size of what the control scheme asks for [N]: no drag is larger than `free`, and a model that is felt before
+        the robot touches must lead it there."""
         self._control = control
         self._force_bound = force_bound
+        self._free = free
 
     def complaint(self, reading: DeviceReading) -> str | None:
         position = reading.position
@@ -52,9 +67,113 @@ class HandPosition:
         self.command = command = control.command(self.value)
         shown, touched = self.displayed, self.touched
         force = hypot(shown[0], shown[1], shown[2])
-        touches = force > LEAST_CONTACT and hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
+        touches = force > LEAST_CONTACT and (
+            self.asked > self._free or hypot(touched[0], touched[1], touched[2]) > LEAST_CONTACT
+        )
         most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
+
+
+class ContactWatch:
+    """Bounds the force on the hand by whether the robot's end states a contact.
+
+    It states one by an update whose sample has a force; and while it is silent, by the received model, at the place that
+    its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model for
+    that place would have come. A robot that is elsewhere says so (`weberlink.system.channels.Unreached`).
+
+    Args:
+        limiter: takes the time.
+        decoder: of the force.
+        endpoint: measures the link.
+        least: smallest force that states a contact [N]: less may be left over within the deadband.
+        tick_period: of both sides [s].
+        delay: what look-ahead and play-out add to the round trip [s].
+        playout: how much later than received an update is used [ticks].
+        longest: longest round trip [s].
+    """
+
+    def __init__(
+        self,
+        limiter: ContactLimiter,
+        decoder: Decoder,
+        endpoint: Endpoint,
+        *,
+        least: float,
+        tick_period: float,
+        delay: float,
+        playout: int,
+        longest: float,
+    ) -> None:
+        self._limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
+        self._least = least
+        self._tick_period = tick_period
+        self._delay = delay
+        self._playout = playout
+        self._commands = [ZERO] * (ceil((longest + delay) / tick_period) + 1)
+        self._newest = self._known = 0
+        self._tick = self._stated_for = 0.0
+        self._newest_sample: Sample | None = None
+        self._is_new = False
+
+    @property
+    def doubtful(self) -> bool:
+        return self._limiter.doubtful
+
+    @property
+    def unfounded(self) -> bool:
+        return self._limiter.unfounded
+
+    def reset(self) -> None:
+        self._limiter.reset()
+        self._known = 0
+        self._stated_for = 0.0
+
+    def follow(self, command: Vector, tick: float) -> None:
+        """Take in the command of this tick [m], and the present tick of the other side."""
+        count = len(self._commands)
+        self._newest = (self._newest + 1) % count
+        self._commands[self._newest] = command
+        self._known = min(self._known + 1, count)
+        self._tick = tick
+        newest = self._decoder.newest
+        self._is_new, self._newest_sample = newest is not self._newest_sample, newest
+
+    def bounded(self, output: Vector, asked: float, elapsed: float) -> Vector:
+        """What may be displayed of a force.
+
+        Args:
+            output: that is to be displayed [N].
+            asked: its size before slew limit and gate [N].
+            elapsed: time since the last call [s].
+        """
+        limiter = self._limiter
+        if not (limiter.asks(asked) or limiter.waits):
+            return output
+        rtt = self._endpoint.rtt
+        round_trip = None if rtt is None else rtt + self._delay
+        most = limiter.bound(asked, elapsed, round_trip, stated=self._is_stated(elapsed, round_trip))
+        length = hypot(output[0], output[1], output[2])
+        if length <= most:
+            return output
+        share = most / length
+        return (share * output[0], share * output[1], share * output[2])
+
+    def _is_stated(self, elapsed: float, round_trip: float | None) -> bool:
+        if self._limiter.lasted < LOOK_S:
+            return False
+        newest = self._newest_sample
+        if self._is_new and newest is not None and hypot(*newest.value) > self._least:
+            return True
+        self._stated_for = self._stated_for + elapsed if self._models(round_trip) else 0.0
+        return self._stated_for >= LOOK_S
+
+    def _models(self, round_trip: float | None) -> bool:
+        """Whether the received model states a contact where the robot was as the newest news of it left."""
+        waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
+        ago = min(round(waited / self._tick_period), self._known - 1)
+        there = self._commands[self._newest - ago]  # an index below 0 counts from the end
+        x, y, z = self._decoder.stated(self._tick - self._playout, there)
+        return hypot(x, y, z) > self._least
 
 
 class Display:
@@ -65,9 +184,11 @@ class Display:
         slew: bounds the rate of change.
         write: commands the device; None where it cannot display this, and nothing is felt.
         control: renders the force that the decoder gives; None to display it as it is.
+        contact: ends what no contact founds; None for what is displayed as it is decoded.
 
     Attributes:
         decoded: before all limits.
+        asked: size of what is to be displayed, before the slew limit.
         output: as commanded.
     """
 
@@ -77,9 +198,11 @@ class Display:
         slew: SlewLimiter,
         write: Callable[[Vector, float], None] | None,
         control: MasterControl | None = None,
+        contact: ContactWatch | None = None,
     ) -> None:
-        self.limiter, self.slew, self._write, self._control = limiter, slew, write, control
+        self.limiter, self.slew, self._write, self._control, self.contact = limiter, slew, write, control, contact
         self.decoded: Vector = ZERO
+        self.asked = 0.0
         self.output: Vector = ZERO
 
     def show(self, decoded: Vector, gain: float, step: float | None, now: float) -> bool:
@@ -97,8 +220,12 @@ class Display:
         self.decoded = decoded
         control, slew = self._control, self.slew
         limited = self.limiter.limit(decoded if control is None else control.render(decoded))
+        self.asked = asked = hypot(limited[0], limited[1], limited[2])
         slewed = slew.place(limited) if step is None else slew.limit(limited, step)
-        self.output = output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
+        output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
+        if self.contact is not None and step is not None:
+            output = self.contact.bounded(output, asked, step)
+        self.output = output
         if control is not None:
             control.displayed(output)
         if self._write is not None:
@@ -141,10 +268,30 @@ class OperatorPort(OperatorEnd):
         self.device, self.displays, self.control = device, displays, control
         self.hand = hand
         self._endpoint = endpoint
+        self._was_doubtful = self._was_unfounded = False
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
+        self._contact = displays[0].contact
+        self._tick = 0.0
+
+    @property
+    def unfounded(self) -> bool:
+        return self._contact is not None and self._contact.unfounded
+
+    def reset(self) -> None:
+        super().reset()
+        self._forget()
+
+    def restart(self) -> None:
+        super().restart()
+        self._forget()
+
+    def _forget(self) -> None:
+        if self._contact is not None:
+            self._contact.reset()
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
+        self._tick = tick
         control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
         return control.credit
 
@@ -166,13 +313,32 @@ class OperatorPort(OperatorEnd):
             self._grip(values[0] or ZERO, gain)
             if gain == 1.0:
                 self._settles_for -= step
+        contact = self._contact
+        if contact is not None:
+            contact.follow(self.hand.command, self._tick)
         held_back = clipped = False
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
             clipped |= display.limiter.clipped
-        self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
+        hand, force = self.hand, self.displays[0]
+        hand.displayed, hand.touched, hand.asked = force.output, force.decoded, force.asked
         self.slew_ticks += held_back
         self.clipped = clipped
+        if contact is not None and (contact.doubtful or self._was_doubtful):
+            self._doubt(doubtful=contact.doubtful, unfounded=contact.unfounded)
+
+    def _doubt(self, *, doubtful: bool, unfounded: bool) -> None:
+        """Have the scheme let go of a model whose force lasts without a contact; at fault, have it begin anew.
+
+        The robot's end is silent while the model of its newest update is right, which the scheme has lost by this. So
+        it is asked for a complete update.
+        """
+        if doubtful and not self._was_doubtful:
+            self.control.refute()
+            self._endpoint.request_full_state()
+        if unfounded and not self._was_unfounded:
+            self.control.resume(self._endpoint.peer_credit)
+        self._was_doubtful, self._was_unfounded = doubtful, unfounded
 
     def _grip(self, force: Vector, gain: float) -> None:
         """Tell the control what the contact stores in which the operator takes or leaves the handle."""

@@ -1,12 +1,25 @@
-"""Protects the operator's hand: limits of force and slew rate, and a gate that fades force in and out.
+"""Protects the operator's hand: limits of force, slew rate and time without contact, and a gate that fades force.
 
 A torque has limiters of its own and shares the gate of the force. The torques of an arm are limited axis by axis.
 """
 
-from math import dist, hypot
+from math import dist, hypot, inf
 
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
+
+PATIENCE = 0.045
+"""Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
+behind its command, and an update that comes late. Together with the time between two looks it is 50 ms."""
+FALL = 0.03
+"""Last part of it, in which the bound falls [s]."""
+FADE = 0.1
+"""Time in which what is left falls to zero [s]."""
+GRACE = 0.05
+"""Time after which what still asks for a force is at fault [s]: a scheme fades out what it was told to let go of."""
+RISE = 0.05
+"""Time in which a bound rises to the largest force [s]."""
+ROUNDING = 1.0 + 1e-9
 
 
 class ForceLimiter:
@@ -137,6 +150,85 @@ class TorqueLimiter:
             limited.append(value)
         self._torques = tuple(limited)
         return self._torques
+
+
+class ContactLimiter:
+    """No force without a contact: bounds what is displayed while the robot's end states none.
+
+    A hand may be ahead of the robot in a contact that a model predicts, for as long as the answer takes: the round trip
+    and `PATIENCE`. By then the bound has fallen to `free`, and it falls on to 0. It does not depend on the control
+    scheme or on a predictor, and holds whatever they ask for. A scheme is told as the bound begins to fall; one that
+    asks for more than `free` `GRACE` beyond the law is at fault.
+
+    Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
+
+    Attributes:
+        lasted: time for which more than `free` was asked for since a contact was stated [s].
+        doubtful: whether it has lasted so long that the bound falls, or has not risen yet.
+        unfounded: whether what is asked for is at fault, likewise.
+    """
+
+    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "lasted", "unfounded")
+
+    def __init__(self, most: float, free: float, longest: float) -> None:
+        """Make the limiter.
+
+        Args:
+            most: largest force [N], or torque [N m].
+            free: largest one that needs no contact.
+            longest: round trip that is assumed while none is known, and never exceeded [s].
+        """
+        self._most = most
+        self._free = free
+        self._longest = longest
+        self.reset()
+
+    def reset(self) -> None:
+        self.lasted = 0.0
+        self._bound = inf
+        self.doubtful = self.unfounded = False
+
+    @property
+    def waits(self) -> bool:
+        """Whether a force was asked for lately without a contact."""
+        return self._bound < inf or self.lasted > 0.0
+
+    def asks(self, asked: float) -> bool:
+        """Whether so much needs a contact."""
+        return asked > self._free * ROUNDING
+
+    def bound(self, asked: float, elapsed: float, round_trip: float | None, *, stated: bool) -> float:
+        """The largest force that may be displayed now [N]; inf for no bound.
+
+        Args:
+            asked: size of the force before the slew limit [N].
+            elapsed: time since the last call [s].
+            round_trip: of signals over the link [s]; None while unknown.
+            stated: whether the robot's end states a contact.
+        """
+        patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
+        patience += PATIENCE
+        if stated:
+            self.lasted = 0.0
+        elif self.asks(asked):
+            self.lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
+        else:
+            self.lasted = max(0.0, self.lasted - elapsed)
+        left = patience - self.lasted
+        self.doubtful = left < FALL
+        if not self.doubtful:
+            self.unfounded = False
+            allowed = inf
+        elif left > 0.0:
+            allowed = self._free + (self._most - self._free) * left / FALL
+        else:
+            allowed = self._free * max(0.0, 1.0 + left / FADE)
+            self.unfounded = self.unfounded or -left >= GRACE
+        rising = self._bound + self._most * elapsed / RISE
+        self._bound = min(allowed, rising)
+        if self._bound >= self._most:
+            self._bound = inf
+        return self._bound
 
 
 class ForceGate:

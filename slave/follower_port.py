@@ -51,6 +51,7 @@ class FollowerPort:
     fault: ClassVar[type[ArmFault]] = ArmFault
     enabled: Final = True
     at_rest: Final = True
+    unfounded: Final = False
     ended: Final = False
 
     def __init__(

@@ -96,6 +96,7 @@ class RobotPort:
     fault: ClassVar[type[RobotFault]] = RobotFault
     enabled: Final = True
     at_rest: Final = True
+    unfounded: Final = False
     ended: Final = False
 
     def __init__(
@@ -115,6 +116,8 @@ class RobotPort:
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
         self.commanded: Vector = ZERO
         """The decoded position that was last followed [m]."""
+        self.led: Vector | None = None
+        """The decoded position, whether it is followed or not [m]; None while nobody leads."""
         self.applied: Vector = ZERO
         """The commanded position after control and guard [m]."""
         self._guard = guard
@@ -219,6 +222,7 @@ class RobotPort:
     ) -> None:
         guard, follows = self._guard, engaged and not self._is_overloaded
         commanded = values[0] if follows else None
+        self.led = values[0] if engaged else None
         if commanded is None:
             self.applied = guard.hold(step)
             self._press_limit.forget()

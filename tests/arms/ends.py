@@ -102,12 +102,14 @@ class Transparent:
     def __init__(self) -> None:
         self.credit = 7
         self.told: list[tuple[Any, ...]] = []
+        self.resumed = 0
         self.answer: Joints | None = None
         """Instead of what `render` and `follow` are given."""
 
     def reset(self) -> None: ...
 
-    def resume(self, peer_credit: int) -> None: ...
+    def resume(self, peer_credit: int) -> None:
+        self.resumed += 1
 
     def observe(self, *values: Any) -> None:
         self.told.append(values)
@@ -127,4 +129,4 @@ class Transparent:
 
 def link() -> Any:
     """An endpoint in touch with its peer; set `liveness.in_touch_at`."""
-    return SimpleNamespace(peer_credit=0, liveness=SimpleNamespace(in_touch_at=0.0))
+    return SimpleNamespace(peer_credit=0, rtt=None, jitter=0.0, liveness=SimpleNamespace(in_touch_at=0.0))

@@ -37,6 +37,8 @@ class MasterTick(NamedTuple):
     """Share of the rendered force that is displayed."""
     stored: float | None
     """Energy that the contact stores [J], while the operator takes or leaves the handle; else None."""
+    refuted: bool
+    """Whether what is displayed lasts without a contact."""
 
 
 class SlaveTick(NamedTuple):
@@ -65,6 +67,7 @@ def master_ticks(
             force,
             st.floats(0.0, 1.0),
             st.one_of(st.none(), st.floats(0.0, 1e6)),
+            st.booleans(),
         ),
         max_size=12,
     )
@@ -99,6 +102,8 @@ def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
         force = control.render(tick.force)
         assert all(map(isfinite, force))
         control.displayed((force[0] * tick.share, force[1] * tick.share, force[2] * tick.share))
+        if tick.refuted:
+            control.refute()
         check(control, credit)
         credit = control.credit
         out.append((force, control.active, control.tank, credit))

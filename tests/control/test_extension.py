@@ -5,15 +5,19 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.system.packages import install
+from weberlink.master.safety import FADE
+from weberlink.telemetry.fault import Fault
 
 CONFIGURATION = Path(__file__).parents[2] / "configs" / "loopback.yaml"
 ENTRY_POINTS = """[weberlink.control_schemes]
 half = toy_scheme:HALF
 none = toy_scheme:HALF
+ghost = toy_scheme:GHOST
 broken = toy_scheme:MISSING
 loose = toy_scheme:LOOSE
 """
@@ -26,10 +30,19 @@ class HalfMaster(DirectMaster):
     def render(self, force):
         return tuple(0.5 * value for value in force)
 
+class GhostMaster(DirectMaster):
+    active = "ghost"
+    resumed = 0
+    def render(self, force):
+        return (0.0, 0.0, 4.0)
+    def resume(self, peer_credit):
+        GhostMaster.resumed += 1
+
 class Loose:
     def __init__(self, settings): ...
 
 LOOSE = Scheme("toy_scheme:Loose", "weberlink.control.direct:DirectSlave", carries_credit=False, does="nothing")
+GHOST = Scheme("toy_scheme:GhostMaster", "weberlink.control.direct:DirectSlave", carries_credit=False, does="pushes")
 HALF = Scheme("toy_scheme:HalfMaster", "weberlink.control.direct:DirectSlave", carries_credit=False, does="half force")
 """
 RUN = """
@@ -38,7 +51,7 @@ from pathlib import Path
 from weberlink.control.table import SCHEMES
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.simulate import build_simulation
+from weberlink.system.simulate import build_simulation, simulate
 from weberlink.system.check import describe
 
 configuration = load(Path(sys.argv[1]), ["control.scheme=half"])
@@ -46,6 +59,14 @@ simulation = build_simulation(configuration)
 masters = [simulation.step()[0] for _ in range(2500)]
 told = [(record.decoded_z, record.output_z, record.control) for record in masters if record.ramping == 0]
 told = [entry for entry in told if 0.5 < abs(entry[0]) < 5.0]
+FREE = "master.device.script=[{motion: rest, duration_s: 9}]"
+haunted = load(Path(sys.argv[1]), ["control.scheme=ghost", FREE, "link.emulate={delay_ms: 20, seed: 0}"])
+simulation = build_simulation(haunted)
+masters = [simulation.step()[0] for _ in range(1500)]
+pushes = [(record.at, record.output_z) for record in masters if record.output_z > 1.0]
+ends = next(record.at for record in masters if record.output_z == 0.0 and record.at > pushes[-1][0])
+resumed = sys.modules["toy_scheme"].GhostMaster.resumed
+summary, _ = simulate(haunted, 1.5)
 errors = {}
 for name in ("broken", "loose"):
     try:
@@ -58,12 +79,20 @@ json.dump({
     "codes": sorted({code for *_, code in told}),
     "described": [line for line in describe(configuration) if "half force" in line],
     "errors": errors,
+    "pushed_s": pushes[-1][0] - pushes[0][0],
+    "largest_n": max(force for _, force in pushes),
+    "after_s": ends - pushes[-1][0],
+    "left_n": masters[-1].output_z,
+    "faults": sorted({int(record.fault) for record in masters}),
+    "resumed": resumed,
+    "verdict": summary["verdict"],
+    "counted": summary["faults"]["master"],
 }, sys.stdout)
 """
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = install(tmp_path_factory.mktemp("site"), "toy-scheme", {"toy_scheme": TOY}, ENTRY_POINTS)
     ended = subprocess.run(
         [sys.executable, "-c", RUN, str(CONFIGURATION)],
@@ -81,9 +110,25 @@ def test_an_installed_scheme_renders_the_force_of_a_session(found: dict[str, obj
     assert found["ratios"] == [0.5]
 
 
+def test_a_scheme_that_pushes_without_a_contact_is_stopped(found: dict[str, Any]) -> None:
+    """By the law at the output: 90 ms for a round trip of 40 ms, then it falls from 1 N to nothing."""
+    assert 0.05 < found["pushed_s"] <= 0.091
+    assert 1.0 < found["largest_n"] <= 4.0
+    assert found["after_s"] == pytest.approx(FADE, abs=0.005)
+    assert found["left_n"] == 0.0
+
+
+def test_it_is_a_fault_that_is_counted_and_fails_the_session(found: dict[str, Any]) -> None:
+    assert found["faults"] == [Fault.NONE, Fault.UNFOUNDED]
+    assert found["counted"] == {"unfounded": 1}
+    assert found["resumed"] == 1
+    assert found["verdict"]["word"] == "failed"
+    assert found["verdict"]["causes"][0]["name"] == "unfounded"
+
+
 def test_its_place_after_the_built_in_ones_is_recorded(found: dict[str, object]) -> None:
-    assert found["schemes"] == ["none", "tdpa", "mmt", "auto", "broken", "half", "loose"]
-    assert found["codes"] == [5]
+    assert found["schemes"] == ["none", "tdpa", "mmt", "auto", "broken", "ghost", "half", "loose"]
+    assert found["codes"] == [6]
 
 
 def test_check_describes_an_installed_scheme(found: dict[str, object]) -> None:

@@ -8,10 +8,10 @@ from tests.control.teleoperation import Quality
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.codec.predictors.surface import SurfacePatch
-from weberlink.control.contract import SchemeParameters
+from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
 from weberlink.control.mmt import FARTHEST, LONGEST_DRIFT, MmtMaster
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 TICK = 1e-3
 WALL = Wall(500.0)
@@ -220,6 +220,57 @@ def test_a_surface_is_not_extrapolated_without_bound() -> None:
     for tick in range(1, 1200):
         control.observe(INSIDE, TICK, tick, 0, Quality(0.0, 0.0))
         assert control.stiffness == (500.0 if tick * speed <= LONGEST_DRIFT else 2500.0)
+
+
+SPEED = 5e-5
+"""Of a surface that rises against the hand [m/tick]."""
+
+
+def carried(ticks: int) -> tuple[MmtMaster, float]:
+    """A hand that a surface lifts, by the model that an update has brought; and the energy in the tank before."""
+    control, quality = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25, 2500.0)), Quality(0.0, 0.0)
+
+    def hold(at: Vector, tick: float) -> None:
+        control.observe(at, TICK, tick, 0, quality)
+        control.displayed(control.render(PRESSED))
+
+    for step in range(1, 1000):  # the hand presses in and pays for what the model stores
+        hold((0.0, 0.0, 0.002 - (0.002 + DEPTH) * min(1.0, step / 300)), 0.0)
+        if step == 1:
+            control.learn(SurfacePatch((0.0, 0.0, 1.0), ZERO, 0, 500.0, velocity=SPEED), PRESSED, INSIDE)
+    before = control.tank
+    for tick in range(1, ticks + 1):
+        hold(INSIDE, tick)
+    return control, before
+
+
+def test_a_modelled_motion_gives_no_energy_by_itself() -> None:
+    control, before = carried(100)
+    assert control.tank == pytest.approx(before, abs=1e-5)
+
+
+def test_a_motion_that_a_sample_confirms_has_given_its_energy() -> None:
+    control, before = carried(100)
+    risen = 100 * SPEED
+    force = (0.0, 0.0, PRESSED[2] + 500.0 * risen)
+    control.learn(SurfacePatch((0.0, 0.0, 1.0), (0.0, 0.0, risen), 100, 500.0), force, INSIDE)
+    most = (PRESSED[2] + 0.5 * 500.0 * risen) * risen
+    assert before + 0.3 * most <= control.tank <= before + most
+
+
+@pytest.mark.parametrize("force", [PRESSED, ZERO], ids=["it did not move", "it is not there"])
+def test_a_motion_that_a_sample_refutes_has_given_none(force: Vector) -> None:
+    control, before = carried(100)
+    control.learn(WALL if force is PRESSED else None, force, INSIDE)
+    assert control.tank == pytest.approx(before, abs=1e-5)
+
+
+def test_a_surface_that_is_refuted_is_gone() -> None:
+    operator = Operator.pressing()
+    operator.control.refute()
+    assert operator.go(-DEPTH, 60) == pytest.approx(ZERO, abs=1e-6)
+    operator.go(0.002, 100)
+    assert norm(operator.go(-DEPTH, 100)) <= FREE_FORCE  # drag
 
 
 def test_reset_forgets_the_model() -> None:

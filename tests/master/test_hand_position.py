@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.control.teleoperation import Quality
 from tests.control.walls import Wall
-from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, SchemeParameters
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.geometry.vector import ZERO, norm
@@ -52,6 +52,15 @@ def test_drag_in_free_motion_does_not_narrow_the_deadband() -> None:
     assert hand.sample()[2] == inf
     hand.touched = (0.0, 0.0, 0.5)
     assert hand.sample()[2] < inf
+
+
+def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
+    """Otherwise the robot may stop within the deadband above a surface that the hand presses on."""
+    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
+    hand.displayed, hand.asked = (0.0, 0.0, 2.0), 2.0
+    assert hand.sample()[2] == pytest.approx(force_bound(2.0) / COUPLING)
+    hand.asked = FREE_FORCE
+    assert hand.sample()[2] == inf
 
 
 def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:

@@ -1,5 +1,6 @@
 """The port of a leader arm: what it sends, what it displays, and when it displays nothing."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import inf, nan
 
@@ -14,7 +15,7 @@ from weberlink.arms.contract import ArmReading
 from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort
-from weberlink.master.safety import ForceGate
+from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -22,13 +23,20 @@ pytestmark = replaces_methods  # `link` stands in for an endpoint, a compiled cl
 MOST = (1.0, 0.8, 0.5)
 SLEW = (50.0, 50.0, 20.0)
 RAMP, SILENCE = 0.05, 0.1
+FREE, RTT = 0.2, 0.1
 Values = list[Joints | None]
 
 
 class Leading:
     """A leader port in virtual time."""
 
-    def __init__(self, hand: Hand | None = None, most: Joints = MOST, button: int | None = None) -> None:
+    def __init__(
+        self,
+        hand: Hand | None = None,
+        most: Joints = MOST,
+        button: int | None = None,
+        contacts: Sequence[ContactLimiter] = (),
+    ) -> None:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
         self.port = LeaderPort(
@@ -39,6 +47,8 @@ class Leading:
             most=most,
             slew=SLEW[: len(most)],
             button=button,
+            contacts=contacts,
+            least=(0.02, 0.02, 0.02),
         )
         self.now = 0.0
         self.port.open(0.0)
@@ -209,6 +219,45 @@ def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
     assert port.gripper is not None
     for sensor in (port.joints, port.gripper):
         assert complaint in (sensor.complaint(ArmReading(0.0, angles, (0.0, 0.0, 0.0))) or "")
+
+
+def founded() -> Leading:
+    """A leader whose torques end where the follower states none: of the joints, and of the gripper."""
+    leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)])
+    leading.link.rtt = RTT
+    return leading.opened((0.0, 0.0), (0.0,))
+
+
+def test_torque_that_the_follower_states_is_displayed_for_ever() -> None:
+    leading = founded()
+    leading.control.answer = (0.6, 0.1, 0.4)
+    for _ in range(2000):
+        leading.tick((0.0, 0.05), (0.3,))
+    assert leading.port.output == (0.6, 0.1, 0.4)
+    assert not leading.port.unfounded
+
+
+def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
+    """What the gripper holds founds no torque of the joints."""
+    leading = founded()
+    leading.control.answer = (0.6, 0.1, 0.4)
+    answer = round((RTT + PATIENCE) / TICK)
+    shown = [leading.tick((0.0, 0.0), (0.3,)) for _ in range(1000)]
+    assert max(abs(torques[0]) for torques in shown[answer:]) <= FREE * (1 + 1e-9)
+    assert {torques[2] for torques in shown[100:]} == {0.4}
+    assert shown[-1][:2] == (0.0, 0.0)
+    assert leading.port.unfounded
+    assert leading.control.resumed == 1
+    assert leading.tick((0.5, 0.0), (0.3,))[0] < 0.1
+    assert not leading.port.unfounded
+
+
+def test_drag_of_a_joint_needs_no_contact() -> None:
+    leading = founded()
+    leading.control.answer = (FREE, 0.0, -FREE)
+    for _ in range(2000):
+        leading.tick((0.0, 0.0), (0.0,))
+    assert leading.port.output == (FREE, 0.0, -FREE)
 
 
 def test_torque_of_control_that_is_not_finite_is_none() -> None:

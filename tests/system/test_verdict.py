@@ -122,6 +122,11 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
         {"faults.master": {"stalled": 2}, "ticks.master.missed_longest_s": 0.5},
         "a process stood still: the master 2 times, for up to 0.50 s",
     ),
+    "unfounded": (
+        FAILURE,
+        {"faults.master": {"unfounded": 2}},
+        "force without a contact was faded out 2 times",
+    ),
     "tripped": (
         DEGRADED,
         {"faults.slave": {"tripped": 1}},

@@ -290,6 +290,10 @@ class AutoMaster:
         self._balance.grip(stored, share)
         self._grip_changes = True
 
+    def refute(self) -> None:
+        for scheme in self._schemes:
+            scheme.refute()
+
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         for scheme in self._schemes:
             scheme.learn(surface, force, position)

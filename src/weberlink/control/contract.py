@@ -12,6 +12,9 @@ CREDIT_STEP = 1e-4
 LEAST_CONTACT = 0.05
 """Smallest force that counts as contact [N]; less is sensor noise or a remainder within a deadband."""
 
+FREE_FORCE = 1.0
+"""Largest force on the hand that may last without a contact [N]: the drag of a scheme is no larger."""
+
 
 class LinkQuality(Protocol):
     """The measured state of the link now, for a scheme to read in the call that it is given to; an endpoint is one."""
@@ -110,7 +113,8 @@ class Choosing(Switchable, Protocol):
 class MasterControl(Control, Protocol):
     """The operator's end of a scheme.
 
-    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`.
+    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`,
+    `refute` if that lasts without a contact.
     """
 
     @property
@@ -139,6 +143,11 @@ class MasterControl(Control, Protocol):
             position: commanded position of that sample [m]; NaN if neither its predictor nor, by its entry in
                 `weberlink.control.table`, the scheme reads it.
         """
+        ...
+
+    def refute(self) -> None:
+        """Let go of what is displayed by a model: it lasts, and the robot's end states no contact. A complete update
+        was asked for."""
         ...
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
@@ -246,6 +255,7 @@ class SchemeParameters:
         catch_up_speed: speed at which the robot reduces its distance to the operator, added to the operator's own
             motion [m/s].
         coupling: stiffness of the robot towards its command [N/m].
+        free_force: largest force without a contact [N]; that of a drag, too.
     """
 
     tick_period: float
@@ -254,3 +264,4 @@ class SchemeParameters:
     damping: float
     catch_up_speed: float
     coupling: float
+    free_force: float = FREE_FORCE

@@ -43,6 +43,8 @@ class DirectMaster(_Uncontrolled):
 
     def grip(self, stored: float, share: float) -> None: ...
 
+    def refute(self) -> None: ...
+
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
         self.stiffness = self._coupling if surface is None else surface.stiffness
 

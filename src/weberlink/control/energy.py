@@ -15,7 +15,7 @@ link has released no more energy than it took in. Sources:
 
 from math import inf, sqrt
 
-from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.contract import CREDIT_STEP, FREE_FORCE
 from weberlink.geometry.vector import Vector
 
 LONGEST = 0.05
@@ -23,7 +23,7 @@ LONGEST = 0.05
 `HeartbeatSchedule` tells energy sooner."""
 SMALLEST = 1e-200
 """A smaller cost that grows with the square is none [J]: its products could underflow."""
-STRONGEST = 1.0
+STRONGEST = FREE_FORCE
 """Largest drag force [N]."""
 STABLE_SHARE = 0.5
 """Largest damping, as a share of the damping that would reverse the velocity of a light hand in one tick."""
@@ -153,13 +153,20 @@ class CreditPrediction:
 
 
 class LevelDrag:
-    """A damper -b v with b = damping * (1 - tank / level); b = 0 above the level."""
+    """A damper -b v with b = damping * (1 - tank / level); b = 0 above the level.
 
-    __slots__ = ("_damping", "_level")
+    Args:
+        damping: with an empty tank [N s/m].
+        level: energy at which the tank counts as full [J].
+        strongest: largest drag force [N].
+    """
 
-    def __init__(self, damping: float, level: float) -> None:
+    __slots__ = ("_damping", "_level", "_strongest")
+
+    def __init__(self, damping: float, level: float, strongest: float = STRONGEST) -> None:
         self._damping = damping
         self._level = level
+        self._strongest = strongest
 
     def added(self, force: Vector, way: Vector, elapsed: float, tank: float, mobility: float) -> Vector:
         """The force with the drag added [N].
@@ -176,8 +183,9 @@ class LevelDrag:
             return force
         drag = min(self._damping * lack / elapsed, STABLE_SHARE / mobility)
         squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
-        if drag * drag * squared > STRONGEST * STRONGEST:
-            drag = STRONGEST / squared**0.5
+        strongest = self._strongest
+        if drag * drag * squared > strongest * strongest:
+            drag = strongest / squared**0.5
         return (force[0] - drag * way[0], force[1] - drag * way[1], force[2] - drag * way[2])
 
 

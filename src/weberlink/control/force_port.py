@@ -135,14 +135,13 @@ class ForcePort:
         self._lately = max(seen, self._lately)
         self._mobility = max(seen, self._mobility + FORGET * (least - self._mobility))
 
-    def passive(self, force: Vector, tank: float, elapsed: float, supplied: float = 0.0) -> Vector:
+    def passive(self, force: Vector, tank: float, elapsed: float) -> Vector:
         """The part of a force [N] that may be displayed.
 
         Args:
             force: the whole of it [N].
             tank: energy in the tank [J].
             elapsed: time since the last call [s].
-            supplied: energy that comes into the tank in the next tick whatever the hand does [J].
         """
         length = hypot(force[0], force[1], force[2])
         if length == 0.0:
@@ -150,7 +149,7 @@ class ForcePort:
             return ZERO
         self._withheld = max(
             self._withheld * max(0.0, 1.0 - elapsed / RECOVERY * min(1.0, max(0.0, tank) / self._level)),
-            length * (1.0 - self._affordable_share(force, SHARE_OF_TANK * tank + supplied)),
+            length * (1.0 - self._affordable_share(force, SHARE_OF_TANK * tank)),
         )
         # A ramp from the force that is held would never rise against a drag that is added to it.
         self._passed = max(0.0, min(length - self._withheld, self._passed + self._steepest * elapsed))

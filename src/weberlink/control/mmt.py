@@ -10,10 +10,10 @@ A surface that moves is displayed where it is now on the other side, and the com
 changes of the scene are felt a round trip later. A sample without a surface (the first one of a contact, a fit outside
 its limits) is taken as a wall as stiff as the robot's coupling, the stiffest that the robot can feel.
 
-The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It
-assumes that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the
-modelled displacement. So a wrong motion costs at most the force times the distance that the model moves the surface
-by mistake, until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 m/s and 0.7 s.
+The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. A motor
+of the scene supplies the work of a surface that moves: the displayed force times the displacement. The tank gains it
+when a sample finds the surface where the model had moved it to, and what of the way is wrong is not gained. Until then
+the work comes from the tank.
 """
 
 from math import dist, hypot, inf
@@ -62,10 +62,10 @@ class MmtMaster:
         "_level",
         "_mixture",
         "_port",
-        "_supplied",
         "_tank",
         "_tick",
         "_tick_period",
+        "_unconfirmed",
         "_untouched",
         "_wanted",
     )
@@ -77,10 +77,10 @@ class MmtMaster:
         self._level = settings.level
         self._coupling = settings.coupling
         self._tick_period = settings.tick_period
-        self._drag = LevelDrag(settings.damping, self._level)
+        self._drag = LevelDrag(settings.damping, self._level, settings.free_force)
         self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
-        self._mixture = SurfaceMixture()
+        self._mixture = SurfaceMixture(settings.force_range)
         self._grant = GripGrant()
         self._elapsed = self._tick = self._lead = 0.0
         self._forget()
@@ -111,12 +111,13 @@ class MmtMaster:
         self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
-        self._supplied = 0.0
+        self._unconfirmed = 0.0
 
     def grip(self, stored: float, share: float) -> None:
         self._tank.level = self._grant.raised(self._tank.level, stored, share)
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+        self._confirm(force, position)
         known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         self._free = surface is None and not touches
@@ -143,6 +144,17 @@ class MmtMaster:
             known.renew(surface, position)
         mixture.want(surface if known.covers else None)
 
+    def _confirm(self, force: Vector, position: Vector) -> None:
+        """Gain the work of the modelled motion, as far as a sample finds the surface where the motion has led it."""
+        gained, self._unconfirmed = self._unconfirmed, 0.0
+        length = hypot(force[0], force[1], force[2])
+        if gained == 0.0 or self._known is None or length <= LEAST_CONTACT:
+            return
+        surface = self._known.surface
+        stated = norm(surface.at(self._tick, position))
+        beyond = max(0.0, stated - length) / surface.stiffness
+        self._tank.level += max(0.0, gained - stated * beyond)
+
     def _keep_within(self, position: Vector) -> None:
         """Display the known surface while the hand [m] is within its edges."""
         known = self._known
@@ -158,8 +170,11 @@ class MmtMaster:
             self._lead += (0.5 * quality.rtt - self._lead) * min(1.0, elapsed / LEAD_TIME)
         self._elapsed, self._tick = elapsed, tick
         tank.level += self._port.move(position)
-        self._supplied = self._displayed_share() * mixture.follow(self._present, position)
-        tank.level += self._supplied
+        work = self._displayed_share() * mixture.follow(self._present, position)
+        if work > 0.0:
+            self._unconfirmed += work
+        else:
+            tank.level += work
         self._keep_within(position)
         self._drop_unconfirmed()
         mixture.turn(elapsed, tank.level - mixture.stored)
@@ -181,8 +196,12 @@ class MmtMaster:
         if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
             self._lose()
 
+    def refute(self) -> None:
+        self._lose()
+
     def _lose(self) -> None:
         self._known = None
+        self._unconfirmed = 0.0
         self._mixture.want(None)
 
     @property
@@ -219,7 +238,7 @@ class MmtMaster:
     def render(self, force: Vector) -> Vector:  # noqa: ARG002
         port, tank, mixture = self._port, self._tank, self._mixture
         self._wanted = wanted = mixture.force
-        passive = port.passive(wanted, tank.level, self._elapsed, self._supplied)
+        passive = port.passive(wanted, tank.level, self._elapsed)
         dragged = self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
         return port.secured(dragged, tank.level)
 

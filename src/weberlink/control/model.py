@@ -3,13 +3,14 @@
 Every model is an elastic surface, which may have friction and may move. A new surface that would press harder than the
 energy allows is displayed recessed: at a greater depth, with its own stiffness. It rises as energy becomes available.
 
-A mixture with fixed weights and recesses is passive: in the frame of each surface, the force is that of a spring to an
+A mixture with fixed weights is passive: in the frame of each surface, the force is that of a spring to an
 anchor, the foot of the hand or the god-object of friction, and the anchor slides towards the hand only, which takes
 energy. A change of the mixture creates or takes energy, and the amount is known before the change. A surface that moves
-does work on the hand; `follow` returns it.
+does work on the hand; `follow` returns it. Only the newest surface moves: what it replaces stays where it is, fades out
+and is dropped, whatever energy there is.
 """
 
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import Any, ClassVar
 
 from weberlink.control.contract import WallModel
@@ -68,7 +69,19 @@ class RecessedSurface:
         pressed: size of the force with the recess, without the weight [N].
     """
 
-    __slots__ = ("_length", "_moved", "force", "memory", "pressed", "recess", "surface", "weight")
+    __slots__ = (
+        "_length",
+        "_moved",
+        "_moves",
+        "_tick",
+        "_yields",
+        "force",
+        "memory",
+        "pressed",
+        "recess",
+        "surface",
+        "weight",
+    )
 
     def __init__(self, surface: WallModel, memory: Any, tick: float) -> None:
         self.surface = surface
@@ -76,14 +89,29 @@ class RecessedSurface:
         self.weight = self.recess = self.pressed = self._length = 0.0
         self.force: Vector = ZERO
         self._moved = surface.displacement(tick)
+        self._tick = tick
+        self._moves = True
+        self._yields = False
 
     @property
     def stored(self) -> float:
         """Stored energy, without the weight [J]."""
         return 0.5 * self.pressed * self.pressed / self.surface.stiffness
 
+    def stay(self) -> None:
+        """Move no more: its motion was fitted to samples that a newer one has replaced."""
+        self._moves = False
+
+    def give_way(self) -> None:
+        """Press no harder from now on: a hand that sinks into a surface that fades out must not hold it up."""
+        self._moves, self._yields = False, True
+
     def follow(self, tick: float, position: Vector) -> float:
         """Go on to this tick and position of the hand [m]; returns the work of its motion without the weight [J]."""
+        if self._moves:
+            self._tick = tick
+        else:
+            tick = self._tick
         surface, before = self.surface, self._moved
         moved = surface.displacement(tick)
         work = 0.0
@@ -99,7 +127,10 @@ class RecessedSurface:
             force, self.memory = surface.advance(tick, position, self.memory)
         self.force = force
         self._length = hypot(force[0], force[1], force[2])
+        pressed = self.pressed
         self.sink_to(self.recess)
+        if self._yields and self.pressed > pressed:
+            self.press_no_harder_than(pressed)
         return work
 
     def sink_to(self, recess: float) -> None:
@@ -130,11 +161,16 @@ class RecessedSurface:
 
 
 class SurfaceMixture:
-    """Weighted surfaces: the newest is the wanted one and fades in, the others fade out."""
+    """Weighted surfaces: the newest is the wanted one and fades in, the others fade out.
 
-    __slots__ = ("_parts", "_position", "_tick", "_waiting", "_wanted")
+    Args:
+        most: largest force that is displayed [N]; in a change to free space, what is above it goes at once.
+    """
 
-    def __init__(self) -> None:
+    __slots__ = ("_most", "_parts", "_position", "_tick", "_waiting", "_wanted")
+
+    def __init__(self, most: float = inf) -> None:
+        self._most = most
         self.reset()
 
     def reset(self) -> None:
@@ -194,8 +230,14 @@ class SurfaceMixture:
         """
         newest = self.newest
         self._waiting = None
+        if newest is not None:
+            newest.stay()
+        if self._wanted is not None:
+            self._wanted.stay()
         if surface is None:
             self._wanted = None
+            for part in self._parts:
+                part.give_way()
             return
         memory = surface.memory
         if memory is not None and newest is not None and newest.memory is not None:
@@ -233,8 +275,8 @@ class SurfaceMixture:
     def turn(self, elapsed: float, spare: float) -> None:
         """Move weight to the wanted surface, and let it rise.
 
-        The force on the hand turns, rises and drops by this at no more than `STEEPEST`. A drop is delayed only as long
-        as the surfaces that cause the force are there: they store the energy that the hand takes out meanwhile.
+        The force on the hand turns, rises and drops by this at no more than `STEEPEST`. As far as that allows it, every
+        surface that is not wanted shrinks at least by the factor e in `TURN`, whatever the energy.
 
         Args:
             elapsed: time since the last call [s].
@@ -245,19 +287,23 @@ class SurfaceMixture:
         wanted = self._wanted
         if wanted is None:
             length, weight = hypot(*self.force), sum(part.weight for part in self._parts)
+            if length > self._most:
+                self._fade(self._parts, self._most / length)
+                length, weight = self._most, weight * self._most / length
             lost = min(1.0, share / weight) if weight > 0.0 else 1.0
             self._fade(self._parts, 1.0 - (min(lost, most / length) if length > 0.0 else lost))
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
-            spare -= self._move(wanted, moved, most, spare)
+            spare -= self._move(wanted, moved, share, most, spare)
         wanted.come_up(elapsed, spare)
 
-    def _move(self, wanted: RecessedSurface, moved: float, most: float, spare: float) -> float:
+    def _move(self, wanted: RecessedSurface, moved: float, fading: float, most: float, spare: float) -> float:
         """Move this weight to the wanted surface, or as much as energy and slew allow; returns the energy cost [J].
 
-        The other surfaces lose weight so that the sum stays at most 1. They lose more, up to the weight that moves, if
-        the energy that this frees is needed.
+        The other surfaces lose weight so that the sum stays at most 1, and at least the share `fading` of what they
+        have: a surface that is not wanted never stays. They lose more, up to the weight that moves, if the energy that
+        this frees is needed.
         """
         spare = max(0.0, spare)
         others = [part for part in self._parts if part is not wanted]
@@ -281,7 +327,10 @@ class SurfaceMixture:
         if change * share > most:
             share = most / change
         if of_others > 0.0:
-            self._fade(others, max(0.0, 1.0 - share * left))
+            lacking, length = fading - share * left, hypot(x, y, z)
+            if lacking * length > most - share * change:
+                lacking = (most - share * change) / length
+            self._fade(others, max(0.0, 1.0 - share * left - max(0.0, lacking)))
         wanted.weight += share * moved
         return share * price
 

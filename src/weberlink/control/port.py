@@ -71,6 +71,10 @@ class Port(Protocol):
         """Whether a contact force above its limit stops the robot from following."""
 
     @property
+    def unfounded(self) -> bool:
+        """Whether a force is asked for that the other end has stated no contact for: it is faded out."""
+
+    @property
     def at_rest(self) -> bool:
         """Whether the session can be left without a jump of force or motion."""
 

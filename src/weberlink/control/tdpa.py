@@ -148,7 +148,7 @@ class TdpaMaster(_TankedPort):
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
         self._level = SHARE_AT_MASTER * settings.level
-        self._drag = LevelDrag(settings.damping, self._level)
+        self._drag = LevelDrag(settings.damping, self._level, settings.free_force)
         self._port = ForcePort(settings.tick_period, self._level)
         self._matching = ForceMatching(settings.coupling)
         self._grant = GripGrant()
@@ -179,6 +179,8 @@ class TdpaMaster(_TankedPort):
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
         self._matching.learn(surface)
+
+    def refute(self) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)

@@ -1,12 +1,14 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
+from collections.abc import Callable
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
-from weberlink.geometry.vector import ZERO
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.update import Update
 
 if TYPE_CHECKING:
@@ -14,6 +16,51 @@ if TYPE_CHECKING:
 
 Value = Any
 """A vector, or the joints of an arm; None for nothing."""
+
+
+UNREACHED_S = 0.03
+"""Time for which a robot may lag behind a contact that the operator feels already [s]."""
+
+
+class Unreached:
+    """Notices a contact that the operator feels by a model, and that the robot does not reach.
+
+    The encoder compares what the robot feels with the model where the robot is, and the operator's end evaluates the
+    same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip, its
+    workspace, want of energy) is where the model states nothing, so that a force would last on the hand which nothing
+    touches. From then on what the robot feels is coded for the place to which it is led: that takes the model back.
+
+    Args:
+        mirror: of the encoder.
+        led: where the operator leads the robot [m]; None for nowhere.
+        least: smallest force that states a contact [N]: less may be left over within the deadband.
+        tick_period: [s].
+    """
+
+    def __init__(self, mirror: Decoder, led: Callable[[], Vector | None], least: float, tick_period: float) -> None:
+        self._mirror = mirror
+        self._led = led
+        self._least = least
+        self._most = round(UNREACHED_S / tick_period)
+        self._ticks = 0
+
+    def place(self, tick: int, value: Vector, position: Vector) -> Vector:
+        """The position for which a sample is coded [m].
+
+        Args:
+            tick: present tick.
+            value: what the robot feels, as it is shown [N].
+            position: where it feels that [m].
+        """
+        led = self._led()
+        if led is None or led == position or self._is(value) or not self._is(self._mirror.stated(tick, led)):
+            self._ticks = 0
+            return position
+        self._ticks += 1
+        return position if self._ticks <= self._most else led
+
+    def _is(self, contact: Vector) -> bool:
+        return hypot(contact[0], contact[1], contact[2]) > self._least
 
 
 class OutgoingChannel:
@@ -24,6 +71,7 @@ class OutgoingChannel:
         stream: number of its updates on the wire.
         encoder: of the channel.
         sensor: gives the samples.
+        unreached: looks after a force that the other end may feel elsewhere; None for other signals.
 
     Attributes:
         coded: the sample that this tick decided on; without one, the newest measurement.
@@ -32,8 +80,16 @@ class OutgoingChannel:
         model: the contact model of the newest update.
     """
 
-    def __init__(self, name: str, stream: int, encoder: "Encoder | BundleEncoder", sensor: Sensor) -> None:
+    def __init__(
+        self,
+        name: str,
+        stream: int,
+        encoder: "Encoder | BundleEncoder",
+        sensor: Sensor,
+        unreached: Unreached | None = None,
+    ) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
+        self._unreached = unreached
         self._sample = sensor.sample
         self.coded: Value = sensor.value
         self.update: Update | None = None
@@ -48,6 +104,8 @@ class OutgoingChannel:
         """Encode the newest sample into `update`, where one must be sent."""
         encoder = self.encoder
         value, position, most = self._sample()
+        if self._unreached is not None:
+            position = self._unreached.place(tick, value, position)
         self.update = update = encoder.encode(tick, value, position, most)
         self.coded = encoder.coded
         if update is None:

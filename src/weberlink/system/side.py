@@ -40,7 +40,7 @@ CONNECT_PATIENCE = 1.0
 SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED
 _WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
-_DEVICE, _NO_FAULT = Fault.DEVICE, Fault.NONE
+_DEVICE, _UNFOUNDED, _NO_FAULT = Fault.DEVICE, Fault.UNFOUNDED, Fault.NONE
 
 
 class PeerFacts(NamedTuple):
@@ -123,6 +123,7 @@ class Side:
         """Number of the session, as the endpoint counts them; 0 before the first."""
         self._encodes = False
         self._is_fresh = True
+        self._is_unfounded = False
         self._last_reading_at = nan
         self._peer_tick = 0.0
         self._playout = playout
@@ -538,5 +539,12 @@ class Side:
             values.append(self._guarded(channel.decode, tick))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
-        if self._faults.active is not _NO_FAULT and not self.port.tripped:
-            self._faults.clear(Fault.TRIPPED)
+        faults, port = self._faults, self.port
+        if port.unfounded is not self._is_unfounded:
+            self._is_unfounded = port.unfounded
+            if self._is_unfounded:
+                faults.meet(_UNFOUNDED)
+            else:
+                faults.clear(_UNFOUNDED)
+        if faults.active is not _NO_FAULT and not port.tripped:
+            faults.clear(Fault.TRIPPED)

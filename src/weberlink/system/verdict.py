@@ -229,6 +229,9 @@ def _faults(summary: Mapping[str, Any]) -> Iterator[Cause]:
         longest = max(summary["ticks"][side]["missed_longest_s"] for side in stalled)
         who = " and ".join(f"the {side} {_times(count)}" for side, count in stalled.items())
         yield Cause(DEGRADED, "stalled", f"a process stood still: {who}, for up to {longest:.2f} s")
+    if unfounded := faults.get(MASTER, {}).get("unfounded"):
+        text = f"force without a contact was faded out {_times(unfounded)}"
+        yield Cause(FAILURE, "unfounded", text)
     if tripped := faults.get(SLAVE, {}).get("tripped"):
         limit = "trip_n" if "force" in summary else "joints.trip_nm"
         text = f"the robot backed off from a contact {_times(tripped)} (slave.limits.{limit})"

@@ -29,6 +29,7 @@ FAULTS = {
     "stalled": Words(ALARM, "the process stood still for longer than the limit"),
     "taken_over": Words(ALARM, "another master has taken over the robot: this one leaves"),
     "unproven": Words(ALARM, "a message of the {peer} did not prove the key: are the keys the same on both hosts?"),
+    "unfounded": Words(ALARM, "a force was asked for that the {peer} states no contact for: it was faded out"),
     "tripped": Words(ALARM, "the contact force passed its limit: the robot backed off and waits for the hand"),
 }
 """What each fault means; `{peer}` is the other side, `{hardware}` the device or the robot of this one."""

@@ -26,6 +26,8 @@ class Fault(IntEnum):
     """The robot touched something with more force than its limit; it backed off and waits for the hand to come out."""
     UNPROVEN = 9
     """There is no session, and a handshake came whose sender did not prove the key."""
+    UNFOUNDED = 10
+    """Force was to be displayed that the robot's end states no contact for; it was faded out."""
 
 
 _RANKED = (
@@ -34,6 +36,7 @@ _RANKED = (
     Fault.REFUSED,
     Fault.STALLED,
     Fault.TRIPPED,
+    Fault.UNFOUNDED,
     Fault.UNPROVEN,
     Fault.SILENCE,
     Fault.UNHEARD,

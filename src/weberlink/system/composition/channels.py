@@ -9,6 +9,7 @@ from weberlink.codec.deadband.contract import Measures
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
 from weberlink.system.configuration.model import ForceCodecSettings
@@ -106,6 +107,19 @@ def _ticks(length_ms: float, system: System) -> int:
 def playout_ticks(system: System) -> int:
     """How long updates wait before they are used, in whole ticks."""
     return _ticks(system.link.playout_ms, system)
+
+
+def least_contact(system: System) -> float:
+    """Smallest force that states a contact [N]: a smaller one may be left over within the deadband."""
+    return max(LEAST_CONTACT, system.codec.force.floor_n)
+
+
+def signal_delay(system: System) -> float:
+    """What look-ahead and play-out of both directions add to the round trip of the signals [s]; an arm has no
+    look-ahead."""
+    arm = system.codec.joints is not None
+    ahead = 0 if arm else sum([channel.lookahead for channel in channels(system)])
+    return (ahead + 2 * playout_ticks(system)) * system.tick_period
 
 
 def lookahead_ms(system: System) -> dict[str, float]:

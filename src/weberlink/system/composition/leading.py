@@ -4,11 +4,12 @@ from collections.abc import Callable, Iterator
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec.bundle import BundleDecoder
-from weberlink.control.joints import build_joint_master
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
+from weberlink.control.joints import LEVER, build_joint_master
 from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort, PressedAxes
-from weberlink.master.safety import ForceGate
+from weberlink.master.safety import ContactLimiter, ForceGate
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
@@ -26,7 +27,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
-from weberlink.system.composition.channels import playout_ticks
+from weberlink.system.composition.channels import playout_ticks, signal_delay
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -70,6 +71,7 @@ def build_leading(
     control = build_joint_master(system.control.scheme, joint_parameters(system, leader.spec, most))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
+    joints = len(joint_names(system))
     decoders = [BundleDecoder(channel) for channel in backward]
     port = LeaderPort(
         arm=leader,
@@ -80,6 +82,11 @@ def build_leading(
         slew=slew,
         button=None if engage is None else engage.button,
         pressed=_pressed(system, lambda: tuning.settings.weber),
+        contacts=[
+            ContactLimiter(max(axes), FREE_FORCE * LEVER, silence) for axes in (most[:joints], most[joints:]) if axes
+        ],
+        least=_least(system),
+        delay=signal_delay(system),
     )
 
     def retune(settings: LiveSettings, peer_tick: float) -> None:
@@ -99,6 +106,15 @@ def build_leading(
         rows=JointRows,
         playout=playout_ticks(system),
     )
+
+
+def _least(system: System) -> Joints:
+    """Smallest torques that state a contact [N m]: less may be left over within the deadband."""
+    joints, gripper = system.codec.joints, system.codec.gripper
+    assert joints is not None
+    floors = per_axis(joints.torque.floor_nm, len(joints.names))
+    floors += () if gripper is None else (float(gripper.torque.floor_nm),)
+    return tuple(max(LEAST_CONTACT * LEVER, floor) for floor in floors)
 
 
 def _pressed(system: System, weber: Callable[[], float]) -> list[PressedAxes | None]:

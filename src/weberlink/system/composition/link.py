@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeV
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
-from weberlink.control.contract import Control, SchemeParameters, Switchable
+from weberlink.control.contract import FREE_FORCE, Control, SchemeParameters, Switchable
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
@@ -171,8 +171,15 @@ def build_control(
         damping=system.control.damping_n_s_m,
         catch_up_speed=system.slave.limits.approach_speed_m_s,
         coupling=coupling,
+        free_force=min(FREE_FORCE, free_force(system)),
     )
     return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
+
+
+def free_force(system: System) -> float:
+    """Largest force without a contact, as the robot's frame has it [N]: `FREE_FORCE` on the hand."""
+    mapping = system.master.mapping
+    return FREE_FORCE if mapping is None else FREE_FORCE / mapping.force_scale
 
 
 def construct(where: str, driver: Any, *arguments: Any, contract: type | None = None) -> Any:

@@ -8,15 +8,15 @@ from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
-from weberlink.master.operator_port import Display, HandPosition, OperatorPort
-from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
+from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import playout_ticks, streams
+from weberlink.system.composition.channels import least_contact, playout_ticks, signal_delay, streams
 from weberlink.system.composition.coupling import coupling
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -28,6 +28,7 @@ from weberlink.system.composition.link import (
     build_tuning,
     check_axes,
     construct,
+    free_force,
     located,
 )
 from weberlink.system.configuration import Configuration, ConfigurationError, System
@@ -78,16 +79,29 @@ def build_master(
         return max(tuning.settings.weber * force, system.codec.force.floor_n)
 
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
-    displays = [Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control)]
+    free, silence = free_force(system), system.link.silence_ms * 1e-3
+    contact = ContactWatch(
+        ContactLimiter(force_limit, free, silence),
+        force_decoder,
+        endpoint,
+        least=least_contact(system),
+        tick_period=system.tick_period,
+        delay=signal_delay(system),
+        playout=playout_ticks(system),
+        longest=silence,
+    )
+    displays = [
+        Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control, contact)
+    ]
     if system.codec.rotation is not None:
         displays.append(_torque_display(system, device))
-    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    limits, engage = system.master.limits, system.master.engage
     port = OperatorPort(
         device=device,
         displays=displays,
         control=control,
         endpoint=endpoint,
-        hand=HandPosition(control, force_bound),
+        hand=HandPosition(control, force_bound, free),
         gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
         button=None if engage is None else engage.button,
     )

@@ -14,8 +14,8 @@ from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot
 from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
-from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import playout_ticks, streams
+from weberlink.system.channels import IncomingChannel, OutgoingChannel, Unreached
+from weberlink.system.composition.channels import least_contact, playout_ticks, streams
 from weberlink.system.composition.coupling import STATED, coupling, press_limit
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -86,7 +86,8 @@ def build_slave(
         trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         by_button=system.master.engage is not None,
     )
-    outgoing = [OutgoingChannel("force", 0, force_encoder, port.force)]
+    unreached = Unreached(force_encoder.mirror, lambda: port.led, least_contact(system), system.tick_period)
+    outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
     incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
     if orientation is not None:
         from weberlink.slave.rotation import ToolTorque  # noqa: PLC0415 - for six degrees of freedom alone

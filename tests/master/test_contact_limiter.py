@@ -1,0 +1,126 @@
+"""No force without a contact: how long a force may last that the robot's end states no contact for."""
+
+from collections.abc import Iterable
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weberlink.master.safety import FADE, FALL, GRACE, PATIENCE, RISE, ContactLimiter
+
+TICK = 1e-3
+MOST, FREE = 10.0, 1.0
+LONGEST = 0.6
+round_trips = st.floats(0.0, 0.5)
+
+
+def limiter() -> ContactLimiter:
+    return ContactLimiter(MOST, FREE, LONGEST)
+
+
+def bounds(
+    limited: ContactLimiter, asked: Iterable[float], round_trip: float | None, *, stated: bool = False
+) -> list[float]:
+    return [limited.bound(force, TICK, round_trip, stated=stated) for force in asked]
+
+
+def ticks(seconds: float) -> int:
+    return round(seconds / TICK)
+
+
+phases = st.lists(
+    st.tuples(st.sampled_from([0.0, 0.5, FREE, 1.5, 4.0, 100.0]), st.booleans(), st.integers(1, 400)),
+    min_size=1,
+    max_size=8,
+)
+
+
+@given(phases, round_trips)
+def test_without_a_contact_no_force_lasts_longer_than_the_answer_takes(
+    course: list[tuple[float, bool, int]], round_trip: float
+) -> None:
+    """Whatever was before: from then on it is free or less, and falls to nothing."""
+    limited, alone, before = limiter(), 0, inf
+    for asked, stated, count in course:
+        for _ in range(count):
+            bound = limited.bound(asked, TICK, round_trip, stated=stated)
+            alone = alone + 1 if asked > FREE and not stated else 0
+            over = alone * TICK - round_trip - PATIENCE
+            if over >= 0.0:
+                assert bound <= FREE
+                assert bound <= before
+            if over >= FADE + TICK:
+                assert bound == 0.0
+            before = bound
+
+
+@given(phases, round_trips)
+def test_only_what_does_not_end_by_itself_is_at_fault(course: list[tuple[float, bool, int]], round_trip: float) -> None:
+    limited, lasted = limiter(), 0.0
+    for asked, stated, count in course:
+        for _ in range(count):
+            limited.bound(asked, TICK, round_trip, stated=stated)
+            lasted = 0.0 if stated else lasted + TICK * (asked > FREE)
+            if limited.unfounded:
+                assert lasted >= round_trip + PATIENCE + GRACE - TICK
+            if stated:
+                assert not limited.unfounded
+
+
+@given(round_trips, st.floats(0.0, MOST))
+def test_a_contact_that_is_stated_in_time_is_not_bounded(round_trip: float, asked: float) -> None:
+    limited = limiter()
+    for _ in range(5):
+        ahead = ticks(round_trip + PATIENCE - FALL) - 1
+        assert set(bounds(limited, [asked] * ahead, round_trip)) == {inf}
+        assert bounds(limited, [asked], round_trip, stated=True) == [inf]
+
+
+def test_taps_ahead_of_the_robot_do_not_add_up_and_a_force_that_flickers_does() -> None:
+    tap, ghost = [4.0] * 100 + [0.0] * 110, [4.0] * 100 + [0.0] * 20
+    assert set(bounds(limiter(), tap * 20, 0.2)) == {inf}
+    limited = limiter()
+    assert min(bounds(limited, ghost * 20, 0.2)) == 0.0
+    assert limited.unfounded
+
+
+def test_drag_in_free_motion_needs_no_contact() -> None:
+    limited = limiter()
+    assert set(bounds(limited, [FREE] * 5000, 0.0)) == {inf}
+    assert not limited.asks(FREE)
+    assert not limited.waits
+
+
+def test_a_force_is_doubtful_before_it_is_at_fault() -> None:
+    limited = limiter()
+    doubts = [(limited.bound(5.0, TICK, 0.1, stated=False), limited.doubtful, limited.unfounded) for _ in range(400)]
+    assert [bound < inf for bound, *_ in doubts] == [doubtful for _, doubtful, _ in doubts]
+    begun = [next(tick for tick, each in enumerate(doubts) if each[index]) for index in (1, 2)]
+    assert begun == pytest.approx([ticks(0.1 + PATIENCE - FALL), ticks(0.1 + PATIENCE + GRACE)], abs=2)
+
+
+def test_the_force_comes_back_in_a_ramp_when_a_contact_is_stated() -> None:
+    limited = limiter()
+    bounds(limited, [5.0] * 1000, 0.1)
+    assert limited.unfounded
+    risen = bounds(limited, [5.0] * (ticks(RISE) + 1), 0.1, stated=True)
+    assert risen[0] == pytest.approx(MOST * TICK / RISE)
+    assert risen[-1] == inf
+    assert not limited.unfounded
+    assert not limited.waits
+
+
+def test_without_a_round_trip_the_longest_one_is_assumed_and_a_longer_one_is_not_believed() -> None:
+    for round_trip in (None, 100.0):
+        met = bounds(limiter(), [5.0] * 2000, round_trip)
+        assert met.index(next(bound for bound in met if bound <= FREE)) == pytest.approx(
+            ticks(LONGEST + PATIENCE), abs=2
+        )
+
+
+def test_reset_forgets_what_was() -> None:
+    limited = limiter()
+    bounds(limited, [5.0] * 1000, 0.1)
+    limited.reset()
+    assert (limited.unfounded, limited.waits, limited.bound(5.0, TICK, 0.1, stated=False)) == (False, False, inf)

@@ -1,0 +1,111 @@
+"""What of the force on the hand is founded: the received model, where the robot was as the newest news of it left."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.compiled import replaces_methods
+from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.master.operator_port import ContactWatch
+from weberlink.master.safety import GRACE, PATIENCE, ContactLimiter
+
+pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
+TICK, STIFFNESS = 1e-3, 500.0
+RTT = 0.1
+DEPTH = 0.01
+INSIDE, OUTSIDE = (0.0, 0.0, -DEPTH), (0.0, 0.0, 0.005)
+PRESSED = (0.0, 0.0, STIFFNESS * DEPTH)
+RTT_TICKS = round(RTT / TICK)
+PATIENT = round((RTT + PATIENCE) / TICK)
+
+
+class Watched:
+    """A watch whose decoder has received the plane z = 0, or one sample."""
+
+    def __init__(self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH)) -> None:
+        channel = force_channel(predictor=predictor)
+        self.encoder, self.decoder = Encoder(channel), Decoder(channel)
+        self.tick = 0
+        for depth in samples:
+            self.receive(depth)
+        link: Any = SimpleNamespace(rtt=RTT, jitter=0.0)
+        self.watch = ContactWatch(
+            ContactLimiter(10.0, 1.0, 1.0),
+            self.decoder,
+            link,
+            least=0.05,
+            tick_period=TICK,
+            delay=0.0,
+            playout=0,
+            longest=1.0,
+        )
+
+    def receive(self, depth: float) -> None:
+        """A complete update: of a robot so deep in the plane, whatever was predicted."""
+        self.tick += 1
+        if self.encoder.mirror.newest is not None and self.tick > 2:
+            self.encoder.restart()
+        update = self.encoder.encode(self.tick, (0.0, 0.0, STIFFNESS * depth), (0.0, 0.0, -depth))
+        if update is not None:
+            self.decoder.apply(update)
+
+    def go(self, command: Vector, force: Vector, ticks: int) -> list[float]:
+        """Command this, and ask for this force; returns what is displayed in each tick [N]."""
+        shown = []
+        for _ in range(ticks):
+            self.tick += 1
+            self.watch.follow(command, float(self.tick))
+            shown.append(norm(self.watch.bounded(force, norm(force), TICK)))
+        return shown
+
+
+@pytest.mark.parametrize("predictor", ["zoh", "plane"])
+def test_a_contact_that_the_robot_is_in_is_felt_for_ever(predictor: str) -> None:
+    assert set(Watched(predictor).go(INSIDE, PRESSED, 3000)) == {norm(PRESSED)}
+
+
+def test_a_robot_that_was_in_the_model_long_ago_states_nothing_now() -> None:
+    """The newest sample is a contact, and no update follows while the model is right: there is none out there."""
+    watched = Watched()
+    watched.go(INSIDE, PRESSED, 500)
+    shown = watched.go(OUTSIDE, PRESSED, 1000)
+    assert shown[: RTT_TICKS - 1] == [norm(PRESSED)] * (RTT_TICKS - 1)
+    assert max(shown[RTT_TICKS + PATIENT + 20 :]) <= 1.0
+    assert shown[-1] == 0.0
+    assert watched.watch.unfounded
+
+
+def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    assert set(watched.go(INSIDE, PRESSED, 3000)) == {norm(PRESSED)}
+
+
+def test_an_update_with_a_force_states_a_contact_wherever_the_robot_was_commanded_to() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    for depth in (0.4, 0.6, 0.8):
+        assert set(watched.go(OUTSIDE, PRESSED, PATIENT - 40)) == {norm(PRESSED)}
+        watched.receive(depth * DEPTH)
+        watched.go(OUTSIDE, PRESSED, 1)
+        watched.receive(0.0)
+    assert watched.go(OUTSIDE, PRESSED, 2 * PATIENT)[-1] < 1.0
+
+
+def test_commands_that_jump_past_the_model_state_nothing() -> None:
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    shown = [force for _ in range(20) for force in watched.go(OUTSIDE, PRESSED, 47) + watched.go(INSIDE, PRESSED, 3)]
+    assert max(shown[PATIENT:]) <= 1.0
+
+
+def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:
+    watched = Watched("zoh", (0.0,))
+    shown = watched.go(INSIDE, PRESSED, PATIENT + round(GRACE / TICK))
+    assert min(shown[:50]) == norm(PRESSED)
+    assert max(shown[PATIENT:]) <= 1.0
+    assert watched.watch.unfounded
+    watched.watch.reset()
+    assert watched.go(INSIDE, PRESSED, 1) == [norm(PRESSED)]

@@ -1,0 +1,74 @@
+"""No force without a contact, in whole sessions: what was reported, robots that are held back, and random ones."""
+
+from typing import Any
+
+import pytest
+
+from tests.safety.unfounded import Cell, Finding, found, records, run
+from tests.system.systems import configuration
+from weberlink.system.scoring.session import score_of
+from weberlink.system.simulate import build_simulation
+from weberlink.telemetry.fault import Fault
+
+DELAY_S = 0.05
+LINK = ("link.emulate={delay_ms: 50, seed: 0}", "link.silence_ms=335")
+DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
+FORMER = (7, 11, 14)
+"""Seeds with which a force was on the hand for longer before there was the law."""
+
+
+def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> tuple[Finding, dict[str, Any]]:
+    """What a session showed, and its report."""
+    loaded = configuration(*LINK, *overrides, file=file)
+    period, score = loaded.system.tick_period, score_of(loaded.system)
+    master, slave = records(build_simulation(loaded), period, seconds)
+    score.add(master, slave)
+    return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.summary()
+
+
+@pytest.mark.parametrize("scheme", ["mmt", "auto"])
+@pytest.mark.parametrize("predictor", ["surface", "adaptive"])
+def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(scheme: str, predictor: str) -> None:
+    """The damping is fitted as motion, and an extrapolated motion would carry the wall after the hand."""
+    overrides = (DAMPED, f"control.scheme={scheme}", f"codec.force.predictor={predictor}")
+    finding, summary = session(*overrides, file="scene-plane.yaml", seconds=8.0)
+    assert finding.contact > 0.3
+    assert (finding.ticks, finding.faults) == (0, 0)
+    assert summary["energy"]["generated_j"] < 0.03
+    assert summary["control"]["master"]["tank_max_j"] < 0.2
+    assert summary["limited"]["force_ticks"] < 100
+
+
+PRESS = "master.device.script=[{motion: press, at_m: [-0.01, 0, 0], depth_m: 0.03, hold_s: 3, duration_s: 0.4}]"
+
+
+@pytest.mark.parametrize("scheme", ["none", "mmt"])
+@pytest.mark.parametrize("predictor", ["zoh", "plane", "surface", "affine"])
+def test_a_robot_that_has_backed_off_leaves_the_hand(predictor: str, scheme: str) -> None:
+    """It touches nothing and its model states nothing there, while the hand presses on the same model."""
+    asked = (f"codec.force.predictor={predictor}", f"control.scheme={scheme}")
+    finding, _ = session(PRESS, "slave.limits.trip_n=4", *asked)
+    assert 0.0 < finding.contact < 0.1
+    assert (finding.ticks, finding.faults) == (0, 0)
+
+
+@pytest.mark.parametrize("delay_ms", [0, 100, 250])
+@pytest.mark.parametrize("scheme", ["none", "tdpa", "mmt", "auto"])
+def test_a_clean_session_is_never_at_fault(scheme: str, delay_ms: int) -> None:
+    loaded = configuration(
+        f"control.scheme={scheme}",
+        f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}",
+        f"link.silence_ms={6 * delay_ms + 150}",
+    )
+    simulation = build_simulation(loaded)
+    masters = [simulation.step()[0] for _ in range(6000)]
+    assert Fault.UNFOUNDED not in {int(master.fault) for master in masters}
+    assert any(abs(master.output_z) > 1.0 for master in masters)
+
+
+@pytest.mark.parametrize("seed", [*FORMER, *range(1000, 1009)])
+def test_in_random_sessions_no_force_lasts_without_a_contact(seed: int) -> None:
+    """`python -m tests.safety.unfounded` runs more."""
+    finding = run(seed)
+    assert finding.contact > 0.0
+    assert (finding.ticks, finding.rash) == (0, 0)
