@@ -139,4 +139,4 @@ def test_a_broken_scheme_is_a_configuration_error(found: dict[str, object]) -> N
     errors = found["errors"]
     assert isinstance(errors, dict)
     assert errors["broken"].startswith(f"{CONFIGURATION}: control.scheme: control scheme broken")
-    assert "control scheme loose: toy_scheme:Loose has no active" in errors["loose"]
+    assert "control scheme loose of toy-scheme: toy_scheme:Loose has no active" in errors["loose"]

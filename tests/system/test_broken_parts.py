@@ -147,14 +147,15 @@ def test_control_scheme_that_cannot_be_imported_is_one_line(name: str, folder: P
     assert line.endswith(MISTAKES[name][1])
 
 
-def test_every_command_has_the_same_line(folder: Path) -> None:
-    file, override = GROUPS["devices"]
-    overrides = (override.format("needy_devices"), "link.security=session")
-    told = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", "master")}
+@pytest.mark.parametrize(("group", "side"), [("devices", "master"), ("robots", "slave")])
+def test_every_command_has_the_same_line(group: str, side: str, folder: Path) -> None:
+    file, override = GROUPS[group]
+    overrides = (override.format(f"needy_{group}"), "link.security=session")
+    told = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", side)}
     assert len(told) == 1
-    advice = next(each.advice[0] for each in survey().drivers if each.driver == "needy_devices")
+    advice = next(each.advice[0] for each in survey().drivers if each.driver == f"needy_{group}")
     assert told.pop().endswith(advice)
-    tested = CliRunner().invoke(app, ["device", "test", "needy_devices"])
+    tested = CliRunner().invoke(app, ["device", "test", f"needy_{group}"])
     assert (tested.exit_code, tested.stderr) == (2, f"weberlink: {advice}\n")
 
 

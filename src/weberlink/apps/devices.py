@@ -101,14 +101,14 @@ class Survey:
         """Print a table, and below it one line for each fix."""
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("side", no_wrap=True)
-        table.add_column("driver", max_width=20, overflow="fold")
+        table.add_column("driver", max_width=24, overflow="fold")
         table.add_column("kind", no_wrap=True)
         table.add_column("state", no_wrap=True)
         table.add_column("plugged in", overflow="fold")
         for each in self.drivers:
             table.add_row(
                 each.side,
-                each.driver if each.package is None else f"{each.driver} (of {each.package})",
+                each.driver if each.package is None else f"{each.driver}\nof {each.package}",
                 f"extra {each.extra}" if each.extra else each.kind or "-",
                 Text(each.state, style=COLOURS.get(each.state, "red")),
                 Text("\n".join(map(str, each.plugged)) or "-"),
