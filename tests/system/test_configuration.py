@@ -7,6 +7,7 @@ import pytest
 
 from weberlink.master import devices
 from weberlink.slave import robots
+from weberlink.system.advice import advise
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
 
@@ -184,7 +185,7 @@ def test_every_driver_that_can_be_plugged_in_counts_as_hardware(table: Any) -> N
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
-    assert try_out(load(path)) == []
+    assert advise(try_out(load(path))) == []
     with pytest.raises(ConfigurationError, match=r"link.security: session is for weberlink loopback"):
         try_out(load(path, sides=[SLAVE]))
     with pytest.raises(ConfigurationError, match="loopback addresses only"):
