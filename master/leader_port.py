@@ -120,7 +120,7 @@ class LeaderPort(OperatorEnd):
 
     @property
     def unfounded(self) -> bool:
-        return any([contact.unfounded for _, contact, _ in self._contacts])
+        return any(contact.unfounded for _, contact, _ in self._contacts)
 
     def reset(self) -> None:
         super().reset()
@@ -197,7 +197,7 @@ class LeaderPort(OperatorEnd):
                 endpoint = self._endpoint
                 round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
                 decoded = sensor.part(self.decoded)
-                stated = any([abs(torque) > most for torque, most in zip(decoded, least, strict=True)])
+                stated = any(abs(torque) > most for torque, most in zip(decoded, least, strict=True))
                 most = contact.bound(asked, elapsed, round_trip, stated=stated)
                 largest = _largest(part)
                 if largest > most:

@@ -38,9 +38,7 @@ class HandPosition:
         free: largest force that needs no contact [N].
     """
 
-    def __init__(
-        self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE
-    ) -> None:
+    def __init__(self, control: MasterControl, force_bound: Callable[[float], float], free: float = FREE_FORCE) -> None:
         self.value: Vector = ZERO
         self.command: Vector = ZERO
         """What was sampled last [m]."""
@@ -77,9 +75,9 @@ class HandPosition:
 class ContactWatch:
     """Bounds the force on the hand by whether the robot's end states a contact.
 
-    It states one by an update whose sample has a force; and while it is silent, by the received model, at the place that
-    its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model for
-    that place would have come. A robot that is elsewhere says so (`weberlink.system.channels.Unreached`).
+    It states one by an update whose sample has a force; and while it is silent, by the received model, at the place
+    that its silence is about: where the robot was commanded to a round trip ago, since by now a correction of the model
+    for that place would have come. A robot that is elsewhere says so (`weberlink.system.channels.Unreached`).
 
     Args:
         limiter: takes the time.

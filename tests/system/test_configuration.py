@@ -11,6 +11,7 @@ from weberlink.master.devices import leaders
 from weberlink.registry import is_hardware
 from weberlink.slave import robots
 from weberlink.slave.robots import followers
+from weberlink.system.advice import advise
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
 
@@ -250,7 +251,7 @@ def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
-    assert try_out(load(path)) == []
+    assert advise(try_out(load(path))) == []
     with pytest.raises(ConfigurationError, match=r"link.security: session is for weberlink loopback"):
         try_out(load(path, sides=[SLAVE]))
     with pytest.raises(ConfigurationError, match="loopback addresses only"):

@@ -9,7 +9,7 @@ from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec
 from weberlink.master.devices.rate_control import RateControl, RateOptions
 from weberlink.master.devices.spacemouse.device import SpaceMouseDevice, SpaceMouseOptions
-from weberlink.system.composition.trial import lacks
+from weberlink.system.advice import Parts, advise
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.simulate import build_simulation
 
@@ -62,7 +62,7 @@ def test_force_limit_below_the_push_is_refused() -> None:
 
 def test_note_says_how_force_is_shown() -> None:
     loaded = configuration()
-    (said,) = lacks(loaded.system, Deflected(None, 0.001), None)
+    (said,) = [line for line in advise(Parts(loaded, Deflected(None, 0.001))) if line.startswith("master.device")]
     assert said == (
         "master.device: spacemouse has no force feedback; the force resists its rate, and a full deflection holds 3 N"
     )

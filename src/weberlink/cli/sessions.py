@@ -6,14 +6,17 @@ from contextlib import contextmanager
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set, file_target
 from weberlink.cli.output import attempt, errors, fail, finish, progress_bar, tell
-from weberlink.system.order import MASTER, MISCONFIGURED, SIDES, SLAVE
+from weberlink.system.order import MASTER, MISCONFIGURED, NOTE, SIDES, SLAVE
 from weberlink.system.targets import STANDARD_OUTPUT
+
+if TYPE_CHECKING:
+    from weberlink.system.advice import Parts
 
 PeerLabel = Annotated[
     str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peers) only.")
@@ -142,13 +145,18 @@ def simulate(
 
     60 s of it by default, in about 12 s. Ctrl-C ends it with the report of the simulated time so far.
     """
+    from weberlink.system.composition.trial import try_out  # noqa: PLC0415
     from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
+    from weberlink.system.simulate import refuse_live  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
-    with errors(), progress_bar() as progress:
+    with errors():
         configuration = load(file, set_ or ())
         if trace is not None and configuration.system.codec.joints is not None:
             raise ConfigurationError(f"--trace: {file}: an arm has joints, not one position; use --record and export")
+        refuse_live(configuration)
+        say_advice(try_out(configuration))
+    with errors(), progress_bar() as progress:
         summary, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     if summary.get("interrupted") and problem is None:
@@ -178,20 +186,37 @@ def _live(
         with errors(lambda trace: None if journal_at is None else journal_at(0.0).trace(trace)):
             overrides = [*(given or ()), *added()]
             configuration = load(path, overrides, sides)
-            notes = try_out(configuration)
+            parts = try_out(configuration)
             directory()
             if record is not None:
                 from weberlink.system.recorder import check_target  # noqa: PLC0415
 
                 check_target(record)
-        for note in notes:
-            tell(f"note: {note}")
+        on_delay = say_advice(parts)
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
         with Session(
-            configuration, overrides, sides, duration, status_display, record, journal, take_over=take_over, tell=tell
+            configuration,
+            overrides,
+            sides,
+            duration,
+            status_display,
+            record,
+            journal,
+            take_over=take_over,
+            tell=tell,
+            on_delay=on_delay,
         ) as session:
             summary = session.run()
     finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+
+
+def say_advice(parts: "Parts") -> Callable[[float], str | None]:
+    """Say the advice on a file; returns what gives that on a measured round trip [s]."""
+    from weberlink.system.advice import advise, on_measured_delay  # noqa: PLC0415 - each command imports what it needs
+
+    for line in advise(parts):
+        tell(f"{NOTE}{line}")
+    return on_measured_delay(parts)
 
 
 @contextmanager

@@ -53,7 +53,7 @@ def visit(
             need(package, "monitor", NAME)
     if not (public or access.is_loopback(listen)):
         fail(f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED)
-    order = _order(file, scene, set_ or [], duration, scripted=scripted)
+    order = visit_order(file, scene, set_ or [], duration, scripted=scripted)
     try:
         listening = address.bind(listen, MONITOR_PORT if port is None else port, or_any=port is None)
     except address.MonitorError as error:
@@ -85,7 +85,7 @@ def _ends(duration: float | None, left_s: float | None) -> str:
     return "Ctrl-C ends it" if left_s is None else f"Ctrl-C ends it, and so does a page that is closed for {left_s:g} s"
 
 
-def _order(
+def visit_order(
     file: Path | None, scene: str | None, overrides: list[str], duration: float | None, *, scripted: bool
 ) -> Any:
     """The sessions to run: those of the scenes of the shipped file, or of another file, which has one scene."""
@@ -104,7 +104,8 @@ def _order(
     script = [f"master.device.scripted={str(scripted).lower()}"]
     # The file has `auto`, so that all schemes can be chosen. On a busy machine it takes jitter of the ticks for that
     # of a link and chooses passivity control, which softens walls; a visitor without delay is to feel them as they are.
-    settings = {} if any(each.startswith("control.") for each in overrides) else {"scheme": "none"}
+    chosen = any(each.startswith(("control.", "link.emulate")) for each in overrides)
+    settings = {} if chosen else {"scheme": "none"}
     return VisitOrder(path, (*script, *overrides), SCENES, first, duration, settings)
 
 

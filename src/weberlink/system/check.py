@@ -1,47 +1,30 @@
-"""The `check` command: the parts that a file composes, their cost on this machine, and warnings.
+"""The `check` command: the parts that a file composes, their cost on this machine, and advice as warnings.
 
 The parts are built as the daemons build them; nothing is opened or sent.
 """
 
-import os
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from math import cos, floor, pi, sin
+from collections.abc import Iterator
+from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
 from typing import Protocol, runtime_checkable
-from urllib.parse import urlsplit
 
 from weberlink.codec import Channel
-from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.codec.replay import code
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.devices import DEVICES
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
+from weberlink.system.advice import advise
 from weberlink.system.composition.channels import channels, streams
 from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import Configuration, ConfigurationError, System
-from weberlink.system.configuration.loading import Part
-from weberlink.system.configuration.model import (
-    PERCEPTUAL_WEBER_LIMIT,
-    EmulationSettings,
-    MappingSettings,
-    MasterSettings,
-    PredictedSettings,
-    SlaveSettings,
-    is_loopback,
-    is_placeholder,
-)
-from weberlink.system.simulate import build_simulation
-from weberlink.system.verdict import PLACEHOLDER
+from weberlink.system.configuration import Configuration, System
+from weberlink.system.configuration.model import MappingSettings, PredictedSettings
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -69,7 +52,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
         ConfigurationError: a part cannot be built as the file asks.
     """
     system = configuration.system
-    notes = try_out(configuration)
+    advice = advise(try_out(configuration))
     security = build_security(configuration)
     yield f"{configuration.path}: valid"
     if system.codec.joints is None:
@@ -78,7 +61,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
         from weberlink.system.check_arms import arms  # noqa: PLC0415 - for arms alone
 
         yield from arms(configuration, security.tag_size, _link(system))
-    for warning in (*rate_warnings(configuration), *placeholders(configuration), *_link_warnings(system), *notes):
+    for warning in advice:
         yield f"warning   {warning}"
 
 
@@ -109,8 +92,6 @@ def _hand_and_tool(configuration: Configuration, tag: int) -> Iterator[str]:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
     uncoded = _uncoded_kbit(system, tag)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    for warning in _warnings(system, None if device is None else device.spec.stiffness_n_m):
-        yield f"warning   {warning}"
 
 
 def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
@@ -238,156 +219,3 @@ def _stroke(tick: int) -> tuple[Vector, Vector]:
     angle = 2.0 * pi * tick * 1e-3
     position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
     return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
-
-
-def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
-    weber = system.codec.force.weber
-    if weber > PERCEPTUAL_WEBER_LIMIT:
-        yield (
-            f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}; use at "
-            "most that"
-        )
-    if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
-        yield (
-            f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device; "
-            "use at most that"
-        )
-    yield from _lookahead_warnings(system)
-    if system.codec.force.floor_n == 0.0:
-        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
-    if system.control.scheme in ("mmt", "auto") and not fits_a_surface(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
-
-
-def rate_warnings(
-    configuration: Configuration, tick_s: Callable[[Configuration], float | None] | None = None
-) -> Iterator[str]:
-    """Warn of a tick rate that this machine can hardly hold; a usual one is not looked at.
-
-    Args:
-        configuration: of both sides.
-        tick_s: measures how long a tick takes [s]; None where it cannot.
-    """
-    system = configuration.system
-    if system.rate_hz <= USUAL_RATE_HZ:
-        return
-    took = (tick_s or measured_tick_s)(configuration)
-    if took is not None and took > TICK_SHARE * system.tick_period:
-        most = max(100.0, 100.0 * floor(TICK_SHARE / took / 100.0))
-        yield (
-            f"rate_hz {system.rate_hz:g}: a tick takes about {1e6 * took:.0f} of its {1e6 * system.tick_period:.0f} us "
-            f"on this machine, and many would be missed; use at most {most:g}"
-        )
-
-
-def placeholders(configuration: Configuration) -> Iterator[str]:
-    """Warn of addresses that stand for one's own: of the slave, or among the options of a driver."""
-    link = configuration.system.link
-    found = {} if link.path == "ice" else {"link.slave": link.slave}
-    for where, part in (("master.device", configuration.device), ("slave.robot", configuration.robot)):
-        options = {} if part is None else part.options.model_dump()
-        found |= {f"{where}.{name}": value for name, value in options.items() if isinstance(value, str)}
-    for field, text in found.items():
-        if is_placeholder(_host_in(text)):
-            whose = "on the operator's host set it to that of the robot" if field == "link.slave" else "set it to yours"
-            yield f"{field} {text}: {PLACEHOLDER}; {whose}"
-
-
-def _host_in(text: str) -> str:
-    """The host of an address, with or without port, or of a URL; of another text, anything."""
-    try:
-        return urlsplit(text if "://" in text else f"//{text}").hostname or ""
-    except ValueError:
-        return ""
-
-
-def measured_tick_s(configuration: Configuration) -> float | None:
-    """Median run time of a tick of both sides in virtual time [s], which is about that of one side in real time.
-
-    A simulated hand and a point stand in for what cannot run in virtual time; None where they do not fit the file.
-    """
-    system = configuration.system
-    link = system.link.model_copy(update={"emulate": None})  # a session begins at once
-    here = replace(configuration, system=system.model_copy(update={"link": link}))
-    for candidate in (here, _computed(here)):
-        try:
-            simulation = build_simulation(candidate)
-        except ConfigurationError:
-            continue
-        times = []
-        try:
-            for _ in range(TICKS):
-                began = perf_counter()
-                simulation.step()
-                times.append(perf_counter() - began)
-        finally:
-            simulation.close()
-        return median(times)
-    return None
-
-
-def _computed(configuration: Configuration) -> Configuration:
-    """The same coding of position and force between a simulated hand and a point."""
-    system = configuration.system
-    codec = system.codec.model_copy(update={"rotation": None, "joints": None, "gripper": None})
-    parts = {"codec": codec, "master": MasterSettings(), "slave": SlaveSettings()}
-    hand, point = DEVICES["operator"], ROBOTS["point"]
-    return replace(
-        configuration,
-        system=system.model_copy(update=parts),
-        device=Part(hand, hand.Options()),
-        robot=Part(point, point.Options()),
-    )
-
-
-def _link_warnings(system: System) -> Iterator[str]:
-    emulate = system.link.emulate or EmulationSettings()
-    round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions) + 2e3 * system.tick_period
-    if round_trip_ms > system.link.longest_round_trip_ms:
-        yield (
-            f"link.longest_round_trip_ms {system.link.longest_round_trip_ms:g}: the emulated round trip is up to "
-            f"{round_trip_ms:g} ms, a tick of each side included, and gets no session; use at least {round_trip_ms:.0f}"
-        )
-    least_ms = SILENCE_TICKS * 1e3 * system.tick_period
-    if system.link.silence_ms < least_ms:
-        yield (
-            f"link.silence_ms {system.link.silence_ms:g}: shorter than {SILENCE_TICKS} ticks at rate_hz "
-            f"{system.rate_hz:g}: sessions would be interrupted; use at least {least_ms:.0f}"
-        )
-    if system.link.playout_ms > 0.0 and system.control.scheme == "none":
-        yield (
-            f"link.playout_ms {system.link.playout_ms:g}: control.scheme none leaves this delay uncontrolled, and a "
-            "contact may oscillate; use tdpa or auto"
-        )
-    sides, cpus = 2 if is_loopback(system.link.slave) else 1, len(os.sched_getaffinity(0))
-    if system.realtime.busy_poll and cpus <= sides:
-        yield (
-            f"realtime.busy_poll: each daemon takes a processor, and this machine has {cpus} for {sides} of them and "
-            "everything else; use false, or a machine with more processors"
-        )
-
-
-def _lookahead_warnings(system: System) -> Iterator[str]:
-    force, position = system.codec.force, system.codec.position
-    for name, settings, least in (("force", force, force.floor_n), ("position", position, position.bound_m)):
-        field = f"codec.{name}.lookahead_ms {settings.lookahead_ms:g}"
-        if settings.lookahead_ms == 0.0:
-            continue
-        if settings.weber == least == 0.0:
-            yield f"{field}: without a deadband every sample is sent, and each only later; use 0"
-        elif not (settings.predictor in BANKS or PREDICTORS[settings.predictor].looks_ahead):
-            yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
-    if system.control.scheme == "none" and force.lookahead_ms + position.lookahead_ms > 0.0:
-        yield (
-            "codec.*.lookahead_ms: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; "
-            "use tdpa or auto"
-        )
-    if system.control.scheme == "mmt" and force.lookahead_ms > 0.0:
-        yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
-
-
-def fits_a_surface(system: System) -> bool:
-    force = system.codec.force
-    return any(
-        PREDICTORS[name].describes_contact for name in (force.bank if force.predictor in BANKS else (force.predictor,))
-    )

@@ -34,7 +34,7 @@ from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.order import MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.paths import notable, paths_of
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
@@ -175,6 +175,7 @@ class Session:
         journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
         tell: receives one line as soon as a cause of failure is there that a person can remove.
+        on_delay: gives advice on a measured round trip [s], which is told once; None for none.
     """
 
     configuration: Configuration
@@ -186,6 +187,7 @@ class Session:
     journal: "Journal | None" = None
     take_over: bool = False
     tell: Callable[[str], None] = lambda _: None
+    on_delay: Callable[[float], str | None] = lambda _: None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
@@ -197,6 +199,7 @@ class Session:
     _peers: dict[str, Any] = field(default_factory=dict)
     _paths: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     _told: set[str] = field(default_factory=set)
+    _has_advised: bool = False
     _tell_at: float = 0.0
 
     def __enter__(self) -> Self:
@@ -361,11 +364,17 @@ class Session:
         return {"recording": {"running": True} if self._recorder.running else self._recorder.finish()}
 
     def _tell(self) -> None:
-        """Print the causes that cannot wait for the end; a cause that has gone and returns is told again."""
-        causes = {cause.name: cause for cause in verdict(self._figures()).causes if cause.name in TOLD_AT_ONCE}
+        """Print what cannot wait for the end: causes, again if they went and returned; once, advice on the delay."""
+        figures = self._figures()
+        causes = {cause.name: cause for cause in verdict(figures).causes if cause.name in TOLD_AT_ONCE}
         for name in causes.keys() - self._told:
             self.tell(causes[name].text)
         self._told = set(causes)
+        median_us = figures["link"]["rtt_us"]["p50"]
+        advice = None if self._has_advised or median_us is None else self.on_delay(1e-6 * median_us)
+        if advice is not None:
+            self._has_advised = True
+            self.tell(f"{NOTE}{advice}")
 
     def _look_at_recorder(self) -> None:
         """Say once, at once, that the recorder ended before the daemons."""

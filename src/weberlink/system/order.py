@@ -13,6 +13,9 @@ INTERRUPTED = 130
 EMERGENCY = "emergency stop"
 """Outcome of a run that somebody ended in this way."""
 
+NOTE = "note: "
+"""How a line of advice on standard error begins."""
+
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)

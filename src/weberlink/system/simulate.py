@@ -31,7 +31,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
-    _refuse_live(configuration)
+    refuse_live(configuration)
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
@@ -48,7 +48,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     )
 
 
-def _refuse_live(configuration: Configuration) -> None:
+def refuse_live(configuration: Configuration) -> None:
     """Neither hardware nor what another program leads can run in virtual time."""
     system = configuration.system
     for where, part, name in (

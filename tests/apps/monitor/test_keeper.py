@@ -20,6 +20,8 @@ PROGRAM = """
 import json, os, signal, sys, time
 if "wrong=1" in sys.argv:
     sys.exit("weberlink: wrong: no such key")
+if "advised=1" in sys.argv:
+    print("weberlink: note: codec.force.floor_n 0: use 0.02", file=sys.stderr, flush=True)
 caught = []
 signal.signal(signal.SIGINT, lambda number, _: caught.append(number))
 with open(sys.argv[1], "a") as notes:
@@ -122,6 +124,20 @@ def test_another_scene_is_another_session(tmp_path: Path) -> None:
     assert arguments[-2:] == ["--set", "slave.scene=box"]
     assert told.inherited == [(str(first), str(second))]
     assert told.states[2:] == [("starting", "box"), ("running", "box"), ("idle", "box")]
+
+
+def test_advice_on_every_session_of_a_visit_is_told_at_once_and_only_once(tmp_path: Path) -> None:
+    async def change(told: Told) -> Signals:
+        await told.until_begun(1)
+        while not told.lines:
+            await asyncio.sleep(0.01)
+        assert told.keeper.request_start("box") == {"accepted": True}
+        await told.until_begun(2)
+        return SIGINT
+
+    told = conduct(tmp_path, order("advised=1"), change)
+    assert len(told.started) == 2
+    assert told.lines == ["note: codec.force.floor_n 0: use 0.02"]
 
 
 def test_stopped_session_can_be_started_again(tmp_path: Path) -> None:

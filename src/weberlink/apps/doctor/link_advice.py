@@ -15,10 +15,9 @@ from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
-from weberlink.system.check import fits_a_surface
+from weberlink.system.advice import allowed_schemes, fits_a_surface
 from weberlink.system.composition.link import AUTO
 from weberlink.system.configuration import System
-from weberlink.system.configuration.model import JOINT_SCHEMES
 
 SILENCE_STEP_MS = 10
 LONGEST_PLAYOUT_MS = 100.0
@@ -155,13 +154,6 @@ def scheme(figures: LinkFigures, course: Sequence[int], system: System) -> Itera
     if wanted == ORDER[MMT] and not fits_a_surface(system):
         found = f"{system.codec.force.predictor} fits no surface, which mmt needs; on both hosts:"
         yield advice(found, "--set codec.force.predictor=hybrid", "predictor")
-
-
-def allowed_schemes(system: System) -> tuple[str, ...]:
-    """The schemes that this file can have."""
-    if system.codec.joints is not None:
-        return JOINT_SCHEMES
-    return ORDER[:TDPA] if system.codec.rotation is not None else (*ORDER, AUTO)
 
 
 def _what_limits(system: System) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 
 from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.child_process import python
-from weberlink.system.order import COMPLETED, FAILED
+from weberlink.system.order import COMPLETED, FAILED, NOTE
 from weberlink.system.scenes import SceneChoice
 
 STOP_LIMIT_S = 20.0
@@ -60,7 +60,7 @@ class SessionResult:
     Args:
         status: exit status.
         report: as of `weberlink loopback --json -`; None if it did not begin.
-        notes: lines on standard error.
+        notes: lines on standard error, without advice.
         complaint: the last of them if it failed.
     """
 
@@ -89,17 +89,28 @@ class _Child:
         with suppress(ProcessLookupError):
             self.process.send_signal(number)
 
-    async def finish(self) -> SessionResult:
-        """Wait for the end."""
-        output, errors = await self.process.communicate()
+    async def finish(self, advise: Callable[[str], None]) -> SessionResult:
+        """Wait for the end; `advise` receives each line of advice as it comes, and the result has the others."""
+        assert self.process.stdout is not None
+        output, notes, _ = await asyncio.gather(self.process.stdout.read(), self._notes(advise), self.process.wait())
         report = None
         with suppress(ValueError):
             report = json.loads(output)
-        notes = [line.removeprefix("weberlink: ") for line in errors.decode(errors="replace").splitlines()]
         ended = self.process.returncode
         status = FAILED if ended is None or ended < 0 else ended
         complaint = notes.pop() if notes and status != COMPLETED else f"the session ended with status {ended}"
         return SessionResult(status, report, tuple(notes), complaint)
+
+    async def _notes(self, advise: Callable[[str], None]) -> list[str]:
+        assert self.process.stderr is not None
+        notes = []
+        async for line in self.process.stderr:
+            note = line.decode(errors="replace").rstrip("\n").removeprefix("weberlink: ")
+            if note.startswith(NOTE):
+                advise(note)
+            else:
+                notes.append(note)
+        return notes
 
 
 class SessionKeeper:
@@ -135,6 +146,7 @@ class SessionKeeper:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._deadline: float | None = None
         self._is_closing = False
+        self._advised: set[str] = set()
         self.last: SessionResult | None = None
         """Of the last session that ended."""
         self._over = asyncio.Event()
@@ -265,7 +277,7 @@ class SessionKeeper:
 
     async def _watch(self, child: _Child) -> None:
         """Until a session ends."""
-        result = await child.finish()
+        result = await child.finish(self._advise)
         is_first, self.last, self._child = self.last is None, result, None
         for note in result.notes:
             self._tell(note)
@@ -281,6 +293,12 @@ class SessionKeeper:
             self._over.set()
         elif self._state["state"] == "failed":
             self._tell(f"the session failed: {self._state['why']}; start another one from the page")
+
+    def _advise(self, note: str) -> None:
+        """Tell a line of advice, which every session of a visit may give, once."""
+        if note not in self._advised:
+            self._advised.add(note)
+            self._tell(note)
 
     def _become(self, state: str, scene: str | None, why: str | None = None) -> None:
         self._state = {"state": state, "scene": scene, "why": why}

@@ -1,6 +1,6 @@
 """What both sides of a session of arms build alike from a configuration."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from weberlink.arms.contract import ArmSpec
@@ -89,10 +89,3 @@ def joint_parameters(system: System, spec: ArmSpec, torque: Joints) -> JointPara
         catch_up_rad_s=own.approach_rad_s,
         coupling=spec.stiffness_nm_rad,
     )
-
-
-def arm_notes(where: str, spec: ArmSpec) -> Iterator[str]:
-    if spec.force_feedback and not spec.calibrated:
-        yield f"{where}: the torques of {spec.name} follow from data sheets, not from a calibration"
-    if spec.note:
-        yield f"{where}: {spec.note}"

@@ -1,9 +1,5 @@
 """Builds the teleoperator's side of a session of arms, from a configuration."""
 
-from collections.abc import Iterator
-from math import inf
-from operator import mul, truediv
-
 from weberlink.arms.contract import ArmSpec, FollowerArm
 from weberlink.codec.bundle import BundleDecoder, BundleEncoder
 from weberlink.codec.quantizer import INT16_MAX
@@ -16,7 +12,6 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.follower_port import FollowerPort
 from weberlink.system.composition.arms import (
-    arm_notes,
     check_angles,
     check_arm_axes,
     each_axis,
@@ -38,7 +33,7 @@ from weberlink.system.composition.link import (
     tuning_of,
 )
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-from weberlink.system.configuration.joints import FollowerLimits, GripperCodecSettings, JointCodecSettings, per_axis
+from weberlink.system.configuration.joints import FollowerLimits
 from weberlink.system.rows import JointRows
 from weberlink.system.side import Side
 
@@ -139,35 +134,3 @@ def angle_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
         if not low < high:
             raise ConfigurationError(f"slave.limits.joints: leaves nothing of the range of {axis}")
     return lower, upper
-
-
-def follower_notes(system: System, spec: ArmSpec) -> Iterator[str]:
-    """What a person should know of the follower before a run."""
-    if not spec.force_feedback:
-        yield f"slave.robot: {spec.name} measures no torque; nothing is felt"
-    yield from _coupling(system, spec)
-    yield from arm_notes("slave.robot", spec)
-
-
-def _coupling(system: System, spec: ArmSpec) -> Iterator[str]:
-    """What to say of the coupling in the file, beside that of the follower."""
-    joints, gripper = system.codec.joints, system.codec.gripper
-    assert joints is not None
-    count = len(joints.names)
-    parts: list[tuple[str, JointCodecSettings | GripperCodecSettings, Joints]]
-    parts = [("joints", joints, spec.stiffness_nm_rad[:count])]
-    if gripper is not None:
-        parts.append(("gripper", gripper, spec.stiffness_nm_rad[count:]))
-    for part, coded, own in parts:
-        stated, bounds = coded.angle.coupling_nm_rad, per_axis(coded.angle.bound_rad, len(own))
-        floors = per_axis(coded.torque.floor_nm, len(own))
-        jump = max(map(truediv, map(mul, own, bounds), floors))
-        field = f"codec.{part}.angle.coupling_nm_rad"
-        if stated is None and jump > 1.0 and max(own) < inf:
-            yield (
-                f"{field}: not given, so an unsent error of an angle may change the torque by {jump:.2g} deadbands; "
-                f"give that of {spec.name}, {max(own):.3g}"
-            )
-        elif stated is not None and max(per_axis(stated, len(own))) < 0.5 * max(own) < inf:
-            most = max(per_axis(stated, len(own)))
-            yield f"{field} {most:g}: {spec.name} is stiffer, {max(own):.3g} N m/rad; give that"

@@ -1,6 +1,6 @@
 """Builds the operator's side of a session of arms, from a configuration."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec.bundle import BundleDecoder
@@ -16,7 +16,6 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.composition.arms import (
-    arm_notes,
     check_angles,
     check_arm_axes,
     each_axis,
@@ -179,10 +178,3 @@ def torque_limits(system: System, spec: ArmSpec) -> tuple[Joints, Joints]:
     if own.slew_nm_s is None:
         return most, tuple(max(torque, 1e-3) / SLEW_S for torque in most)
     return most, each_axis("master.limits.joints.slew_nm_s", own.slew_nm_s, spec.axes)
-
-
-def leader_notes(spec: ArmSpec) -> Iterator[str]:
-    """What a person should know of the leader before a run."""
-    if not spec.force_feedback:
-        yield f"master.device: {spec.name} displays no torque; nothing is felt"
-    yield from arm_notes("master.device", spec)

@@ -1,0 +1,157 @@
+"""Advice on a file: one list, which `check` prints and every command that runs the file says once, before the run."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner, Result
+
+from tests.system.processes import PATIENT
+from tests.system.systems import CONFIGS, configuration
+from weberlink.cli import app
+from weberlink.control.auto import NONE, RISING
+from weberlink.control.passivity import passivity_limit
+from weberlink.system.advice import advise, borne_round_trip, on_measured_delay, uncontrolled_delay
+from weberlink.system.composition.trial import try_out
+from weberlink.system.configuration import SIDES, SLAVE, load
+from weberlink.system.launcher import Session
+
+HINDERED = (
+    "codec.force.weber=0.5",
+    "codec.force.floor_n=0",
+    "codec.position.bound_m=0.001",
+    "link.emulate.delay_ms=60",
+    "link.playout_ms=10",
+)
+"""Advice of several rules, on the link among them."""
+LOOPBACK = CONFIGS / "loopback.yaml"
+
+
+def run(command: str, *arguments: object) -> Result:
+    return CliRunner().invoke(app, [command, str(LOOPBACK), *map(str, arguments)])
+
+
+def sets(*overrides: str) -> list[str]:
+    return [part for each in overrides for part in ("--set", each)]
+
+
+def at(port: int) -> tuple[str, str]:
+    return f"link.listen=127.0.0.1:{port}", f"link.slave=127.0.0.1:{port}"
+
+
+def notes(result: Result) -> list[str]:
+    return [line for line in result.stderr.splitlines() if line.startswith("weberlink: note: ")]
+
+
+def checked(*overrides: str) -> list[str]:
+    """The lines of `check`, as a run says them."""
+    lines = run("check", *sets(*overrides)).stdout.splitlines()
+    return [line.replace("warning   ", "weberlink: note: ") for line in lines if line.startswith("warning")]
+
+
+def test_a_run_in_virtual_time_says_what_check_warns_of() -> None:
+    said = checked(*HINDERED)
+    assert len(said) >= len(HINDERED)
+    result = run("simulate", "--duration", 0.1, "--json", "-", *sets(*HINDERED))
+    assert result.stderr.splitlines() == said
+    assert result.stdout.startswith("{")
+
+
+def test_a_run_of_a_file_without_faults_says_nothing() -> None:
+    assert run("simulate", "--duration", 0.1).stderr == ""
+
+
+@pytest.mark.realtime
+def test_a_live_run_says_it_once_though_it_has_two_daemons() -> None:
+    said = checked(*HINDERED)
+    assert notes(run("loopback", "--duration", 1, *sets(*HINDERED))) == said
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("side", SIDES)
+def test_each_side_alone_says_the_advice_on_its_part(side: str) -> None:
+    overrides = (*HINDERED, *at(47011))
+    parts = try_out(load(LOOPBACK, overrides, [side]))
+    said = notes(run(side, "--duration", 0.2, *sets(*overrides)))
+    assert said == [f"weberlink: note: {line}" for line in advise(parts)]
+    assert len(said) >= 4
+
+
+# --- the delay that a contact bears without control
+
+
+@given(
+    damping=st.floats(1.0, 30.0),
+    wall=st.floats(50.0, 2000.0),
+    wall_damping=st.floats(0.0, 0.9),
+    rate=st.floats(100.0, 5000.0),
+)
+def test_none_bears_the_delay_up_to_which_hand_and_wall_are_passive(
+    damping: float, wall: float, wall_damping: float, rate: float
+) -> None:
+    parts = try_out(
+        configuration(
+            f"master.device.hand.damping_n_s_m={damping!r}",
+            f"rate_hz={rate!r}",
+            f"slave.scene=[{{shape: plane, stiffness_n_m: {wall!r}, damping_n_s_m: {wall_damping!r}}}]",
+            "link.silence_ms=1000",
+        )
+    )
+    assert parts.robot is not None
+    coupling, borne = parts.robot.spec.stiffness_n_m, borne_round_trip(parts)
+    felt, felt_damping = min(wall, coupling), wall_damping * min(1.0, coupling / wall)
+    limit = passivity_limit(damping, 1.0 / rate, delay_ticks=1.0 + borne * rate, wall_damping=felt_damping)
+    assert limit == pytest.approx(felt) if borne > 0.0 else limit <= felt * (1.0 + 1e-9)
+    assert uncontrolled_delay(parts, 0.999 * borne) is None
+    assert uncontrolled_delay(parts, 1.001 * borne + 1e-6) is not None
+
+
+def test_of_a_hand_that_is_not_known_none_bears_what_auto_gives_it() -> None:
+    assert borne_round_trip(try_out(load(LOOPBACK, at(47011), [SLAVE]))) == RISING[NONE]
+
+
+@pytest.mark.parametrize(
+    ("file", "overrides", "remedy"),
+    [
+        ("loopback.yaml", (), "use auto"),
+        ("arms.yaml", ("control.scheme=none", "link.security=none"), "use tdpa"),
+        ("rotation.yaml", (), "shorten the delay"),
+    ],
+)
+def test_advice_names_a_scheme_that_the_file_can_have(file: str, overrides: tuple[str, ...], remedy: str) -> None:
+    if file == "arms.yaml":
+        pytest.importorskip("mujoco")
+    said = uncontrolled_delay(try_out(configuration(*overrides, file=file)), 0.1)
+    assert said is not None and said.endswith(remedy)
+    (line,) = [
+        line
+        for line in advise(try_out(configuration(*overrides, "link.emulate.delay_ms=50", file=file)))
+        if line.startswith("control.scheme none")
+    ]
+    assert line == said
+
+
+@pytest.mark.parametrize("scheme", ["tdpa", "mmt", "auto"])
+def test_a_scheme_that_bounds_the_energy_bears_every_delay(scheme: str) -> None:
+    assert uncontrolled_delay(try_out(configuration(f"control.scheme={scheme}")), 1.0) is None
+
+
+def test_a_measured_delay_is_said_unless_the_emulated_one_was() -> None:
+    assert on_measured_delay(try_out(configuration()))(0.05) is not None
+    assert on_measured_delay(try_out(configuration()))(0.001) is None
+    assert on_measured_delay(try_out(configuration("link.emulate.delay_ms=20")))(0.05) is None
+
+
+@pytest.mark.realtime
+def test_session_tells_advice_on_the_measured_delay_once() -> None:
+    told: list[str] = []
+    asked: list[float] = []
+
+    def advice(round_trip: float) -> str:
+        asked.append(round_trip)
+        return "too far"
+
+    overrides = [*at(47012), *PATIENT[1::2]]
+    with Session(configuration(*overrides), overrides, SIDES, 2.5, tell=told.append, on_delay=advice) as running:
+        running.run()
+    assert told == ["note: too far"]
+    assert 0.0 < asked[0] < 0.05
