@@ -116,8 +116,7 @@ class RobotPort:
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
         self.commanded: Vector = ZERO
         """The decoded position that was last followed [m]."""
-        self.led: Vector | None = None
-        """The decoded position, whether it is followed or not [m]; None while nobody leads."""
+        self._led: Sequence[Vector | None] = ()
         self.applied: Vector = ZERO
         """The commanded position after control and guard [m]."""
         self._guard = guard
@@ -132,6 +131,10 @@ class RobotPort:
         # Bound here: both are called in every tick.
         self.latest = robot.latest
         self.shown = self._shown_in_all if followers else guard.shown
+
+    def led(self, channel: int) -> Vector | None:
+        """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
+        return self._led[channel] if self._led else None
 
     @property
     def trouble(self) -> str | None:
@@ -222,7 +225,7 @@ class RobotPort:
     ) -> None:
         guard, follows = self._guard, engaged and not self._is_overloaded
         commanded = values[0] if follows else None
-        self.led = values[0] if engaged else None
+        self._led = values if engaged else ()
         if commanded is None:
             self.applied = guard.hold(step)
             self._press_limit.forget()

@@ -2,10 +2,12 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.safety.unfounded import Cell, Finding, found, records, run
 from tests.system.systems import configuration
+from weberlink.system.channels import UNREACHED_S
 from weberlink.system.scoring.session import score_of
 from weberlink.system.simulate import build_simulation
 from weberlink.telemetry.fault import Fault
@@ -50,6 +52,33 @@ def test_a_robot_that_has_backed_off_leaves_the_hand(predictor: str, scheme: str
     finding, _ = session(PRESS, "slave.limits.trip_n=4", *asked)
     assert 0.0 < finding.contact < 0.1
     assert (finding.ticks, finding.faults) == (0, 0)
+
+
+STICK = (
+    "master.device.script=[{motion: reach, to_m: [-0.01, -0.05, 0.025], turn_deg: [0, 20, 0], duration_s: 0.6},"
+    " {motion: reach, to_m: [-0.01, -0.05, 0.002], duration_s: 0.5},"  # one end presses: its torque is learned
+    " {motion: turn, turn_deg: [0, 14, 0], duration_s: 0.4}, {motion: turn, turn_deg: [0, 20, 0], duration_s: 0.4},"
+    " {motion: turn, turn_deg: [0, 8, 0], duration_s: 0.6}, {motion: turn, turn_deg: [0, 0, 0], duration_s: 0.3},"
+    " {motion: reach, to_m: [-0.01, -0.05, -0.03], duration_s: 0.3},"  # both ends press, until the robot backs off
+    " {motion: rest, duration_s: 0.4}, {motion: turn, turn_deg: [0, 30, 0], duration_s: 0.5},"
+    " {motion: rest, duration_s: 3}]"
+)
+
+
+def test_a_tool_that_does_not_turn_leaves_the_hand() -> None:
+    """The robot has backed off and holds its tool, while the hand turns to where the model states a torque."""
+    link = ("link.emulate={delay_ms: 20, seed: 0}", "link.silence_ms=200")
+    overrides = ("codec.rotation.torque.predictor=affine", "slave.limits.trip_n=6", *link, STICK)
+    simulation = build_simulation(configuration(*overrides, file="rotation.yaml"))
+    master, slave = records(simulation, 1e-3, 5.0)
+    felt, touched = (
+        np.linalg.norm(each, axis=1) > least
+        for each, least in ((master["rotation_output"], 0.05), (slave["rotation_raw"], 0.005))
+    )
+    assert simulation.slave.faults == {"tripped": 1}
+    alone = felt & ~touched & (master["at"] > 3.2)
+    assert np.sum(alone) * 1e-3 <= 2.0 * 0.02 + UNREACHED_S + 0.02
+    assert np.sum(touched) > 100
 
 
 @pytest.mark.parametrize("delay_ms", [0, 100, 250])

@@ -86,13 +86,16 @@ def build_slave(
         trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         by_button=system.master.engage is not None,
     )
-    unreached = Unreached(force_encoder.mirror, lambda: port.led, least_contact(system), system.tick_period)
+    unreached = Unreached(force_encoder.mirror, lambda: port.led(0), least_contact(system), system.tick_period)
     outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
     incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
     if orientation is not None:
         from weberlink.slave.rotation import ToolTorque  # noqa: PLC0415 - for six degrees of freedom alone
 
-        outgoing.append(OutgoingChannel("torque", 1, Encoder(backward[1]), ToolTorque(port, orientation)))
+        assert system.codec.rotation is not None
+        torque_encoder, least = Encoder(backward[1]), system.codec.rotation.torque.floor_nm
+        unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), least, system.tick_period)
+        outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port, orientation), unturned))
         incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
     return Side(
         port=port,
