@@ -244,3 +244,14 @@ def test_the_rebound_is_over_once_the_operator_has_pulled_out() -> None:
 def test_a_robot_of_unstated_stiffness_is_not_bounded() -> None:
     deep = (0.0, 0.0, -1.0)
     assert PressLimit(MOST, inf).bounded(deep, deep, ZERO, (0.0, 0.0, 5.0), TICK) == deep
+
+
+def test_a_limit_that_forgets_bounds_as_a_new_one() -> None:
+    limit, up = PressLimit(MOST, COUPLING), (0.0, 0.0, 3.0)
+    deep, surface = (0.0, 0.0, -0.02), (0.0, 0.0, 0.0)
+    for depth, height in ((0.0, 0.0), (0.001, 0.005), (0.001, 0.0)):  # an excess that goes when the command stops
+        limit.bounded(deep, (0.0, 0.0, -depth), (0.0, 0.0, height), up, TICK)
+    as_new = PressLimit(MOST, COUPLING).bounded(deep, surface, surface, up, TICK)
+    assert limit.bounded(deep, surface, surface, up, TICK) != as_new
+    limit.forget()
+    assert limit.bounded(deep, surface, surface, up, TICK) == as_new
