@@ -200,6 +200,7 @@ class Endpoint(Conversation):
         if self._session is None:
             return
         if now >= self.silent_at:
+            self._session.silent_since = self.silent_at
             self._turn(Trigger.FALL_SILENT)
             self._session.request_full_state()
             self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence
@@ -329,6 +330,7 @@ class Endpoint(Conversation):
             self._locate(self._path, session, address, now)
         if self.state is _SILENT and session.is_fresh and now < session.silent_at:
             self._turn(Trigger.HEAR)
+            session.silent_since = inf
             self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()

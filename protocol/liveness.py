@@ -109,13 +109,10 @@ class Liveness:
     def is_fresh(self, age: float | None, generation: int) -> bool:
         """Whether a datagram of this age by the mapped clocks counts [s]; also while they are not mapped (None).
 
-        The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R.
+        The mapping errs by at most half the round trip, so the true age of a fresh datagram is at most S + R. R is the
+        smaller one of both ends: otherwise an echo could wrap as R rises.
         """
-        return age is None or age <= self._silence + 0.5 * self._allowed(generation)
-
-    def _allowed(self, generation: int) -> float:
-        """The R by which a datagram is judged [s]: the smaller one of both ends, or an echo could wrap as R rises."""
-        return min(self.round_trip, self._round_trips[generation])
+        return age is None or age <= self._silence + 0.5 * min(self.round_trip, self._round_trips[generation])
 
     def drives(self, now: float) -> bool:
         """Whether the peer's updates may be executed, as far as the two limits and the peer's encoder are concerned."""
@@ -159,7 +156,7 @@ class Liveness:
             if confirmation + self.limit / UNITS >= self.opened_at:
                 self.is_opening = False
         self._touch()
-        return now - confirmation <= self._silence + self._allowed(generation)
+        return now - confirmation <= self.limit
 
     def hear_encoder(self, sequence: int, now: float, *, runs: bool) -> None:
         """Take what a fresh datagram of this number says of the peer's encoder: it ran, and this end holds all its

@@ -52,7 +52,7 @@ TICK_AGE_SLACK: Final = 0.01
 """How much older than the largest loop age a sample may be when its datagram leaves [s]: the owner's ticks may be late.
 """
 EXPIRY: Final = 3.0
-"""How long a session outlives the largest loop age [s]. Time stamps wrap after 84 s."""
+"""How long a session may be silent without a break [s]. Time stamps wrap after 84 s."""
 _TICK_MASK: Final = (1 << TICK_BITS) - 1
 LONGEST_SILENCE: Final = 10.0
 """Largest silence limit [s]; with the longest round trip and `EXPIRY` far below half of the range of a time stamp."""
@@ -73,6 +73,7 @@ class Session:
         clock: mapping to the peer's clock.
         credit: granted by each end to the other, where the session carries it.
         liveness: whether each end hears the other.
+        silent_since: when the present silence began [s]; inf without one.
         is_fresh: whether the datagram accepted last was fresh (`Liveness.is_fresh`).
         is_newest: whether no datagram sent after that one was accepted before it.
         sender: makes our datagrams.
@@ -108,6 +109,7 @@ class Session:
         self.clock = Clock(parameters.epoch, peer_clock, now)
         self.credit = Credit()
         self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
+        self.silent_since = inf
         self.is_fresh = False
         self.is_newest = False
         self._replay = ReplayWindow()
@@ -137,9 +139,12 @@ class Session:
 
     @property
     def expires_at(self) -> float:
-        """Time at which the session expires [s]."""
-        liveness = self.liveness
-        return max(liveness.confirmed_at, liveness.opened_at) + liveness.limit + EXPIRY
+        """Time at which the session expires [s].
+
+        It counts from the beginning of the silence. One loop age may stay above the limit and the other one below it:
+        then both ends hear each other, and only the end of the session lets them measure anew.
+        """
+        return min(self.silent_since, self.silent_at) + EXPIRY
 
     def request_full_state(self) -> None:
         """Acknowledge no update any more, so that the peer sends its full state."""

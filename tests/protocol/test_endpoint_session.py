@@ -244,7 +244,8 @@ def test_a_stale_update_is_never_delivered() -> None:
 
 def test_an_update_that_is_refused_for_its_loop_age_is_no_sign_of_the_encoder() -> None:
     """Somebody lets heartbeats pass, and holds every update for a while: fresh, but not executed."""
-    pair = Pair().engage()
+    ends = {"longest_round_trip": 0.01}
+    pair = Pair(master=ends, slave=ends).engage()
     pair.master.send(pair.now, pair.ticks)
     pair.run(0.05)
     held: list[tuple[float, bytes]] = []
