@@ -63,7 +63,7 @@ def test_error_of_a_part_names_kind_distribution_error_and_line(acme: Any) -> No
     table: Registry[Any] = Registry("driver", {}, "weberlink.test_drivers")
     error = raised(lambda: table["late"]().act(acme.fail))
     line = PARTS.splitlines().index('    raise ValueError("two\\nlines")') + 1
-    assert fault_of(error) == f"driver fault: late of acme-parts: ValueError: two lines (parts.py:{line})"
+    assert fault_of(error) == (f"driver fault: late of acme-parts: ValueError: two lines (parts.py:{line})", True)
     # The base class has no name of its own, and code of others that the part calls counts as the part's.
     assert fault_of(raised(lambda: table["late"]().act(lambda: {}["x"]))) is not None
 
@@ -73,7 +73,7 @@ def test_code_beside_a_part_counts_where_no_part_runs(acme: Any) -> None:
     table.load("scheme")
     told = fault_of(raised(acme.fail))
     assert told is not None
-    assert " of acme-parts: ValueError: two lines (parts.py:" in told
+    assert " of acme-parts: ValueError: two lines (parts.py:" in told.text
 
 
 def test_built_in_part_is_named_without_a_distribution() -> None:
@@ -81,7 +81,8 @@ def test_built_in_part_is_named_without_a_distribution() -> None:
     driver = table["driver"]()
     told = fault_of(raised(driver.act))
     assert told is not None
-    assert told.startswith("own fault: driver: KeyError: 'x' (test_registry.py:")
+    assert told.text.startswith("own fault: driver: KeyError: 'x' (test_registry.py:")
+    assert not told.is_foreign
 
 
 def test_other_errors_are_nobody_s_fault() -> None:

@@ -7,7 +7,7 @@ from functools import lru_cache, reduce
 from importlib import import_module
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -174,11 +174,23 @@ def in_words(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
 
-def fault_of(error: BaseException) -> str | None:
-    """Kind, name, distribution, error and line, of an error that escaped from a part by name, such as a driver.
+class PartFault(NamedTuple):
+    """An error that escaped from a part by name.
 
-    None for an error of other code. A method of a part is looked for first, from the innermost frame outwards, then
-    other code that comes with a part of another distribution.
+    Args:
+        text: kind, name, distribution, error and line.
+        is_foreign: whether the part is of another distribution; else the error is one of this program.
+    """
+
+    text: str
+    is_foreign: bool
+
+
+def fault_of(error: BaseException) -> PartFault | None:
+    """The part by name, such as a driver, from which an error escaped; None for an error of other code.
+
+    A method of a part is looked for first, from the innermost frame outwards, then other code that comes with a part of
+    another distribution.
     """
     frames: list[tuple[FrameType, int]] = []
     at = error.__traceback__
@@ -190,7 +202,8 @@ def fault_of(error: BaseException) -> str | None:
             if (name := look(table, frame)) is not None:
                 file = frame.f_code.co_filename
                 line = next(number for each, number in frames if each.f_code.co_filename == file)
-                return f"{table.kind} fault: {table.owned(name)}: {in_words(error)} ({Path(file).name}:{line})"
+                text = f"{table.kind} fault: {table.owned(name)}: {in_words(error)} ({Path(file).name}:{line})"
+                return PartFault(text, name not in table.built_in)
     return None
 
 

@@ -51,12 +51,14 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
     except RuntimeDirectoryError as error:
         fail(str(error), FAILED)
     except Exception as error:
-        is_wrong_file = isinstance(error, ConfigurationError)
-        told = str(error) if is_wrong_file else fault_of(error)
-        if told is None or was_interrupted(error):
+        is_wrong_file, fault = isinstance(error, ConfigurationError), fault_of(error)
+        is_theirs = fault is not None and fault.is_foreign
+        if was_interrupted(error) or not (is_wrong_file or is_theirs):
             raise
         log(trace_of(error))
-        fail(told, MISCONFIGURED if is_wrong_file else FAILED)
+        if fault is not None and not is_wrong_file:
+            fail(fault.text, FAILED)
+        fail(str(error), MISCONFIGURED)
 
 
 def was_interrupted(error: BaseException) -> bool:

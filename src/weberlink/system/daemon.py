@@ -68,12 +68,14 @@ def main(text: str) -> int:
         fault = fault_of(error)
         # An OSError's own text begins with its number.
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        return _complain(order, fault or text, FAILED, format_exception(error) if fault else ())
+        told = text if fault is None else fault.text
+        return _complain(order, told, FAILED, () if fault is None else format_exception(error))
     except Exception as error:
         fault = fault_of(error)
-        if fault is None:  # of this program itself: whoever mends it needs the trace
+        if fault is None or not fault.is_foreign:  # of this program itself: whoever mends it needs the trace
             print_exception(error)
-        return _complain(order, fault or f"internal error: {in_words(error)}", FAILED, format_exception(error))
+        told = f"internal error: {in_words(error)}" if fault is None else fault.text
+        return _complain(order, told, FAILED, format_exception(error))
     _tell(summary)
     return FAILED if summary["failed"] else COMPLETED
 

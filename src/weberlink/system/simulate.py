@@ -112,13 +112,13 @@ def simulate(
         simulation.run(length, observers, interruption)
     except Exception as error:
         fault = fault_of(error)
-        if fault is None:  # of this program itself
+        if fault is None or not fault.is_foreign:
             raise
     finally:
         simulation.close()
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
-    failures = [why for why in (fault, master.failure, slave.failure) if why is not None]
+    failures = [why for why in (fault and fault.text, master.failure, slave.failure) if why is not None]
     ended = "interrupted" if interruption.noted else "completed"
     summary = score.summary() | {
         "lookahead_ms": lookahead_ms(system),

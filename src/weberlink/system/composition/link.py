@@ -203,11 +203,11 @@ def construct(where: str, driver: Any, *arguments: Any, contract: type | None = 
         raise ConfigurationError(text if text.startswith(f"{where}:") else f"{where}: {text}") from None
     except Exception as error:
         fault = fault_of(error)
-        if fault is None and not driver.__module__.startswith("weberlink."):
-            fault = f"{driver.__module__}:{driver.__qualname__}: {error}"
-        if fault is None:
+        if fault is not None and fault.is_foreign:
+            raise ConfigurationError(f"{where}: {fault.text}") from error
+        if driver.__module__.startswith("weberlink."):
             raise
-        raise ConfigurationError(f"{where}: {fault}") from error
+        raise ConfigurationError(f"{where}: {driver.__module__}:{driver.__qualname__}: {error}") from error
     return made
 
 
