@@ -13,7 +13,7 @@ from weberlink.system.simulate import build_simulation
 from weberlink.telemetry.fault import Fault
 
 DELAY_S = 0.05
-LINK = ("link.emulate={delay_ms: 50, seed: 0}", "link.silence_ms=335")
+LINK = ("link.emulate={delay_ms: 50, seed: 0}",)
 DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
 FORMER = (7, 11, 14)
 """Seeds with which a force was on the hand for longer before there was the law."""
@@ -36,7 +36,7 @@ def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(scheme: st
     finding, summary = session(*overrides, file="scene-plane.yaml", seconds=8.0)
     assert finding.contact > 0.3
     assert (finding.ticks, finding.faults) == (0, 0)
-    assert summary["energy"]["generated_j"] < 0.03
+    assert summary["energy"]["generated_j"] < 0.1  # 0.59 when the wall was carried along
     assert summary["control"]["master"]["tank_max_j"] < 0.2
     assert summary["limited"]["force_ticks"] < 100
 
@@ -67,7 +67,7 @@ STICK = (
 
 def test_a_tool_that_does_not_turn_leaves_the_hand() -> None:
     """The robot has backed off and holds its tool, while the hand turns to where the model states a torque."""
-    link = ("link.emulate={delay_ms: 20, seed: 0}", "link.silence_ms=200")
+    link = ("link.emulate={delay_ms: 20, seed: 0}",)
     overrides = ("codec.rotation.torque.predictor=affine", "slave.limits.trip_n=6", *link, STICK)
     simulation = build_simulation(configuration(*overrides, file="rotation.yaml"))
     master, slave = records(simulation, 1e-3, 5.0)
@@ -87,7 +87,7 @@ def test_a_clean_session_is_never_at_fault(scheme: str, delay_ms: int) -> None:
     loaded = configuration(
         f"control.scheme={scheme}",
         f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}",
-        f"link.silence_ms={6 * delay_ms + 150}",
+        f"link.longest_round_trip_ms={4 * delay_ms + 400}",
     )
     simulation = build_simulation(loaded)
     masters = [simulation.step()[0] for _ in range(6000)]

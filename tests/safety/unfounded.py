@@ -84,7 +84,7 @@ def cell(seed: int) -> Cell:
         f"codec.force.predictor={chance.choice(PREDICTION)}",
         f"codec.position.bound_m={_between(chance, 5e-5, 5e-4):.2g}",
         "codec.position.step_m=0.000002",
-        f"link.silence_ms={round(3.0 * round_trip_ms + 120.0)}",
+        f"link.longest_round_trip_ms={round(2.0 * round_trip_ms + 400.0)}",
         f"link.emulate={json.dumps(ways | {'seed': seed})}",
     ]
     if chance.random() < 0.15:

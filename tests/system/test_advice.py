@@ -19,7 +19,7 @@ HINDERED = (
     "codec.force.weber=0.5",
     "codec.force.floor_n=0",
     "codec.position.bound_m=0.001",
-    "link.emulate.delay_ms=60",
+    "link.emulate.delay_ms=210",
     "link.playout_ms=10",
 )
 """Advice of several rules, on the link among them."""
@@ -50,7 +50,7 @@ def checked(*overrides: str) -> list[str]:
 
 def test_a_run_in_virtual_time_says_what_check_warns_of() -> None:
     said = checked(*HINDERED)
-    assert len(said) >= len(HINDERED)
+    assert len(said) == len(HINDERED)
     result = run("simulate", "--duration", 0.1, "--json", "-", *sets(*HINDERED))
     assert result.stderr.splitlines() == said
     assert result.stdout.startswith("{")

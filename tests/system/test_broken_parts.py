@@ -51,6 +51,7 @@ class Options(BaseModel):
 
 
 class Clumsy:
+    COMPUTED = True
     """Does what another part does, and raises in one of the methods, at the 300th call or at once."""
 
     Options = Options
