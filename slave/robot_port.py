@@ -132,6 +132,11 @@ class RobotPort:
         self.latest = robot.latest
         self.shown = self._shown_in_all if followers else guard.shown
 
+    @property
+    def follows(self) -> bool:
+        """Whether no contact that was too strong keeps the robot from following."""
+        return not (self._is_overloaded or self._guard.tripped)
+
     def led(self, channel: int) -> Vector | None:
         """Where the operator leads the robot in an incoming channel, whether it follows or not; None for nowhere."""
         return self._led[channel] if self._led else None

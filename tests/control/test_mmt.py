@@ -258,6 +258,17 @@ def test_a_motion_that_a_sample_confirms_has_given_its_energy() -> None:
     assert before + 0.3 * most <= control.tank <= before + most
 
 
+def test_a_surface_that_is_found_farther_back_takes_back_what_it_gave() -> None:
+    """Damping is taken for motion: it lifts the wall while the hand presses in, and is gone when the hand rests."""
+    control, before = carried(100)
+    risen = 100 * SPEED
+    force = (0.0, 0.0, PRESSED[2] + 500.0 * risen)
+    control.learn(SurfacePatch((0.0, 0.0, 1.0), (0.0, 0.0, risen), 100, 500.0), force, INSIDE)
+    assert control.tank > before + 5e-3
+    control.learn(WALL, PRESSED, INSIDE)
+    assert control.tank == pytest.approx(before, abs=1e-5)
+
+
 @pytest.mark.parametrize("force", [PRESSED, ZERO], ids=["it did not move", "it is not there"])
 def test_a_motion_that_a_sample_refutes_has_given_none(force: Vector) -> None:
     control, before = carried(100)

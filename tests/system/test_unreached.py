@@ -23,7 +23,10 @@ class Robot:
         self.decoder = Decoder(channel)
         self.force, self.place = ZERO, OUTSIDE
         self.led: Vector | None = OUTSIDE
-        self.channel = OutgoingChannel("force", 0, encoder, self, Unreached(encoder.mirror, self.lead, 0.05, TICK))
+        self.follows = True
+        self.channel = OutgoingChannel(
+            "force", 0, encoder, self, Unreached(encoder.mirror, self.lead, lambda: self.follows, 0.05, TICK)
+        )
         self.tick = 0
         self.updates = 0
 
@@ -73,6 +76,12 @@ def test_a_robot_that_is_held_back_takes_the_contact_back_in_time(predictor: str
     assert robot.updates == 1
     robot.go(OUTSIDE, INSIDE, 500)
     assert robot.updates == 1
+
+
+def test_a_robot_that_does_not_follow_at_all_takes_it_back_at_once() -> None:
+    robot = Robot().pressed()
+    robot.follows = False
+    assert robot.go(OUTSIDE, INSIDE, 1) == ZERO
 
 
 NEVER: dict[str, Callable[[Robot], object]] = {

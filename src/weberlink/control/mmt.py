@@ -56,6 +56,7 @@ class MmtMaster:
         "_drag",
         "_elapsed",
         "_free",
+        "_gained",
         "_grant",
         "_known",
         "_lead",
@@ -111,7 +112,7 @@ class MmtMaster:
         self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
-        self._unconfirmed = 0.0
+        self._unconfirmed = self._gained = 0.0
 
     def grip(self, stored: float, share: float) -> None:
         self._tank.level = self._grant.raised(self._tank.level, stored, share)
@@ -145,15 +146,25 @@ class MmtMaster:
         mixture.want(surface if known.covers else None)
 
     def _confirm(self, force: Vector, position: Vector) -> None:
-        """Gain the work of the modelled motion, as far as a sample finds the surface where the motion has led it."""
+        """Gain the work of the modelled motion, as far as a sample finds the surface where the motion has led it.
+
+        A sample that finds it farther back takes from what was gained before: what is taken for motion may be the
+        damping of a wall, which comes and goes with the motion of the hand.
+        """
         gained, self._unconfirmed = self._unconfirmed, 0.0
         length = hypot(force[0], force[1], force[2])
-        if gained == 0.0 or self._known is None or length <= LEAST_CONTACT:
+        if gained == self._gained == 0.0 or self._known is None or length <= LEAST_CONTACT:
             return
         surface = self._known.surface
         stated = norm(surface.at(self._tick, position))
         beyond = max(0.0, stated - length) / surface.stiffness
-        self._tank.level += max(0.0, gained - stated * beyond)
+        self._gain(gained - stated * beyond)
+
+    def _gain(self, work: float) -> None:
+        """Gain this work of a motion, or give back of what was gained [J]."""
+        work = max(work, -self._gained)
+        self._gained += work
+        self._tank.level += work
 
     def _keep_within(self, position: Vector) -> None:
         """Display the known surface while the hand [m] is within its edges."""
@@ -175,6 +186,7 @@ class MmtMaster:
             self._unconfirmed += work
         else:
             tank.level += work
+            self._gained = max(0.0, self._gained + work)
         self._keep_within(position)
         self._drop_unconfirmed()
         mixture.turn(elapsed, tank.level - mixture.stored)

@@ -19,7 +19,7 @@ Value = Any
 
 
 UNREACHED_S = 0.03
-"""Time for which a robot may lag behind a contact that the operator feels already [s]."""
+"""Time for which a robot that follows may lag behind a contact that the operator feels already [s]."""
 
 
 class Unreached:
@@ -33,13 +33,21 @@ class Unreached:
     Args:
         mirror: of the encoder.
         led: where the operator leads the robot [m]; None for nowhere.
+        follows: whether the robot follows at all.
         least: smallest force that states a contact [N]: less may be left over within the deadband.
         tick_period: [s].
     """
 
-    def __init__(self, mirror: Decoder, led: Callable[[], Vector | None], least: float, tick_period: float) -> None:
+    def __init__(
+        self,
+        mirror: Decoder,
+        led: Callable[[], Vector | None],
+        follows: Callable[[], bool],
+        least: float,
+        tick_period: float,
+    ) -> None:
         self._mirror = mirror
-        self._led = led
+        self._led, self._follows = led, follows
         self._least = least
         self._most = round(UNREACHED_S / tick_period)
         self._ticks = 0
@@ -57,7 +65,7 @@ class Unreached:
             self._ticks = 0
             return position
         self._ticks += 1
-        return position if self._ticks <= self._most else led
+        return position if self._ticks <= self._most and self._follows() else led
 
     def _is(self, contact: Vector) -> bool:
         return hypot(contact[0], contact[1], contact[2]) > self._least

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -245,9 +246,13 @@ command.run = noted
         command(*arguments, program=touching), cwd=CONFIGS.parent, text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
-    until(lambda: first.exists() or program.poll() is not None, "the first task")
-    os.killpg(program.pid, number)
-    out, err = program.communicate(timeout=60)
+    try:
+        until(lambda: first.exists() or program.poll() is not None, "the first task")
+        os.killpg(program.pid, number)
+        out, err = program.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(program.pid, signal.SIGKILL)
     return subprocess.CompletedProcess(program.args, program.returncode, out, err)
 
 

@@ -86,7 +86,11 @@ def build_slave(
         trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         by_button=system.master.engage is not None,
     )
-    unreached = Unreached(force_encoder.mirror, lambda: port.led(0), least_contact(system), system.tick_period)
+
+    def follows() -> bool:
+        return port.follows
+
+    unreached = Unreached(force_encoder.mirror, lambda: port.led(0), follows, least_contact(system), system.tick_period)
     outgoing = [OutgoingChannel("force", 0, force_encoder, port.force, unreached)]
     incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
     if orientation is not None:
@@ -94,7 +98,7 @@ def build_slave(
 
         assert system.codec.rotation is not None
         torque_encoder, least = Encoder(backward[1]), system.codec.rotation.torque.floor_nm
-        unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), least, system.tick_period)
+        unturned = Unreached(torque_encoder.mirror, lambda: port.led(1), follows, least, system.tick_period)
         outgoing.append(OutgoingChannel("torque", 1, torque_encoder, ToolTorque(port, orientation), unturned))
         incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
     return Side(
