@@ -116,6 +116,14 @@ class Case:
         )
 
 
+def quick() -> Iterator[Case]:
+    """Cuts at 0, 50 and 150 ms each way, with the default predictors, the simplest and those that learn."""
+    for delay, direction, scheme, motion, force in product(
+        DELAYS_S[1:], DIRECTIONS, SCHEMES, MOTIONS, (HYBRID, "zoh", ADAPTIVE)
+    ):
+        yield Case(motion, direction, scheme, force, delay_s=(delay, delay))
+
+
 def every() -> Iterator[Case]:
     """All cases."""
     for delay, direction, flap, scheme, (force, position), motion in product(
