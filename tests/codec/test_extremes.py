@@ -119,7 +119,7 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 def wire(update: Update, layout: UpdateLayout) -> Update:
     """An update as the receiver decodes it, sent `LATENCY` ticks after its sample."""
     layout.check(update)
-    data = layout.pack((0, 0, 0, (None,)), LATENCY, update)
+    data = layout.pack((0, 0, 0, 0, (None,)), LATENCY, update)
     head, content = DirectionLayout([layout.forms]).read(data[0], data[CLEAR_BYTES:])
     assert isinstance(content, UpdateContent)
     return Update(update.tick + LATENCY - content.lag, head.selector, content.newest, content.payload)

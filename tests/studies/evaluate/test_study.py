@@ -54,7 +54,7 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
         sends.append(update is not None)
         if update is not None:
             decoder.apply(update)
-            packed = layout.pack((1, 2, 3, (4,)), 0, update)
+            packed = layout.pack((1, 0, 2, 3, (4,)), 0, update)
             datagrams.append(len(packed) + PresharedKey.tag_size)
         held = decoder.value(tick, tuple(position))
         assert held is not None

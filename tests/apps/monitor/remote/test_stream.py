@@ -208,7 +208,7 @@ def test_repeated_missing_or_reflected_message_ends_the_connection() -> None:
 def test_no_message_is_valid_in_the_daemons_protocol() -> None:
     """The daemons prove the same key."""
     daemons = PresharedKey(KEY)
-    end = LocalEnd(daemons, os.urandom, pack_agreement({"rate_hz": 1000}), 2, 0.0, "master", "")
+    end = LocalEnd(daemons, os.urandom, pack_agreement({"rate_hz": 1000}), 2, 0.0, "master", "", 0.4)
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     dialer.start(0.0)
     theirs = dialer.hello(0.0)
