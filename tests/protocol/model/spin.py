@@ -53,6 +53,8 @@ PASSING = (
     Run("link: replay, processes that stop", "link", (*SMALL, "REPLAYS=1", "STOPS=1")),
     Run("link: ticks that stop", "link", (*SMALL, "TICKS=1")),
     Run("link: datagrams held until stamps and echoes wrap", "link", WRAPS),
+    Run("limits: an agreed round trip, held datagrams", "limits", ("CHECK=10",)),
+    Run("limits: the round trip changes", "limits", ("CHECK=10", "CHANGES=1", "SESSIONS=1")),
     Run("authority: two masters, two slaves, all recorded", "authority"),
 )
 
@@ -78,6 +80,9 @@ MUTANTS = (
     Run("link 8: no guardian", "link", (*SMALL, "STOPS=1", "MUTANT=8")),
     Run("link 9: pending session never expires", "link", (*WRAPS, "MUTANT=9")),
     Run("link 10: engaged while the other is heard", "link", (*SMALL, "MUTANT=10")),
+    Run("limits 11: no limit of reception", "limits", ("CHECK=10", "MUTANT=11")),
+    Run("limits 26: a session opens without its round trip", "limits", ("CHECK=10", "MUTANT=26")),
+    Run("limits 29: an end drives while its session opens", "limits", ("CHECK=10", "MUTANT=29")),
     Run("authority 1: slave minds only a session that is heard", "authority", ("MUTANT=1",)),
     Run("authority 2: old HELLOs are answered", "authority", ("MUTANT=2",)),
     Run("authority 3: takeover without the flag", "authority", ("MUTANT=3",)),
