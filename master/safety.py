@@ -163,12 +163,14 @@ class ContactLimiter:
     Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
 
     Attributes:
+        free: largest force that needs no contact.
         lasted: time for which more than `free` was asked for since a contact was stated [s].
+        quiet: whether nothing is bounded, and nothing was asked for lately that needs a contact.
         doubtful: whether it has lasted so long that the bound falls, or has not risen yet.
         unfounded: whether what is asked for is at fault, likewise.
     """
 
-    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "lasted", "unfounded")
+    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
 
     def __init__(self, most: float, free: float, longest: float) -> None:
         """Make the limiter.
@@ -180,22 +182,15 @@ class ContactLimiter:
         """
         self._most = most
         self._free = free
+        self.free = free * ROUNDING
         self._longest = longest
         self.reset()
 
     def reset(self) -> None:
         self.lasted = 0.0
         self._bound = inf
+        self.quiet = True
         self.doubtful = self.unfounded = False
-
-    @property
-    def waits(self) -> bool:
-        """Whether a force was asked for lately without a contact."""
-        return self._bound < inf or self.lasted > 0.0
-
-    def asks(self, asked: float) -> bool:
-        """Whether so much needs a contact."""
-        return asked > self._free * ROUNDING
 
     def bound(self, asked: float, elapsed: float, round_trip: float | None, *, stated: bool) -> float:
         """The largest force that may be displayed now [N]; inf for no bound.
@@ -210,7 +205,7 @@ class ContactLimiter:
         patience += PATIENCE
         if stated:
             self.lasted = 0.0
-        elif self.asks(asked):
+        elif asked > self.free:
             self.lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
             self.lasted = max(0.0, self.lasted - elapsed)
@@ -228,6 +223,7 @@ class ContactLimiter:
         self._bound = min(allowed, rising)
         if self._bound >= self._most:
             self._bound = inf
+        self.quiet = self._bound == inf and self.lasted == 0.0
         return self._bound
 
 
