@@ -11,8 +11,9 @@ from weberlink.geometry.vector import ZERO, Vector
 PATIENCE = 0.045
 """Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
 behind its command, and an update that comes late. Together with the time between two looks it is 50 ms."""
-FALL = 0.03
-"""Last part of it, in which the bound falls [s]."""
+FALL = 0.015
+"""Last part of it, in which the bound falls [s]: until then the jitter, and the time that a look takes, may delay the
+news of a contact."""
 FADE = 0.1
 """Time in which what is left falls to zero [s]."""
 GRACE = 0.05
