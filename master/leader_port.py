@@ -111,16 +111,13 @@ class LeaderPort(OperatorEnd):
             (sensor, axes) for sensor, axes in zip(self._sensors, pressed, strict=False) if axes is not None
         ]
         self._delay = delay
+        self.unfounded = False
         self._contacts = [
             (sensor, contact, sensor.part(least)) for sensor, contact in zip(self._sensors, contacts, strict=False)
         ]
         self._nothing = [sensor.value for sensor in self._sensors]
         self._none: Joints = (0.0,) * spec.axes
         self.angles = self.command = self.decoded = self.output = self._none
-
-    @property
-    def unfounded(self) -> bool:
-        return any(contact.unfounded for _, contact, _ in self._contacts)
 
     def reset(self) -> None:
         super().reset()
@@ -133,6 +130,7 @@ class LeaderPort(OperatorEnd):
     def _forget(self) -> None:
         for _, contact, _ in self._contacts:
             contact.reset()
+        self.unfounded = False
 
     @property
     def angle_range(self) -> tuple[Joints, Joints]:
@@ -171,10 +169,7 @@ class LeaderPort(OperatorEnd):
         limited = limiter.limit(wanted, slew_step)
         output = limited if gain == 1.0 else tuple([torque * gain for torque in limited])
         if slew_step is not None:
-            was_unfounded = self.unfounded
             output = self._founded(output, wanted, slew_step)
-            if self.unfounded and not was_unfounded:
-                control.resume(self._endpoint.peer_credit)
         self.output = output
         control.displayed(output)
         if self._displays:
@@ -191,9 +186,10 @@ class LeaderPort(OperatorEnd):
             elapsed: time since the last call [s].
         """
         founded: Joints = ()
+        unfounded = False
         for sensor, contact, least in self._contacts:
             asked, part = _largest(sensor.part(wanted)), sensor.part(output)
-            if contact.asks(asked) or contact.waits:
+            if asked > contact.free or not contact.quiet:
                 endpoint = self._endpoint
                 round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
                 decoded = sensor.part(self.decoded)
@@ -202,7 +198,11 @@ class LeaderPort(OperatorEnd):
                 largest = _largest(part)
                 if largest > most:
                     part = tuple([torque * most / largest for torque in part])
+                unfounded |= contact.unfounded
             founded += part
+        if unfounded and not self.unfounded:
+            self.control.resume(self._endpoint.peer_credit)
+        self.unfounded = unfounded
         return founded + output[len(founded) :]
 
     def _all(self, values: Sequence[Joints | None]) -> Joints:

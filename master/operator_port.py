@@ -102,54 +102,43 @@ class ContactWatch:
         playout: int,
         longest: float,
     ) -> None:
-        self._limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
+        self.limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
         self._least = least
         self._tick_period = tick_period
         self._delay = delay
         self._playout = playout
-        self._commands = [ZERO] * (ceil((longest + delay) / tick_period) + 1)
+        self._longest = ceil((longest + delay) / tick_period) + 1
+        self._commands = [ZERO] * self._longest
         self._newest = self._known = 0
         self._tick = self._stated_for = 0.0
         self._newest_sample: Sample | None = None
         self._is_new = False
 
-    @property
-    def doubtful(self) -> bool:
-        return self._limiter.doubtful
-
-    @property
-    def unfounded(self) -> bool:
-        return self._limiter.unfounded
-
     def reset(self) -> None:
-        self._limiter.reset()
+        self.limiter.reset()
         self._known = 0
         self._stated_for = 0.0
 
     def follow(self, command: Vector, tick: float) -> None:
         """Take in the command of this tick [m], and the present tick of the other side."""
-        count = len(self._commands)
-        self._newest = (self._newest + 1) % count
+        self._newest = (self._newest + 1) % self._longest
         self._commands[self._newest] = command
-        self._known = min(self._known + 1, count)
+        self._known += 1
         self._tick = tick
         newest = self._decoder.newest
         self._is_new, self._newest_sample = newest is not self._newest_sample, newest
 
     def bounded(self, output: Vector, asked: float, elapsed: float) -> Vector:
-        """What may be displayed of a force.
+        """What may be displayed of a force that needs a contact, or after one that had none.
 
         Args:
             output: that is to be displayed [N].
             asked: its size before slew limit and gate [N].
             elapsed: time since the last call [s].
         """
-        limiter = self._limiter
-        if not (limiter.asks(asked) or limiter.waits):
-            return output
         rtt = self._endpoint.rtt
         round_trip = None if rtt is None else rtt + self._delay
-        most = limiter.bound(asked, elapsed, round_trip, stated=self._is_stated(elapsed, round_trip))
+        most = self.limiter.bound(asked, elapsed, round_trip, stated=self._is_stated(elapsed, round_trip))
         length = hypot(output[0], output[1], output[2])
         if length <= most:
             return output
@@ -157,7 +146,7 @@ class ContactWatch:
         return (share * output[0], share * output[1], share * output[2])
 
     def _is_stated(self, elapsed: float, round_trip: float | None) -> bool:
-        if self._limiter.lasted < LOOK_S:
+        if self.limiter.lasted < LOOK_S:
             return False
         newest = self._newest_sample
         if self._is_new and newest is not None and hypot(*newest.value) > self._least:
@@ -168,7 +157,7 @@ class ContactWatch:
     def _models(self, round_trip: float | None) -> bool:
         """Whether the received model states a contact where the robot was as the newest news of it left."""
         waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
-        ago = min(round(waited / self._tick_period), self._known - 1)
+        ago = min(round(waited / self._tick_period), self._known - 1, self._longest - 1)
         there = self._commands[self._newest - ago]  # an index below 0 counts from the end
         x, y, z = self._decoder.stated(self._tick - self._playout, there)
         return hypot(x, y, z) > self._least
@@ -221,8 +210,9 @@ class Display:
         self.asked = asked = hypot(limited[0], limited[1], limited[2])
         slewed = slew.place(limited) if step is None else slew.limit(limited, step)
         output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
-        if self.contact is not None and step is not None:
-            output = self.contact.bounded(output, asked, step)
+        contact = self.contact
+        if contact is not None and step is not None and not (contact.limiter.quiet and asked <= contact.limiter.free):
+            output = contact.bounded(output, asked, step)
         self.output = output
         if control is not None:
             control.displayed(output)
@@ -266,14 +256,10 @@ class OperatorPort(OperatorEnd):
         self.device, self.displays, self.control = device, displays, control
         self.hand = hand
         self._endpoint = endpoint
-        self._was_doubtful = self._was_unfounded = False
+        self.unfounded = self._was_doubtful = False
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
         self._contact = displays[0].contact
         self._tick = 0.0
-
-    @property
-    def unfounded(self) -> bool:
-        return self._contact is not None and self._contact.unfounded
 
     def reset(self) -> None:
         super().reset()
@@ -286,6 +272,7 @@ class OperatorPort(OperatorEnd):
     def _forget(self) -> None:
         if self._contact is not None:
             self._contact.reset()
+        self.unfounded = self._was_doubtful = False
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
@@ -322,21 +309,21 @@ class OperatorPort(OperatorEnd):
         hand.displayed, hand.touched, hand.asked = force.output, force.decoded, force.asked
         self.slew_ticks += held_back
         self.clipped = clipped
-        if contact is not None and (contact.doubtful or self._was_doubtful):
-            self._doubt(doubtful=contact.doubtful, unfounded=contact.unfounded)
+        if contact is not None and (contact.limiter.doubtful or self._was_doubtful):
+            self._doubt(contact.limiter)
 
-    def _doubt(self, *, doubtful: bool, unfounded: bool) -> None:
+    def _doubt(self, limiter: ContactLimiter) -> None:
         """Have the scheme let go of a model whose force lasts without a contact; at fault, have it begin anew.
 
         The robot's end is silent while the model of its newest update is right, which the scheme has lost by this. So
         it is asked for a complete update.
         """
-        if doubtful and not self._was_doubtful:
+        if limiter.doubtful and not self._was_doubtful:
             self.control.refute()
             self._endpoint.request_full_state()
-        if unfounded and not self._was_unfounded:
+        if limiter.unfounded and not self.unfounded:
             self.control.resume(self._endpoint.peer_credit)
-        self._was_doubtful, self._was_unfounded = doubtful, unfounded
+        self._was_doubtful, self.unfounded = limiter.doubtful, limiter.unfounded
 
     def _grip(self, force: Vector, gain: float) -> None:
         """Tell the control what the contact stores in which the operator takes or leaves the handle."""

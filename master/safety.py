@@ -11,8 +11,9 @@ from weberlink.geometry.vector import ZERO, Vector
 PATIENCE = 0.045
 """Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
 behind its command, and an update that comes late. Together with the time between two looks it is 50 ms."""
-FALL = 0.03
-"""Last part of it, in which the bound falls [s]."""
+FALL = 0.015
+"""Last part of it, in which the bound falls [s]: until then the jitter, and the time that a look takes, may delay the
+news of a contact."""
 FADE = 0.1
 """Time in which what is left falls to zero [s]."""
 GRACE = 0.05
@@ -163,12 +164,14 @@ class ContactLimiter:
     Time with no more than `free` counts back, so that taps ahead of the robot do not add up.
 
     Attributes:
+        free: largest force that needs no contact.
         lasted: time for which more than `free` was asked for since a contact was stated [s].
+        quiet: whether nothing is bounded, and nothing was asked for lately that needs a contact.
         doubtful: whether it has lasted so long that the bound falls, or has not risen yet.
         unfounded: whether what is asked for is at fault, likewise.
     """
 
-    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "lasted", "unfounded")
+    __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
 
     def __init__(self, most: float, free: float, longest: float) -> None:
         """Make the limiter.
@@ -180,22 +183,15 @@ class ContactLimiter:
         """
         self._most = most
         self._free = free
+        self.free = free * ROUNDING
         self._longest = longest
         self.reset()
 
     def reset(self) -> None:
         self.lasted = 0.0
         self._bound = inf
+        self.quiet = True
         self.doubtful = self.unfounded = False
-
-    @property
-    def waits(self) -> bool:
-        """Whether a force was asked for lately without a contact."""
-        return self._bound < inf or self.lasted > 0.0
-
-    def asks(self, asked: float) -> bool:
-        """Whether so much needs a contact."""
-        return asked > self._free * ROUNDING
 
     def bound(self, asked: float, elapsed: float, round_trip: float | None, *, stated: bool) -> float:
         """The largest force that may be displayed now [N]; inf for no bound.
@@ -210,7 +206,7 @@ class ContactLimiter:
         patience += PATIENCE
         if stated:
             self.lasted = 0.0
-        elif self.asks(asked):
+        elif asked > self.free:
             self.lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
         else:
             self.lasted = max(0.0, self.lasted - elapsed)
@@ -228,6 +224,7 @@ class ContactLimiter:
         self._bound = min(allowed, rising)
         if self._bound >= self._most:
             self._bound = inf
+        self.quiet = self._bound == inf and self.lasted == 0.0
         return self._bound
 
 

@@ -74,7 +74,7 @@ def test_a_robot_that_was_in_the_model_long_ago_states_nothing_now() -> None:
     assert shown[: RTT_TICKS - 1] == [norm(PRESSED)] * (RTT_TICKS - 1)
     assert max(shown[RTT_TICKS + PATIENT + 20 :]) <= 1.0
     assert shown[-1] == 0.0
-    assert watched.watch.unfounded
+    assert watched.watch.limiter.unfounded
 
 
 def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:
@@ -106,6 +106,6 @@ def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:
     shown = watched.go(INSIDE, PRESSED, PATIENT + round(GRACE / TICK))
     assert min(shown[:50]) == norm(PRESSED)
     assert max(shown[PATIENT:]) <= 1.0
-    assert watched.watch.unfounded
+    assert watched.watch.limiter.unfounded
     watched.watch.reset()
     assert watched.go(INSIDE, PRESSED, 1) == [norm(PRESSED)]

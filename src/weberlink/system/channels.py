@@ -1,14 +1,13 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
 from collections.abc import Callable
-from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
-from weberlink.codec.predictors.model import UNFITTED, ModelRecord
+from weberlink.codec.predictors.model import UNFITTED, Hold, ModelRecord
 from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import Update
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class Unreached:
     ) -> None:
         self._mirror = mirror
         self._led, self._follows = led, follows
-        self._least = least
+        self._least, self._least_squared = least, least * least
         self._most = round(UNREACHED_S / tick_period)
         self._ticks = 0
 
@@ -60,15 +59,16 @@ class Unreached:
             value: what the robot feels, as it is shown [N].
             position: where it feels that [m].
         """
+        x, y, z = value
+        if type(self._mirror.model) is Hold or x * x + y * y + z * z > self._least_squared:
+            self._ticks = 0
+            return position
         led = self._led()
-        if led is None or led == position or self._is(value) or not self._is(self._mirror.stated(tick, led)):
+        if led is None or led == position or norm(self._mirror.stated(tick, led)) <= self._least:
             self._ticks = 0
             return position
         self._ticks += 1
         return position if self._ticks <= self._most and self._follows() else led
-
-    def _is(self, contact: Vector) -> bool:
-        return hypot(contact[0], contact[1], contact[2]) > self._least
 
 
 class OutgoingChannel:
