@@ -188,7 +188,8 @@ class LeaderPort(OperatorEnd):
         founded: Joints = ()
         unfounded = False
         for sensor, contact, least in self._contacts:
-            asked, part = _largest(sensor.part(wanted)), sensor.part(output)
+            part, limits = sensor.part(output), sensor.part(self._limiter.most)
+            asked = max([min(abs(torque), most) for torque, most in zip(sensor.part(wanted), limits, strict=True)])
             if asked > contact.free or not contact.quiet:
                 endpoint = self._endpoint
                 round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay

@@ -114,6 +114,11 @@ def least_contact(system: System) -> float:
     return max(LEAST_CONTACT, system.codec.force.floor_n)
 
 
+def longest_round_trip(system: System) -> float:
+    """Round trip of the link beyond which no session goes on [s]."""
+    return system.link.silence_ms * 1e-3
+
+
 def signal_delay(system: System) -> float:
     """What look-ahead and play-out of both directions add to the round trip of the signals [s]; an arm has no
     look-ahead."""

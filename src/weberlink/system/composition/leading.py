@@ -26,7 +26,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
-from weberlink.system.composition.channels import playout_ticks, signal_delay
+from weberlink.system.composition.channels import longest_round_trip, playout_ticks, signal_delay
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -82,7 +82,9 @@ def build_leading(
         button=None if engage is None else engage.button,
         pressed=_pressed(system, lambda: tuning.settings.weber),
         contacts=[
-            ContactLimiter(max(axes), FREE_FORCE * LEVER, silence) for axes in (most[:joints], most[joints:]) if axes
+            ContactLimiter(max(axes), FREE_FORCE * LEVER, longest_round_trip(system) + signal_delay(system))
+            for axes in (most[:joints], most[joints:])
+            if axes
         ],
         least=_least(system),
         delay=signal_delay(system),

@@ -16,7 +16,13 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
-from weberlink.system.composition.channels import least_contact, playout_ticks, signal_delay, streams
+from weberlink.system.composition.channels import (
+    least_contact,
+    longest_round_trip,
+    playout_ticks,
+    signal_delay,
+    streams,
+)
 from weberlink.system.composition.coupling import coupling
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -79,23 +85,23 @@ def build_master(
         return max(tuning.settings.weber * force, system.codec.force.floor_n)
 
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
-    free, silence = free_force(system), system.link.silence_ms * 1e-3
+    free, longest = free_force(system), longest_round_trip(system)
     contact = ContactWatch(
-        ContactLimiter(force_limit, free, silence),
+        ContactLimiter(force_limit, free, longest + signal_delay(system)),
         force_decoder,
         endpoint,
         least=least_contact(system),
         tick_period=system.tick_period,
         delay=signal_delay(system),
         playout=playout_ticks(system),
-        longest=silence,
+        longest=longest,
     )
     displays = [
         Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control, contact)
     ]
     if system.codec.rotation is not None:
         displays.append(_torque_display(system, device))
-    limits, engage = system.master.limits, system.master.engage
+    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
     port = OperatorPort(
         device=device,
         displays=displays,
