@@ -17,6 +17,8 @@ LINK = ("link.emulate={delay_ms: 50, seed: 0}",)
 DAMPED = "slave.scene=[{shape: plane, stiffness_n_m: 500, damping_n_s_m: 1.0}]"
 FORMER = (7, 11, 14)
 """Seeds with which a force was on the hand for longer before there was the law."""
+LONG = 2767
+"""One with a round trip that is longer than the silence limit."""
 
 
 def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) -> tuple[Finding, dict[str, Any]]:
@@ -36,7 +38,7 @@ def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(scheme: st
     finding, summary = session(*overrides, file="scene-plane.yaml", seconds=8.0)
     assert finding.contact > 0.3
     assert (finding.ticks, finding.faults) == (0, 0)
-    assert summary["energy"]["generated_j"] < 0.1  # 0.59 when the wall was carried along
+    assert summary["energy"]["generated_j"] < 0.03  # 0.59 when the wall was carried along
     assert summary["control"]["master"]["tank_max_j"] < 0.2
     assert summary["limited"]["force_ticks"] < 100
 
@@ -95,7 +97,7 @@ def test_a_clean_session_is_never_at_fault(scheme: str, delay_ms: int) -> None:
     assert any(abs(master.output_z) > 1.0 for master in masters)
 
 
-@pytest.mark.parametrize("seed", [*FORMER, *range(1000, 1009)])
+@pytest.mark.parametrize("seed", [*FORMER, LONG, *range(1000, 1008)])
 def test_in_random_sessions_no_force_lasts_without_a_contact(seed: int) -> None:
     """`python -m tests.safety.unfounded` runs more."""
     finding = run(seed)

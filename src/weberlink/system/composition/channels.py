@@ -115,8 +115,8 @@ def least_contact(system: System) -> float:
 
 
 def longest_round_trip(system: System) -> float:
-    """Round trip of the link beyond which no session goes on [s]."""
-    return system.link.silence_ms * 1e-3
+    """Round trip of the link beyond which no session goes on, at whatever age its loop is [s]."""
+    return (system.link.silence_ms + system.link.longest_round_trip_ms) * 1e-3
 
 
 def signal_delay(system: System) -> float:
