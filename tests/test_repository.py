@@ -59,7 +59,8 @@ def test_make_targets_that_the_documents_name_are_there() -> None:
 
 @pytest.mark.parametrize(("given", "length"), [((), ""), (("DURATION=20",), "--duration 20")])
 def test_demo_has_a_length_only_if_it_is_given(given: tuple[str, ...], length: str) -> None:
-    made = subprocess.run(["make", "-n", "demo", *given], cwd=ROOT, capture_output=True, text=True, check=True)
+    command = ["make", "-n", "--no-print-directory", "demo", *given]  # this test may itself be run by make
+    made = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     _, _, options = made.stdout.splitlines()[-1].partition("weberlink try --scripted")
     assert options.strip() == length
 

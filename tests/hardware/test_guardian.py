@@ -196,8 +196,11 @@ def test_last_message_is_written_when_the_cycles_end(arm: tuple[HoldingGuardian,
     for number in range(50):
         guardian.hold(b"here %d\n" % number)
         port.write(b"there\n")
-    assert heard(near).count(b"there\n") == 50
-    assert heard(near, PATIENCE_S).startswith(b"here 49\n")
+    expected = b"there\n" * 50 + b"here 49\n"
+    written = b""
+    while len(written) < len(expected) and (more := heard(near, PATIENCE_S)):  # the kernel hands it over in parts
+        written += more
+    assert written.startswith(expected)
 
 
 def test_arm_that_is_safe_is_left_alone(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
