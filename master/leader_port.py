@@ -194,7 +194,7 @@ class LeaderPort(OperatorEnd):
                 endpoint = self._endpoint
                 round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
                 decoded = sensor.part(self.decoded)
-                stated = any(abs(torque) > most for torque, most in zip(decoded, least, strict=True))
+                stated = 0.0 if any(abs(torque) > most for torque, most in zip(decoded, least, strict=True)) else inf
                 most = contact.bound(asked, elapsed, round_trip, stated=stated)
                 largest = _largest(part)
                 if largest > most:

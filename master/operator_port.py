@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.operator_end import OperatorEnd
@@ -110,14 +110,14 @@ class ContactWatch:
         self._longest = ceil((longest + delay) / tick_period) + 1
         self._commands = [ZERO] * self._longest
         self._newest = self._known = 0
-        self._tick = self._stated_for = 0.0
+        self._tick = self._claimed = 0.0
         self._newest_sample: Sample | None = None
         self._is_new = False
 
     def reset(self) -> None:
         self.limiter.reset()
         self._known = 0
-        self._stated_for = 0.0
+        self._claimed = 0.0
 
     def follow(self, command: Vector, tick: float) -> None:
         """Take in the command of this tick [m], and the present tick of the other side."""
@@ -138,21 +138,26 @@ class ContactWatch:
         """
         rtt = self._endpoint.rtt
         round_trip = None if rtt is None else rtt + self._delay
-        most = self.limiter.bound(asked, elapsed, round_trip, stated=self._is_stated(elapsed, round_trip))
+        stated, claimed = self._heard(elapsed, round_trip)
+        most = self.limiter.bound(asked, elapsed, round_trip, stated=stated, claimed=claimed)
         length = hypot(output[0], output[1], output[2])
         if length <= most:
             return output
         share = most / length
         return (share * output[0], share * output[1], share * output[2])
 
-    def _is_stated(self, elapsed: float, round_trip: float | None) -> bool:
-        if self.limiter.lasted < LOOK_S:
-            return False
+    def _heard(self, elapsed: float, round_trip: float | None) -> tuple[float, float]:
+        """How long ago the robot's end stated a contact at the latest, and for how long a model claims one [s]."""
         newest = self._newest_sample
         if self._is_new and newest is not None and hypot(*newest.value) > self._least:
-            return True
-        self._stated_for = self._stated_for + elapsed if self._models(round_trip) else 0.0
-        return self._stated_for >= LOOK_S
+            self._claimed = UNREACHED_S
+            return 0.0, 0.0
+        if self.limiter.lasted < LOOK_S:
+            return inf, 0.0
+        self._claimed = self._claimed + elapsed if self._models(round_trip) else 0.0
+        if self._claimed < UNREACHED_S + LOOK_S:
+            return inf, self._claimed
+        return UNREACHED_S, 0.0
 
     def _models(self, round_trip: float | None) -> bool:
         """Whether the received model states a contact where the robot was as the newest news of it left."""

@@ -193,24 +193,26 @@ class ContactLimiter:
         self.quiet = True
         self.doubtful = self.unfounded = False
 
-    def bound(self, asked: float, elapsed: float, round_trip: float | None, *, stated: bool) -> float:
+    def bound(
+        self, asked: float, elapsed: float, round_trip: float | None, *, stated: float, claimed: float = 0.0
+    ) -> float:
         """The largest force that may be displayed now [N]; inf for no bound.
 
         Args:
             asked: size of the force before the slew limit [N].
             elapsed: time since the last call [s].
             round_trip: of signals over the link [s]; None while unknown.
-            stated: whether the robot's end states a contact.
+            stated: how long ago the robot's end stated a contact at the latest [s]; inf where it states none.
+            claimed: for how long a model has claimed a contact that the robot's end has not contradicted yet [s]: the
+                time waits, and counts in full if it does.
         """
         patience = self._longest if round_trip is None or round_trip > self._longest else round_trip
         patience += PATIENCE
-        if stated:
-            self.lasted = 0.0
-        elif asked > self.free:
-            self.lasted = min(self.lasted + elapsed, patience + FADE + GRACE)
+        if asked > self.free:
+            self.lasted = min(self.lasted + elapsed, stated, patience + FADE + GRACE)
         else:
-            self.lasted = max(0.0, self.lasted - elapsed)
-        left = patience - self.lasted
+            self.lasted = min(max(0.0, self.lasted - elapsed), stated)
+        left = patience - self.lasted + claimed
         self.doubtful = left < FALL
         if not self.doubtful:
             self.unfounded = False
@@ -220,8 +222,8 @@ class ContactLimiter:
         else:
             allowed = self._free * max(0.0, 1.0 + left / FADE)
             self.unfounded = self.unfounded or -left >= GRACE
-        rising = self._bound + self._most * elapsed / RISE
-        self._bound = min(allowed, rising)
+        before = min(self._bound, self._most)
+        self._bound = max(min(allowed, before + self._most * elapsed / RISE), before - self._most * elapsed / FALL)
         if self._bound >= self._most:
             self._bound = inf
         self.quiet = self._bound == inf and self.lasted == 0.0

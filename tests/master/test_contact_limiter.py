@@ -1,6 +1,7 @@
 """No force without a contact: how long a force may last that the robot's end states no contact for."""
 
 from collections.abc import Iterable
+from itertools import pairwise
 from math import inf
 
 import pytest
@@ -20,7 +21,7 @@ def limiter() -> ContactLimiter:
 
 
 def bounds(
-    limited: ContactLimiter, asked: Iterable[float], round_trip: float | None, *, stated: bool = False
+    limited: ContactLimiter, asked: Iterable[float], round_trip: float | None, *, stated: float = inf
 ) -> list[float]:
     return [limited.bound(force, TICK, round_trip, stated=stated) for force in asked]
 
@@ -44,7 +45,7 @@ def test_without_a_contact_no_force_lasts_longer_than_the_answer_takes(
     limited, alone, before = limiter(), 0, inf
     for asked, stated, count in course:
         for _ in range(count):
-            bound = limited.bound(asked, TICK, round_trip, stated=stated)
+            bound = limited.bound(asked, TICK, round_trip, stated=0.0 if stated else inf)
             alone = alone + 1 if asked > FREE and not stated else 0
             over = alone * TICK - round_trip - PATIENCE
             if over >= 0.0:
@@ -60,7 +61,7 @@ def test_only_what_does_not_end_by_itself_is_at_fault(course: list[tuple[float, 
     limited, lasted = limiter(), 0.0
     for asked, stated, count in course:
         for _ in range(count):
-            limited.bound(asked, TICK, round_trip, stated=stated)
+            limited.bound(asked, TICK, round_trip, stated=0.0 if stated else inf)
             lasted = 0.0 if stated else lasted + TICK * (asked > FREE)
             if limited.unfounded:
                 assert lasted >= round_trip + PATIENCE + GRACE - TICK
@@ -74,7 +75,7 @@ def test_a_contact_that_is_stated_in_time_is_not_bounded(round_trip: float, aske
     for _ in range(5):
         ahead = ticks(round_trip + PATIENCE - FALL) - 1
         assert set(bounds(limited, [asked] * ahead, round_trip)) == {inf}
-        assert bounds(limited, [asked], round_trip, stated=True) == [inf]
+        assert bounds(limited, [asked], round_trip, stated=0.0) == [inf]
 
 
 def test_taps_ahead_of_the_robot_do_not_add_up_and_a_force_that_flickers_does() -> None:
@@ -83,6 +84,30 @@ def test_taps_ahead_of_the_robot_do_not_add_up_and_a_force_that_flickers_does() 
     limited = limiter()
     assert min(bounds(limited, ghost * 20, 0.2)) == 0.0
     assert limited.unfounded
+
+
+@given(round_trips, st.integers(1, 40))
+def test_a_claim_of_a_model_that_is_contradicted_gains_no_time(round_trip: float, claimed: int) -> None:
+    limited = limiter()
+    ahead = ticks(round_trip + PATIENCE - FALL) - 1
+    bounds(limited, [5.0] * ahead, round_trip)
+    for tick in range(claimed):
+        assert limited.bound(5.0, TICK, round_trip, stated=inf, claimed=(tick + 1) * TICK) == inf
+    left = max(0, ticks(FALL) + 1 - claimed)
+    met = bounds(limited, [5.0] * (left + 2 * ticks(FALL)), round_trip)
+    assert met[max(left, ticks(FALL) + 1)] <= FREE
+    steps = [before - after for before, after in pairwise([MOST, *(min(bound, MOST) for bound in met)])]
+    assert max(steps) <= MOST * TICK / FALL * (1.0 + 1e-9)
+
+
+@given(round_trips)
+def test_a_contact_that_was_stated_a_while_ago_leaves_the_rest_of_the_time(round_trip: float) -> None:
+    limited, ago = limiter(), 0.02
+    bounds(limited, [5.0] * 1000, round_trip)
+    limited.bound(5.0, TICK, round_trip, stated=ago)
+    assert limited.lasted == ago
+    assert not limited.doubtful
+    assert bounds(limited, [5.0] * (ticks(round_trip + PATIENCE - ago) + 1), round_trip)[-1] <= FREE
 
 
 def test_drag_in_free_motion_needs_no_contact() -> None:
@@ -94,7 +119,7 @@ def test_drag_in_free_motion_needs_no_contact() -> None:
 
 def test_a_force_is_doubtful_before_it_is_at_fault() -> None:
     limited = limiter()
-    doubts = [(limited.bound(5.0, TICK, 0.1, stated=False), limited.doubtful, limited.unfounded) for _ in range(400)]
+    doubts = [(limited.bound(5.0, TICK, 0.1, stated=inf), limited.doubtful, limited.unfounded) for _ in range(400)]
     assert [bound < inf for bound, *_ in doubts] == [doubtful for _, doubtful, _ in doubts]
     begun = [next(tick for tick, each in enumerate(doubts) if each[index]) for index in (1, 2)]
     assert begun == pytest.approx([ticks(0.1 + PATIENCE - FALL), ticks(0.1 + PATIENCE + GRACE)], abs=2)
@@ -104,7 +129,7 @@ def test_the_force_comes_back_in_a_ramp_when_a_contact_is_stated() -> None:
     limited = limiter()
     bounds(limited, [5.0] * 1000, 0.1)
     assert limited.unfounded
-    risen = bounds(limited, [5.0] * (ticks(RISE) + 1), 0.1, stated=True)
+    risen = bounds(limited, [5.0] * (ticks(RISE) + 1), 0.1, stated=0.0)
     assert risen[0] == pytest.approx(MOST * TICK / RISE)
     assert risen[-1] == inf
     assert not limited.unfounded
@@ -123,4 +148,4 @@ def test_reset_forgets_what_was() -> None:
     limited = limiter()
     bounds(limited, [5.0] * 1000, 0.1)
     limited.reset()
-    assert (limited.unfounded, limited.quiet, limited.bound(5.0, TICK, 0.1, stated=False)) == (False, True, inf)
+    assert (limited.unfounded, limited.quiet, limited.bound(5.0, TICK, 0.1, stated=inf)) == (False, True, inf)

@@ -12,6 +12,9 @@ CREDIT_STEP = 1e-4
 LEAST_CONTACT = 0.05
 """Smallest force that counts as contact [N]; less is sensor noise or a remainder within a deadband."""
 
+UNREACHED_S = 0.03
+"""Time for which a robot that follows may lag behind a contact that the operator feels already [s]."""
+
 FREE_FORCE = 1.0
 """Largest force on the hand that may last without a contact [N]: the drag of a scheme is no larger."""
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelRecord
-from weberlink.control.contract import MasterControl
+from weberlink.control.contract import UNREACHED_S, MasterControl
 from weberlink.control.port import Sensor
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import Update
@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 
 Value = Any
 """A vector, or the joints of an arm; None for nothing."""
-
-
-UNREACHED_S = 0.03
-"""Time for which a robot that follows may lag behind a contact that the operator feels already [s]."""
 
 
 class Unreached:
