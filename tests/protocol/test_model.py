@@ -8,7 +8,11 @@ from tests.protocol.model.spin import FORMER, MUTANTS, PASSING, Run, missing_too
 
 pytestmark = pytest.mark.skipif(missing_tool() is not None, reason="spin and gcc are not installed: make system")
 
-QUICK = {"link: datagrams held until stamps and echoes wrap", "link 4: no replay window"}
+QUICK = {
+    "link: R changes, datagrams held until stamps and echoes wrap",
+    "link 4: no replay window",
+    "link 19: next proposal at once",
+}
 
 
 def chosen(*groups: tuple[Run, ...]) -> list[object]:

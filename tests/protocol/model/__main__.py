@@ -17,11 +17,11 @@ def main() -> int:
         say(f"{tool} is not installed: make system")
         return 1
     wrong = 0
-    say(f"{'run':58} {'result':22} {'states':>9} {'depth':>8} {'s':>6}")
+    say(f"{'run':64} {'result':22} {'states':>9} {'depth':>8} {'s':>6}")
     for title, runs, passes in (
-        ("protocol 1: must hold", PASSING, True),
-        ("protocol 0, as of 3a86b41: must fail", FORMER, False),
-        ("protocol 1 with a fault put in: must fail", MUTANTS, False),
+        ("present protocol: must hold", PASSING, True),
+        ("protocol as of 3a86b41: must fail", FORMER, False),
+        ("present protocol with a fault put in: must fail", MUTANTS, False),
     ):
         say(f"--- {title}")
         for run in runs:
@@ -35,7 +35,7 @@ def _report(run: Run, *, passes: bool) -> bool:
     is_right = found.holds is passes and (found.is_exhaustive or not passes)
     result = "holds" if found.holds else f"fails: {found.failure}"
     say(
-        f"{run.name:58} {result[:22]:22} {found.states:9,d} {found.depth:8,d} {found.seconds:6.1f}"
+        f"{run.name:64} {result[:22]:22} {found.states:9,d} {found.depth:8,d} {found.seconds:6.1f}"
         f"{'' if is_right else '  <-- WRONG'}"
     )
     return not is_right

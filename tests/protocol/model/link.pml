@@ -5,19 +5,25 @@
  * ends run their timers and their tick. 0 is the master and its direction to the slave, 1 the slave and its direction.
  * At any step the channel may become whole: from then on each datagram arrives after the delay of its direction.
  *
- * PROTOCOL  0: as of commit 3a86b41. 1: loop age, encoding bit, expiry of a session, guardian. 2: two limits, agreed round trip
- * LIMIT     silence [steps]; LONGEST: largest round trip that may be agreed; EXPIRE: steps of silence until a session is over, 0: never
- * CHANGES   1: the round trip changes in a session
+ * PROTOCOL  0: as of commit 3a86b41. 1: the present one
+ * LIMIT     silence [steps]; LONGEST: largest round trip R that may be agreed; EXPIRE: steps of silence until a session is
+ *           over, 0: never
+ * CHANGES   1: R changes in a session
  * SESSIONS  1: there is no second session until the channel is whole. 0: any number
- * SLOTS     datagrams of a session that the channel can hold back in each direction, each for as long as it likes
+ * SLOTS     datagrams of a session that the channel can hold back in each direction, as many as DELAY at least; the hostile
+ *           one holds HOLDS of them, each for as long as it likes
+ * REPLAYS   1: the hostile channel delivers repeatedly
  * STOPS     1: processes may stop and go on
  * TICKS     1: the ticks of an end may stop and go on while its event loop still sends
  * WRAP      time stamps wrap after so many steps. 0: never
- * ERROR     by how much an end may take a datagram for too young, beyond half the agreed round trip [steps]
+ * ERROR     by how much an end may take a datagram for too young, beyond half of R [steps]
+ * HOSTILE   1: the channel loses, holds and reorders until it becomes whole. 0: it is whole from the beginning, and its
+ *           delays change PACE steps after the last change or later
  * DELAY     longest delay of each direction of the whole channel; GOOD: its steps after which both ends drive again
  * CHECK     which property is watched: 1 age of what is taken, 2 age of what drives, 3 one end alone, 4 recovery, 5 fade,
- *           6 nothing twice, 8 a cut, 9 echoes; 0 all of these. 7: state ENGAGED on one side alone, which no bound is claimed for
- * MUTANT    a fault put into protocol 2, by number
+ *           6 nothing twice, 8 a cut, 9 echoes; 0 all of these. 10: all but 4 and 5. 7: state ENGAGED on one side alone,
+ *           which no bound is claimed for
+ * MUTANT    a fault put into the present protocol, by number
  */
 #ifndef PROTOCOL
 #define PROTOCOL 1
@@ -212,7 +218,7 @@ Datagram d;
 #else
 #define IS_ENCODING(e) RUNS_ENCODER(e)
 #endif
-#define NEGOTIATES(e) (end[e].state == ENGAGED || (MUTANT == 35 && end[e].session != NONE))      /* 35: also while silent */
+#define NEGOTIATES(e) (end[e].state == ENGAGED)
 #define IS_UP(e) (end[e].stopped == 0 && !end[e].frozen)
 #define IS_THERE(e) (end[e].state == ENGAGED && IS_UP(e))
 #define IS_CALLING ((end[MASTER].state == CONNECTING || end[MASTER].state == SILENT) && (SESSIONS == 0 || whole || !begun))
@@ -289,7 +295,7 @@ inline run_timers(e) {
         fi
     :: end[e].session != NONE && !IS_OVER(e) && end[e].state == ENGAGED && IS_LATE(e) ->
         end[e].state = SILENT; end[e].silent = (EXPIRE > 0);
-        end[e].peer_encoding = (end[e].peer_encoding && (PROTOCOL == 0 || MUTANT == 37))      /* mutant 37: keeps what it has */
+        end[e].peer_encoding = (end[e].peer_encoding && (PROTOCOL == 0 || MUTANT == 35))      /* mutant 35: keeps what it has */
     :: else
     fi
 }
@@ -420,7 +426,7 @@ inline accept(e) {
     :: MUTANT == 22 && e == MASTER && rest == 0 && end[MASTER].noted && d.odd != end[MASTER].odd -> rest = REST + 1
     :: else
     fi;
-    if :: d.change != 0 && (is_current || MUTANT == 36) -> take_change(e) :: else fi;       /* mutant 36: also when it is not current */
+    if :: d.change != 0 && is_current -> take_change(e) :: else fi;
     if :: end[e].state == SILENT && !IS_LATE(e) -> hear_again(e) :: else fi
 }
 

@@ -44,45 +44,102 @@ class Found:
         return not self.failure
 
 
-SMALL = ("LIMIT=2", "EXPIRE=1")
-WRAPS = (*SMALL, "WRAP=9", "ECHO_WRAP=9")
+SMALL = ("LONGEST=1",)
+DEAF = ("LONGEST=0", "EXPIRE=8")
+TOO_LONG = (*SMALL, "EXPIRE=3", "CHECK=4")
+ONE_SESSION = ("CHANGES=1", "SESSIONS=1")
+TOO_YOUNG = (*ONE_SESSION, "CHECK=10", "ERROR=1")
+CHANGING = (*ONE_SESSION, "LIMIT=1", "LONGEST=2", "GOOD=5")
+CHANGING_LITTLE = (*ONE_SESSION, "LIMIT=1", "LONGEST=1")
+CHANGING_MUCH = (*ONE_SESSION, "LIMIT=1", "LONGEST=3", "CHECK=10")
+CHANGING_IN_SILENCE = (*CHANGING, "CHECK=10", "EXPIRE=3")
+WRAPS = (*CHANGING_LITTLE, "WRAP=8")
+ANSWERS_LOST = (*SMALL, *ONE_SESSION, "DELAY=1", "CHECK=4")
+LONG_PATH = ("DELAY=3", "SLOTS=3", "LONGEST=6", "HOSTILE=0", "GOOD=30", "CHECK=4")
+PATH_CHANGES = ("DELAY=2", "SLOTS=2", "LONGEST=4", "LIMIT=1", "CHANGES=1", "HOSTILE=0", "PACE=0", "CHECK=4")
+FORMERLY = ("PROTOCOL=0", "LIMIT=3", "LONGEST=0")
 
 PASSING = (
-    Run("link: loss, delay, one-way cuts, limit of 3", "link"),
+    Run("link: loss, delay, one-way cuts", "link", ("GOOD=5",)),
+    Run("link: limit of 3", "link", ("LIMIT=3", "LONGEST=1", "EXPIRE=2")),
     Run("link: two datagrams held in each direction", "link", (*SMALL, "SLOTS=2")),
-    Run("link: replay, processes that stop", "link", (*SMALL, "REPLAYS=1", "STOPS=1")),
-    Run("link: ticks that stop", "link", (*SMALL, "TICKS=1")),
-    Run("link: datagrams held until stamps and echoes wrap", "link", WRAPS),
-    Run("limits: an agreed round trip, held datagrams", "limits", ("CHECK=10",)),
-    Run("limits: the round trip changes", "limits", ("CHECK=10", "CHANGES=1", "SESSIONS=1")),
+    Run("link: long silence", "link", DEAF),
+    Run("link: path too long for a while", "link", TOO_LONG),
+    Run("link: R changes", "link", CHANGING),
+    Run("link: R changes, any number of sessions", "link", (*CHANGING, "SESSIONS=0")),
+    Run("link: R changes, datagrams held until stamps and echoes wrap", "link", WRAPS),
+    Run("link: R changes, replay", "link", (*CHANGING, "REPLAYS=1")),
+    Run("link: R changes, processes that stop", "link", (*CHANGING, "STOPS=1")),
+    Run("link: R changes, ticks that stop", "link", (*CHANGING_LITTLE, "TICKS=1")),
+    Run("link: R changes, two datagrams held", "link", (*CHANGING, "CHECK=10", "SLOTS=2")),
+    Run("link: R changes, silence of 3 until the end", "link", CHANGING_IN_SILENCE),
+    Run("link: R changes, limit of 2", "link", (*ONE_SESSION, "CHECK=10")),
+    Run("link: R changes, limit of 2, datagrams seem younger by 1", "link", TOO_YOUNG),
+    Run("link: R changes up to three limits", "link", CHANGING_MUCH),
+    Run("link: long path", "link", LONG_PATH),
+    Run("link: path changes, R follows", "link", PATH_CHANGES),
+    Run("link: path changes, R follows, limit of 2", "link", (*PATH_CHANGES, "LIMIT=2")),
+    Run("link: R agreed with losses, then delay of 1", "link", ANSWERS_LOST),
+    Run(
+        "link: R agreed with losses, then delays to 3",
+        "link",
+        (*ONE_SESSION, "DELAY=3", "SLOTS=3", "HOLDS=1", "CHECK=4"),
+    ),
     Run("authority: two masters, two slaves, all recorded", "authority"),
 )
 
 FORMER = (
-    Run("link: age of what is taken, asymmetric path", "link", ("PROTOCOL=0", "CHECK=1")),
-    Run("link: age of what is taken, stamps wrap", "link", ("PROTOCOL=0", "CHECK=1", "ERROR=0", "WRAP=9")),
-    Run("link: age of what drives", "link", ("PROTOCOL=0", "CHECK=2")),
-    Run("link: one end alone", "link", ("PROTOCOL=0", "CHECK=3")),
-    Run("link: fade after a stop", "link", ("PROTOCOL=0", "CHECK=5", "STOPS=1")),
+    Run("link: age of what is taken, asymmetric path", "link", (*FORMERLY, "CHECK=1", "ERROR=1")),
+    Run("link: age of what is taken, stamps wrap", "link", (*FORMERLY, "CHECK=1", "WRAP=9")),
+    Run("link: age of what drives", "link", (*FORMERLY, "CHECK=2")),
+    Run("link: one end alone", "link", (*FORMERLY, "CHECK=3")),
+    Run("link: fade after a stop", "link", (*FORMERLY, "CHECK=5", "STOPS=1")),
     Run("authority: takeover not asked for", "authority", ("PROTOCOL=0", "CHECK=1")),
     Run("authority: another slave", "authority", ("PROTOCOL=0", "CHECK=2")),
     Run("authority: an old HELLO is answered", "authority", ("PROTOCOL=0", "CHECK=3")),
 )
 
 MUTANTS = (
-    Run("link 1: event loop says encoding without a tick", "link", (*SMALL, "TICKS=1", "MUTANT=1")),
-    Run("link 2: loops look at the state alone", "link", (*SMALL, "MUTANT=2")),
-    Run("link 3: session never expires", "link", (*WRAPS, "MUTANT=3")),
-    Run("link 4: no replay window", "link", (*SMALL, "REPLAYS=1", "MUTANT=4")),
-    Run("link 5: age by number is not asked", "link", (*WRAPS, "MUTANT=5")),
-    Run("link 6: loop age of an update is not asked", "link", (*SMALL, "MUTANT=6")),
-    Run("link 7: newest by arrival, not by number", "link", (*SMALL, "MUTANT=7")),
-    Run("link 8: no guardian", "link", (*SMALL, "STOPS=1", "MUTANT=8")),
-    Run("link 9: pending session never expires", "link", (*WRAPS, "MUTANT=9")),
-    Run("link 10: engaged while the other is heard", "link", (*SMALL, "MUTANT=10")),
-    Run("limits 11: no limit of reception", "limits", ("CHECK=10", "MUTANT=11")),
-    Run("limits 26: a session opens without its round trip", "limits", ("CHECK=10", "MUTANT=26")),
-    Run("limits 29: an end drives while its session opens", "limits", ("CHECK=10", "MUTANT=29")),
+    *(
+        Run(f"link {number}: {fault}", "link", (*switches, f"MUTANT={number}"))
+        for number, fault, switches in (
+            (1, "event loop says encoding without a tick", (*CHANGING_LITTLE, "TICKS=1")),
+            (2, "loops look at the state alone", CHANGING),
+            (3, "session never expires", WRAPS),
+            (4, "no replay window", (*CHANGING, "REPLAYS=1")),
+            (5, "age by number is not asked", WRAPS),
+            (6, "loop age of an update is not asked", TOO_YOUNG),
+            (7, "newest by arrival, not by number", CHANGING),
+            (8, "no guardian", (*CHANGING, "STOPS=1")),
+            (9, "pending session never expires", WRAPS),
+            (10, "engaged while the other is heard", CHANGING),
+            (11, "no limit of reception", CHANGING),
+            (12, "R does not extend the limit of the loop age", LONG_PATH),
+            (13, "R does not extend the limit of freshness", LONG_PATH),
+            (14, "freshness by the own R", CHANGING_MUCH),
+            (15, "loop age of an update by the smaller R", CHANGING),
+            (16, "no generation", CHANGING),
+            (17, "generation is that of the last agreement", CHANGING),
+            (18, "master changes R without the answer", CHANGING),
+            (19, "next proposal at once", CHANGING),
+            (20, "next proposal as soon as the slave has changed", CHANGING),
+            (21, "next proposal without having heard the slave", CHANGING),
+            (22, "pause counted from before the own change", CHANGING_MUCH),
+            (23, "R above the longest", CHANGING),
+            (24, "R falls by more than half", CHANGING_MUCH),
+            (25, "session opens on a path too long", CHANGING),
+            (26, "session opens without its round trip", CHANGING),
+            (27, "pending session kept for the limit of reception", LONG_PATH),
+            (28, "no time for the first round trip", LONG_PATH),
+            (29, "an end drives while its session opens", CHANGING),
+            (30, "session ends by loop age, not by silence", PATH_CHANGES),
+            (31, "fade does not allow for R", LONG_PATH),
+            (32, "a repeated proposal is not answered", ANSWERS_LOST),
+            (33, "echo is repeated for ever", DEAF),
+            (34, "path too long for a while ends the master", TOO_LONG),
+            (35, "silent end keeps its update", CHANGING_IN_SILENCE),
+        )
+    ),
     Run("authority 1: slave minds only a session that is heard", "authority", ("MUTANT=1",)),
     Run("authority 2: old HELLOs are answered", "authority", ("MUTANT=2",)),
     Run("authority 3: takeover without the flag", "authority", ("MUTANT=3",)),
@@ -111,7 +168,7 @@ def verify(run: Run, folder: Path, *, is_quick: bool = False) -> Found:
     began = time.monotonic()
     defines = [f"-D{define}" for define in run.defines]
     _output(["spin", "-a", *defines, str(FOLDER / f"{run.model}.pml")], folder)
-    level = "-O0" if is_quick else "-O2"
+    level = "-O1" if is_quick else "-O2"
     _output(["gcc", level, "-w", "-DSAFETY", "-DNOFAIR", "-DMEMLIM=3000", "-o", "pan", "pan.c"], folder)
     output = _output(["./pan", f"-m{DEPTH}", "-n"], folder)
     failure = re.search(r"assertion violated (.*) \(at depth", output)
