@@ -45,10 +45,6 @@ class PressedAxes:
         return most
 
 
-def _largest(torques: Joints) -> float:
-    return max([abs(torque) for torque in torques])
-
-
 class LeaderPort(OperatorEnd):
     """A leader arm in the frame of the follower; a `weberlink.control.port.Port`.
 
@@ -111,7 +107,6 @@ class LeaderPort(OperatorEnd):
             (sensor, axes) for sensor, axes in zip(self._sensors, pressed, strict=False) if axes is not None
         ]
         self._delay = delay
-        self.unfounded = False
         self._contacts = [
             (sensor, contact, sensor.part(least)) for sensor, contact in zip(self._sensors, contacts, strict=False)
         ]
@@ -119,18 +114,10 @@ class LeaderPort(OperatorEnd):
         self._none: Joints = (0.0,) * spec.axes
         self.angles = self.command = self.decoded = self.output = self._none
 
-    def reset(self) -> None:
-        super().reset()
-        self._forget()
-
-    def restart(self) -> None:
-        super().restart()
-        self._forget()
-
     def _forget(self) -> None:
+        super()._forget()
         for _, contact, _ in self._contacts:
             contact.reset()
-        self.unfounded = False
 
     @property
     def angle_range(self) -> tuple[Joints, Joints]:
@@ -196,7 +183,7 @@ class LeaderPort(OperatorEnd):
                 decoded = sensor.part(self.decoded)
                 stated = 0.0 if any(abs(torque) > most for torque, most in zip(decoded, least, strict=True)) else inf
                 most = contact.bound(asked, elapsed, round_trip, stated=stated)
-                largest = _largest(part)
+                largest = max([abs(torque) for torque in part])
                 if largest > most:
                     part = tuple([torque * most / largest for torque in part])
                 unfounded |= contact.unfounded

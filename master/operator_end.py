@@ -30,6 +30,7 @@ class OperatorEnd:
         self.buttons = 0
         self.enabled = button is None
         self.ended = False
+        self.unfounded = False
         self.slew_ticks = 0
         """Ticks in which a slew limit held force or torque back."""
         self.clipped = False
@@ -65,8 +66,14 @@ class OperatorEnd:
 
     def reset(self) -> None:
         self.gate.close()
+        self._forget()
 
     def restart(self) -> None:
         self.gate.close()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Drop what was heard of contacts."""
+        self.unfounded = False
 
     def release(self, *, retreat: bool) -> None: ...

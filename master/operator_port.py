@@ -21,9 +21,8 @@ known, which takes some samples of its force."""
 
 
 LOOK_S = 0.005
-"""Time between two looks at whether the robot's end states a contact, while there is a force, and for how long it must:
-a command that jumps past a model is no contact. So long a correction of what is looked at is waited for, too, beside
-the jitter [s]."""
+"""A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
+for so much longer than the round trip and its jitter [s]."""
 
 
 class HandPosition:
@@ -261,23 +260,16 @@ class OperatorPort(OperatorEnd):
         self.device, self.displays, self.control = device, displays, control
         self.hand = hand
         self._endpoint = endpoint
-        self.unfounded = self._was_doubtful = False
+        self._was_doubtful = False
         self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
         self._contact = displays[0].contact
         self._tick = 0.0
 
-    def reset(self) -> None:
-        super().reset()
-        self._forget()
-
-    def restart(self) -> None:
-        super().restart()
-        self._forget()
-
     def _forget(self) -> None:
+        super()._forget()
         if self._contact is not None:
             self._contact.reset()
-        self.unfounded = self._was_doubtful = False
+        self._was_doubtful = False
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control

@@ -10,10 +10,11 @@ from weberlink.geometry.vector import ZERO, Vector
 
 PATIENCE = 0.045
 """Time beyond the round trip for which the robot's end may leave a force without a contact [s]: for a robot that lags
-behind its command, and an update that comes late. Together with the time between two looks it is 50 ms."""
+behind its command, and an update that comes late. 5 ms below what the law allows: a contact that a model claims counts
+as younger than it may be by so much (`weberlink.master.operator_port.ContactWatch`)."""
 FALL = 0.015
-"""Last part of it, in which the bound falls [s]: until then the jitter, and the time that a look takes, may delay the
-news of a contact."""
+"""Last part of it, in which the bound falls to what needs no contact [s]; jitter may delay the news of one until then.
+"""
 FADE = 0.1
 """Time in which what is left falls to zero [s]."""
 GRACE = 0.05
@@ -167,8 +168,8 @@ class ContactLimiter:
         free: largest force that needs no contact.
         lasted: time for which more than `free` was asked for since a contact was stated [s].
         quiet: whether nothing is bounded, and nothing was asked for lately that needs a contact.
-        doubtful: whether it has lasted so long that the bound falls, or has not risen yet.
-        unfounded: whether what is asked for is at fault, likewise.
+        doubtful: whether it has lasted so long that the bound falls.
+        unfounded: whether more than `free` was asked for until `GRACE` after the limit; it ends with the doubt.
     """
 
     __slots__ = ("_bound", "_free", "_longest", "_most", "doubtful", "free", "lasted", "quiet", "unfounded")
