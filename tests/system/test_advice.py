@@ -13,7 +13,7 @@ from weberlink.control.passivity import passivity_limit
 from weberlink.system.advice import advise, borne_round_trip, on_measured_delay, uncontrolled_delay
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, SLAVE, load
-from weberlink.system.launcher import Session
+from weberlink.system.launcher import MEASURED_S, Session
 
 HINDERED = (
     "codec.force.weber=0.5",
@@ -151,7 +151,8 @@ def test_session_tells_advice_on_the_measured_delay_once() -> None:
         return "too far"
 
     overrides = [*at(47012), *PATIENT[1::2]]
-    with Session(configuration(*overrides), overrides, SIDES, 2.5, tell=told.append, on_delay=advice) as running:
+    seconds = MEASURED_S + 2.0
+    with Session(configuration(*overrides), overrides, SIDES, seconds, tell=told.append, on_delay=advice) as running:
         running.run()
     assert told == ["note: too far"]
     assert 0.0 < asked[0] < 0.05

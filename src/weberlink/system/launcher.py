@@ -56,6 +56,8 @@ LEFT_FOR_S = 3600.0
 """Age at which files without a writer are removed [s]; until then their last records can be read."""
 TELL_S = 0.5
 """Time between two looks at what is to be told at once."""
+MEASURED_S = 2.0
+"""Time in a session after which the median round trip is that of the link: a process that stalls lengthens it too."""
 TOLD_AT_ONCE = ("key", "refused", "no_answer", "lost")
 """Causes of a verdict that a person can remove while the session runs; a recording that ends is told with its path."""
 STOP_LIMIT_S = 15.0
@@ -370,9 +372,9 @@ class Session:
         for name in causes.keys() - self._told:
             self.tell(causes[name].text)
         self._told = set(causes)
-        median_us = figures["link"]["rtt_us"]["p50"]
-        advice = None if self._has_advised or median_us is None else self.on_delay(1e-6 * median_us)
-        if advice is not None:
+        median_us, sides = figures["link"]["rtt_us"]["p50"], figures["connection"].values()
+        is_measured = median_us is not None and any(side and side["connected_s"] >= MEASURED_S for side in sides)
+        if is_measured and not self._has_advised and (advice := self.on_delay(1e-6 * median_us)) is not None:
             self._has_advised = True
             self.tell(f"{NOTE}{advice}")
 

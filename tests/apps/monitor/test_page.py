@@ -154,7 +154,10 @@ def test_arm_shows_axes_by_name(page: Browser, server: ScriptedServer) -> None:
     }
     assert page.run("return document.getElementById('panel-scene').clientHeight") == 0
     table = "return [...document.getElementById(arguments[0]).rows].map(r => [...r.cells].map(c => c.textContent))"
-    page.wait(lambda: not {"", UNKNOWN} & set(page.run(table, "axes")[0]), "both sides")
+    page.wait(
+        lambda: not {"", UNKNOWN} & {*page.run(table, "axes")[0], *page.run(table, "arm-channels")[0]},
+        "both sides and their packets",
+    )
     rows = page.run(table, "axes")
     assert [row[0] for row in rows] == session.ARM
     last = {side: session.arm(side, 0.0, 6.0)["columns"] for side in ("master", "slave")}
