@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from weberlink.arms.contract import ArmFault, ArmReading, LeaderArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import JointMaster
+from weberlink.control.contract import AxesMaster
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.master.operator_end import OperatorEnd
 from weberlink.master.safety import ContactLimiter, ForceGate, TorqueLimiter
@@ -67,7 +67,6 @@ class LeaderPort(OperatorEnd):
         joints: the sensor of the channel of the joints.
         gripper: that of the gripper; None without one.
         angles: as measured [rad].
-        command: the angles to send, after the control scheme [rad].
         decoded: torques before all limits [N m].
         output: torques as commanded [N m].
 
@@ -81,7 +80,7 @@ class LeaderPort(OperatorEnd):
         self,
         *,
         arm: LeaderArm,
-        control: JointMaster,
+        control: AxesMaster,
         endpoint: Endpoint,
         gate: ForceGate,
         most: Joints,
@@ -96,7 +95,8 @@ class LeaderPort(OperatorEnd):
         spec = arm.spec
         if len(most) != spec.axes:
             raise ValueError(f"{spec.name} has {spec.axes} axes, but there are {len(most)} torque limits")
-        self.arm, self.control = arm, control
+        self.arm, self._control = arm, control
+        self.controls = (control,)
         self._sensors = sensors("angles", len(spec.joints), spec.axes)
         self.joints: AxesSensor = self._sensors[0]
         self.gripper: AxesSensor | None = self._sensors[1] if spec.gripper else None
@@ -112,7 +112,7 @@ class LeaderPort(OperatorEnd):
         ]
         self._nothing = [sensor.value for sensor in self._sensors]
         self._none: Joints = (0.0,) * spec.axes
-        self.angles = self.command = self.decoded = self.output = self._none
+        self.angles = self.decoded = self.output = self._none
 
     def _forget(self) -> None:
         super()._forget()
@@ -129,14 +129,12 @@ class LeaderPort(OperatorEnd):
         return super().accept(reading)
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
-        endpoint, control = self._endpoint, self.control
-        control.observe(self.angles, elapsed, tick, endpoint.peer_credit, endpoint)
-        self.command = control.command(self.angles)
+        self._control.observe(self.angles, elapsed)
         for sensor in self._sensors:
-            sensor.keep(self.command)
+            sensor.keep(self.angles)
         for sensor, axes in self._pressed:
             sensor.most = axes.share(sensor.part(self.decoded))
-        return control.credit
+        return 0
 
     def actuate(
         self,
@@ -147,7 +145,7 @@ class LeaderPort(OperatorEnd):
         *,
         engaged: bool,
     ) -> None:
-        gate, limiter, control = self.gate, self._limiter, self.control
+        gate, limiter, control = self.gate, self._limiter, self._control
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
         self.decoded = self._all(values)
@@ -189,7 +187,7 @@ class LeaderPort(OperatorEnd):
                 unfounded |= contact.unfounded
             founded += part
         if unfounded and not self.unfounded:
-            self.control.resume(self._endpoint.peer_credit)
+            self._control.resume(self._endpoint.peer_credit)
         self.unfounded = unfounded
         return founded + output[len(founded) :]
 
@@ -203,7 +201,7 @@ class LeaderPort(OperatorEnd):
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
         joints = len(self.joints.value)
-        row.joint_position, row.joint_raw = placed(self.angles, joints), placed(self.command, joints)
+        row.joint_position, row.joint_raw = placed(self.angles, joints), placed(self.angles, joints)
         row.joint_decoded, row.joint_output = placed(self.decoded, joints), placed(self.output, joints)
         row.slew_ticks, row.clipped = self.slew_ticks, self.clipped
         row.ramping = self.gate.ramping if self.enabled else RELEASED

@@ -1,12 +1,13 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
-from math import ceil, hypot, inf
-from typing import ClassVar
+from math import hypot, inf
+from typing import Any, ClassVar
 
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.sample import Sample
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S, MasterControl
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, UNREACHED_S, AxesMaster, Control, MasterControl
+from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading
 from weberlink.master.operator_end import OperatorEnd
@@ -14,11 +15,6 @@ from weberlink.master.safety import ContactLimiter, ForceGate, ForceLimiter, Sle
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
-
-GRIP_S = 0.1
-"""Time with full force after which a grip is settled [s]: the hand has come to rest, and the stiffness of a contact is
-known, which takes some samples of its force."""
-
 
 LOOK_S = 0.005
 """A force lasts for so long until the received model is asked for a contact, and a correction of the model is waited
@@ -83,10 +79,9 @@ class ContactWatch:
         decoder: of the force.
         endpoint: measures the link.
         least: smallest force that states a contact [N]: less may be left over within the deadband.
-        tick_period: of both sides [s].
+        sent: the commands so far.
         delay: what look-ahead and play-out add to the round trip [s].
         playout: how much later than received an update is used [ticks].
-        longest: longest round trip [s].
     """
 
     def __init__(
@@ -96,33 +91,27 @@ class ContactWatch:
         endpoint: Endpoint,
         *,
         least: float,
-        tick_period: float,
+        sent: SentCommands,
         delay: float,
         playout: int,
-        longest: float,
     ) -> None:
         self.limiter, self._decoder, self._endpoint = limiter, decoder, endpoint
         self._least = least
-        self._tick_period = tick_period
+        self._sent = sent
         self._delay = delay
         self._playout = playout
-        self._longest = ceil((longest + delay) / tick_period) + 1
-        self._commands = [ZERO] * self._longest
-        self._newest = self._known = 0
         self._tick = self._claimed = 0.0
         self._newest_sample: Sample | None = None
         self._is_new = False
 
     def reset(self) -> None:
         self.limiter.reset()
-        self._known = 0
+        self._sent.reset()
         self._claimed = 0.0
 
     def follow(self, command: Vector, tick: float) -> None:
         """Take in the command of this tick [m], and the present tick of the other side."""
-        self._newest = (self._newest + 1) % self._longest
-        self._commands[self._newest] = command
-        self._known += 1
+        self._sent.add(command)
         self._tick = tick
         newest = self._decoder.newest
         self._is_new, self._newest_sample = newest is not self._newest_sample, newest
@@ -161,9 +150,7 @@ class ContactWatch:
     def _models(self, round_trip: float | None) -> bool:
         """Whether the received model states a contact where the robot was as the newest news of it left."""
         waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
-        ago = min(round(waited / self._tick_period), self._known - 1, self._longest - 1)
-        there = self._commands[self._newest - ago]  # an index below 0 counts from the end
-        x, y, z = self._decoder.stated(self._tick - self._playout, there)
+        x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
         return hypot(x, y, z) > self._least
 
 
@@ -174,7 +161,7 @@ class Display:
         limiter: bounds the magnitude.
         slew: bounds the rate of change.
         write: commands the device; None where it cannot display this, and nothing is felt.
-        control: renders the force that the decoder gives; None to display it as it is.
+        control: renders the force or torque that the decoder gives; None to display it as it is.
         contact: ends what no contact founds; None for what is displayed as it is decoded.
 
     Attributes:
@@ -188,7 +175,7 @@ class Display:
         limiter: ForceLimiter,
         slew: SlewLimiter,
         write: Callable[[Vector, float], None] | None,
-        control: MasterControl | None = None,
+        control: MasterControl | AxesMaster | None = None,
         contact: ContactWatch | None = None,
     ) -> None:
         self.limiter, self.slew, self._write, self._control, self.contact = limiter, slew, write, control, contact
@@ -210,7 +197,8 @@ class Display:
         """
         self.decoded = decoded
         control, slew = self._control, self.slew
-        limited = self.limiter.limit(decoded if control is None else control.render(decoded))
+        wanted: Any = decoded if control is None else control.render(decoded)  # three values, of a force or a torque
+        limited = self.limiter.limit(wanted)
         self.asked = asked = hypot(limited[0], limited[1], limited[2])
         slewed = slew.place(limited) if step is None else slew.limit(limited, step)
         output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
@@ -241,6 +229,8 @@ class OperatorPort(OperatorEnd):
         hand: the sensor of the position channel.
         gate: fades all displays in and out.
         button: only while it is held, the robot follows and force is displayed; None for always.
+        turning: the operator's end for torques, and what gives the rotation of the handle so far [rad]; None without
+            torques.
     """
 
     fault: ClassVar[type[DeviceFault]] = DeviceFault
@@ -255,13 +245,14 @@ class OperatorPort(OperatorEnd):
         hand: HandPosition,
         gate: ForceGate,
         button: int | None = None,
+        turning: tuple[AxesMaster, Callable[[], Vector]] | None = None,
     ) -> None:
         super().__init__(device, gate, button)
-        self.device, self.displays, self.control = device, displays, control
+        self.device, self.displays, self._control, self._turning = device, displays, control, turning
+        self.controls: Sequence[Control] = [control] if turning is None else [control, turning[0]]
         self.hand = hand
         self._endpoint = endpoint
         self._was_doubtful = False
-        self._settles_for = 0.0  # full force for so long until the grip counts as settled [s]
         self._contact = displays[0].contact
         self._tick = 0.0
 
@@ -272,9 +263,12 @@ class OperatorPort(OperatorEnd):
         self._was_doubtful = False
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
-        endpoint, control = self._endpoint, self.control
+        endpoint, control = self._endpoint, self._control
         self._tick = tick
         control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
+        if self._turning is not None:
+            turning, turned = self._turning
+            turning.observe(turned(), elapsed)
         return control.credit
 
     def actuate(
@@ -289,12 +283,6 @@ class OperatorPort(OperatorEnd):
         gate = self.gate
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
-        if not self.enabled:
-            self._settles_for = GRIP_S
-        if self._settles_for > 0.0:
-            self._grip(values[0] or ZERO, gain)
-            if gain == 1.0:
-                self._settles_for -= step
         contact = self._contact
         if contact is not None:
             contact.follow(self.hand.command, self._tick)
@@ -316,16 +304,11 @@ class OperatorPort(OperatorEnd):
         it is asked for a complete update.
         """
         if limiter.doubtful and not self._was_doubtful:
-            self.control.refute()
+            self._control.refute()
             self._endpoint.request_full_state()
         if limiter.unfounded and not self.unfounded:
-            self.control.resume(self._endpoint.peer_credit)
+            self._control.resume(self._endpoint.peer_credit)
         self._was_doubtful, self.unfounded = limiter.doubtful, limiter.unfounded
-
-    def _grip(self, force: Vector, gain: float) -> None:
-        """Tell the control what the contact stores in which the operator takes or leaves the handle."""
-        strength = min(hypot(force[0], force[1], force[2]), self.displays[0].limiter.most)
-        self.control.grip(0.5 * strength * strength / self.control.stiffness, gain)
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads
         force = self.displays[0]

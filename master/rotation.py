@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from math import inf, pi
 
-from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, unit_quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, add, distance
 from weberlink.master.devices.contract import DeviceReading
 
 
@@ -14,10 +14,15 @@ class HandOrientation:
     Args:
         on_jump: called when another vector of nearly the same rotation follows: a new signal, which nothing before it
             may extrapolate.
+
+    Attributes:
+        turned: sum of all rotations from each reading to the next [rad]: a torque does work over it.
     """
 
     def __init__(self, on_jump: Callable[[], None]) -> None:
         self.value: Vector = ZERO
+        self.turned: Vector = ZERO
+        self._before = IDENTITY
         self._usable: Quaternion | None = None
         self._on_jump = on_jump
 
@@ -28,6 +33,8 @@ class HandOrientation:
 
     def take(self, reading: DeviceReading) -> None:  # noqa: ARG002 - checked before
         assert self._usable is not None
+        self.turned = add(self.turned, vector(product(self._usable, inverse(self._before))))
+        self._before = self._usable
         turned = vector(self._usable, self.value)
         if distance(turned, self.value) > pi:
             self._on_jump()

@@ -6,9 +6,9 @@ from typing import ClassVar, Final
 
 from weberlink.arms.contract import ArmFault, ArmReading, ExplainsArm, FollowerArm
 from weberlink.arms.sensor import AxesSensor, sensors
-from weberlink.control.contract import JointSlave
+from weberlink.control.contract import Control
+from weberlink.control.direct import NoControl
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.joint_safety import JointGuard, JointPressLimit
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row, placed
@@ -21,8 +21,6 @@ class FollowerPort:
 
     Args:
         arm: not yet open.
-        control: the teleoperator's end of the control scheme, on all axes.
-        endpoint: measures the link.
         lower: least angles that may be commanded [rad].
         upper: largest ones [rad].
         speed: largest speed of an axis while following [rad/s].
@@ -53,13 +51,12 @@ class FollowerPort:
     at_rest: Final = True
     unfounded: Final = False
     ended: Final = False
+    controls: Final[tuple[Control, ...]] = (NoControl(),)
 
     def __init__(
         self,
         *,
         arm: FollowerArm,
-        control: JointSlave,
-        endpoint: Endpoint,
         lower: Joints,
         upper: Joints,
         speed: float,
@@ -72,7 +69,7 @@ class FollowerPort:
         spec = arm.spec
         if not len(lower) == len(upper) == len(press) == len(trip) == spec.axes:
             raise ValueError(f"{spec.name} has {spec.axes} axes; each limit must have as many")
-        self.arm, self.control, self.name, self._by_button = arm, control, spec.name, by_button
+        self.arm, self.name, self._by_button = arm, spec.name, by_button
         self._sensors = sensors("torques", len(spec.joints), spec.axes)
         self.joints: AxesSensor = self._sensors[0]
         self.gripper: AxesSensor | None = self._sensors[1] if spec.gripper else None
@@ -80,7 +77,6 @@ class FollowerPort:
             lower=lower, upper=upper, trip=trip, speed=speed, approach_speed=approach_speed, ramp=ramp
         )
         self._press_limit = JointPressLimit(press, spec.stiffness_nm_rad, spec.torque_error_nm)
-        self._endpoint = endpoint
         self.angle_range = lower, upper
         self._is_overloaded = False
         self.contact_ticks = 0
@@ -139,14 +135,12 @@ class FollowerPort:
         self.shown = torques if share == 1.0 else tuple([share * torque for torque in torques])
         for sensor in self._sensors:
             sensor.keep(self.shown)
-        if encodes:
-            self.control.observe(self.applied, torques)
-        return self.control.credit
+        return 0
 
     def actuate(
-        self, values: Sequence[Joints | None], now: float, elapsed: float, step: float, *, engaged: bool
+        self, values: Sequence[Joints | None], now: float, elapsed: float, step: float, *, engaged: bool  # noqa: ARG002
     ) -> None:
-        wanted = self._wanted(values, elapsed) if engaged and not self._is_overloaded else None
+        wanted = self._wanted(values) if engaged and not self._is_overloaded else None
         if wanted is None:
             self.applied = self._guard.hold(step)
             self._press_limit.forget()
@@ -156,17 +150,14 @@ class FollowerPort:
             self.applied = self._guard.follow(goal, step)
         self.arm.follow(self.applied, now)
 
-    def _wanted(self, values: Sequence[Joints | None], elapsed: float) -> Joints | None:
-        """The angles of all axes that the control scheme commands [rad]; None unless all were decoded."""
+    def _wanted(self, values: Sequence[Joints | None]) -> Joints | None:
+        """The angles of all axes that the leader commands [rad]; None unless all were decoded."""
         commanded: Joints = ()
         for value in values:
             if value is None or not is_finite(value):
                 return None
             commanded += value
-        commanded += self.applied[len(commanded) :]  # a gripper that the session does not lead
-        endpoint = self._endpoint
-        wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
-        return wanted if is_finite(wanted) else None
+        return commanded + self.applied[len(commanded) :]  # a gripper that the session does not lead
 
     def report(self, row: Row, *, is_led: bool) -> None:
         joints, guard = len(self.joints.value), self._guard

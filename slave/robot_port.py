@@ -111,7 +111,8 @@ class RobotPort:
         trip_force: float,
         by_button: bool = False,
     ) -> None:
-        self.robot, self.followers, self.control, self._by_button = robot, followers, control, by_button
+        self.robot, self.followers, self._control, self._by_button = robot, followers, control, by_button
+        self.controls = (control,)
         self.name = robot.spec.name
         self.force = ContactForce(self, robot.spec.stiffness_n_m)
         self.commanded: Vector = ZERO
@@ -222,8 +223,8 @@ class RobotPort:
 
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
         if encodes:
-            self.control.observe(self.applied, self.force.value)
-        return self.control.credit
+            self._control.observe(self.applied, self.force.value)
+        return self._control.credit
 
     def actuate(
         self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool
@@ -237,7 +238,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             endpoint = self._endpoint
-            wanted = self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
+            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
             goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
             self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)

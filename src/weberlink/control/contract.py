@@ -1,7 +1,7 @@
 """The interface of a control scheme: one class for each end of the link."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol
 
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
@@ -16,7 +16,7 @@ UNREACHED_S = 0.03
 """Time for which a robot that follows may lag behind a contact that the operator feels already [s]."""
 
 FREE_FORCE = 1.0
-"""Largest force on the hand that may last without a contact [N]: the drag of a scheme is no larger."""
+"""Largest force on the hand that may last without a contact [N]."""
 
 
 class LinkQuality(Protocol):
@@ -32,28 +32,15 @@ class LinkQuality(Protocol):
 
 
 class WallModel(Protocol):
-    """A received model of a contact: an elastic surface that may have friction and may move."""
+    """A received model of a contact: an elastic surface."""
 
     @property
     def stiffness(self) -> float:
-        """Stiffness s [N/m]; at a force f the surface stores f^2 / (2 s) [J]."""
-        ...
-
-    @property
-    def memory(self) -> Any:
-        """The god-object of friction at the newest sample, for `advance`; None without friction."""
+        """Stiffness s [N/m]."""
         ...
 
     def at(self, tick: float, position: Vector) -> Vector:
         """The force without friction [N], at a tick of the other side and a position [m]."""
-        ...
-
-    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
-        """The force with friction [N], and the new memory. Not called if `memory` is None."""
-        ...
-
-    def displacement(self, tick: float) -> Vector:
-        """How far the surface has moved since its newest sample [m]."""
         ...
 
 
@@ -61,18 +48,14 @@ class Control(Protocol):
     """The part of the interface that both ends share."""
 
     @property
-    def active(self) -> str:
-        """Name of the active scheme, a key of `weberlink.control.table.SCHEMES`."""
-        ...
-
-    @property
-    def tank(self) -> float:
-        """Energy that this side may still spend [J]; negative for a debt."""
+    def energy(self) -> float:
+        """What this end may still give [J]; negative for a debt, 0 where it keeps no account."""
         ...
 
     @property
     def credit(self) -> int:
-        """Energy handed to the other side since the session began, in units of `CREDIT_STEP`; never decreases."""
+        """Energy that this end tells the other one of since the session began, in units of `CREDIT_STEP`; never
+        decreases."""
         ...
 
     def reset(self) -> None:
@@ -90,51 +73,16 @@ class Control(Protocol):
         ...
 
 
-@runtime_checkable
-class Switchable(Protocol):
-    """A scheme that consists of others, of which both ends use the same one."""
-
-    def use(self, scheme: str) -> None:
-        """Use the scheme of this name from now on."""
-        ...
-
-
-@runtime_checkable
-class Choosing(Switchable, Protocol):
-    """The operator's end of such a scheme, which chooses for both."""
-
-    @property
-    def wanted(self) -> str | None:
-        """Name of the scheme that both ends should change to; None for no change."""
-        ...
-
-    def fall_back(self) -> None:
-        """Call for the scheme that is safe at any delay: the link fell silent."""
-        ...
-
-
 class MasterControl(Control, Protocol):
     """The operator's end of a scheme.
 
-    Calls in a tick: `learn` for each update, `observe`, `command`, `grip` if the grip changes, `render`, `displayed`,
-    `refute` if that lasts without a contact.
+    Calls in a tick: `learn` for each update, `observe`, `command`, `render`, `displayed`; and `refute` if that lasts
+    without a contact.
     """
 
     @property
     def stiffness(self) -> float:
         """Stiffness of the contact by the newest model, or that of the robot's coupling if there is none [N/m]."""
-        ...
-
-    def grip(self, stored: float, share: float) -> None:
-        """Take in that the operator takes the handle or lets it go, maybe within a contact.
-
-        Called before `render` from a release on until the next grip is settled: the force has faded in, and the
-        stiffness of a contact is known.
-
-        Args:
-            stored: energy that the contact stores at the force of this tick [J].
-            share: of that force which is displayed now, 0..1.
-        """
         ...
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
@@ -203,18 +151,19 @@ class SlaveControl(Control, Protocol):
         ...
 
 
-class JointMaster(Control, Protocol):
-    """The leader's end of a scheme for joints; angles and torques of all axes.
+class AxesMaster(Control, Protocol):
+    """The operator's end of a scheme for axes that turn: the joints of an arm, or the three of a handle.
 
-    Calls in a tick: `observe`, `command`, `render`, `displayed`.
+    Calls in a tick: `observe`, `render`, `displayed`.
     """
 
-    def observe(self, position: Joints, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
-        """Book the work of the last tick; as of `MasterControl`, for the angles of the leader [rad]."""
-        ...
+    def observe(self, position: Joints, elapsed: float) -> None:
+        """Book the work of the last tick.
 
-    def command(self, position: Joints) -> Joints:
-        """The angles to send [rad] for these angles of the leader [rad]."""
+        Args:
+            position: angles of all axes [rad]; only their changes count.
+            elapsed: time since the last call [s].
+        """
         ...
 
     def render(self, torque: Joints) -> Joints:
@@ -222,28 +171,25 @@ class JointMaster(Control, Protocol):
         ...
 
     def displayed(self, torque: Joints) -> None:
-        """Take in the commanded torques of the leader [N m], which are held until the next tick."""
+        """Take in the commanded torques [N m], which are held until the next tick."""
         ...
 
 
-class JointSlave(Control, Protocol):
-    """The follower's end of a scheme for joints. Calls in a tick: `follow`, then `observe` once the arm was read."""
+@dataclass(frozen=True)
+class AccountParameters:
+    """What bounds the energy out of the hand (`weberlink.control.account`), in the frame of what is displayed.
 
-    def follow(self, target: Joints, here: Joints, elapsed: float, peer_credit: int, quality: LinkQuality) -> Joints:
-        """The angles to command [rad]; as of `SlaveControl`.
+    Args:
+        allowance: energy that the hand may get beyond what it gave [J].
+        refill: power with which the allowance returns [W].
+        damping: that every hand has at least [N s/m].
+        power: with which a contact may spend the allowance [W].
+    """
 
-        Args:
-            target: decoded angles of the leader [rad].
-            here: last commanded angles [rad].
-            elapsed: time since the last call [s].
-            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
-            quality: state of the link.
-        """
-        ...
-
-    def observe(self, position: Joints, torque: Joints) -> None:
-        """Book the work of this tick: commanded angles [rad], torques of the environment on the follower [N m]."""
-        ...
+    allowance: float
+    refill: float
+    damping: float
+    power: float
 
 
 @dataclass(frozen=True)
@@ -252,19 +198,14 @@ class SchemeParameters:
 
     Args:
         tick_period: tick period of both sides [s].
-        force_range: largest force that the robot reports [N].
-        level: energy at which a tank counts as full [J].
-        damping: damping of the drag that fills an empty tank [N s/m]; less the fuller the tank is.
-        catch_up_speed: speed at which the robot reduces its distance to the operator, added to the operator's own
-            motion [m/s].
         coupling: stiffness of the robot towards its command [N/m].
-        free_force: largest force without a contact [N]; that of a drag, too.
+        account: of the force on the hand.
+        delay: what look-ahead and play-out of both directions add to the round trip [s].
+        longest: longest round trip, with that delay [s].
     """
 
     tick_period: float
-    force_range: float
-    level: float
-    damping: float
-    catch_up_speed: float
     coupling: float
-    free_force: float = FREE_FORCE
+    account: AccountParameters
+    delay: float = 0.0
+    longest: float = 1.0

@@ -11,14 +11,13 @@ from weberlink.geometry.vector import Vector
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class _Uncontrolled:
+class NoControl:
+    """An end that controls nothing."""
+
     __slots__ = ()
 
-    active: ClassVar[str] = "none"
-    tank: ClassVar[float] = 0.0
+    energy: ClassVar[float] = 0.0
     credit: ClassVar[int] = 0
-
-    def __init__(self, settings: SchemeParameters) -> None: ...
 
     def reset(self) -> None: ...
 
@@ -26,13 +25,12 @@ class _Uncontrolled:
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class DirectMaster(_Uncontrolled):
+class DirectMaster(NoControl):
     """Displays the decoded force."""
 
     __slots__ = ("_coupling", "stiffness")
 
     def __init__(self, settings: SchemeParameters) -> None:
-        super().__init__(settings)
         self.stiffness = self._coupling = settings.coupling
 
     def reset(self) -> None:
@@ -40,8 +38,6 @@ class DirectMaster(_Uncontrolled):
 
     def resume(self, peer_credit: int) -> None:  # noqa: ARG002
         self.reset()
-
-    def grip(self, stored: float, share: float) -> None: ...
 
     def refute(self) -> None: ...
 
@@ -62,7 +58,7 @@ class DirectMaster(_Uncontrolled):
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class DirectSlave(_Uncontrolled):
+class DirectSlave(NoControl):
     """Follows the decoded position."""
 
     __slots__ = ()

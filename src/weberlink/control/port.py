@@ -51,8 +51,8 @@ class Port(Protocol):
         """The exception that `latest` raises if the device or robot cannot continue."""
 
     @property
-    def control(self) -> Control:
-        """This end of the control scheme."""
+    def controls(self) -> Sequence[Control]:
+        """This end of the control scheme: of the force and, with six degrees of freedom, of the torque."""
 
     @property
     def trouble(self) -> str | None:

@@ -36,24 +36,11 @@ BUILT_IN = {
         does="what is decoded is displayed and followed",
         reads_position=False,
     ),
-    "tdpa": Scheme(
-        "weberlink.control.tdpa:TdpaMaster",
-        "weberlink.control.tdpa:TdpaSlave",
+    "bounded": Scheme(
+        "weberlink.control.bounded:BoundedMaster",
+        "weberlink.control.bounded:BoundedSlave",
         carries_credit=True,
-        does="energy tanks and passivity controllers at both ports",
-        reads_position=False,
-    ),
-    "mmt": Scheme(
-        "weberlink.control.mmt:MmtMaster",
-        "weberlink.control.direct:DirectSlave",
-        carries_credit=False,
-        does="the operator feels the fitted surface at once",
-    ),
-    "auto": Scheme(
-        "weberlink.control.auto:AutoMaster",
-        "weberlink.control.auto:AutoSlave",
-        carries_credit=True,
-        does="none, tdpa or mmt, by the measured delay",
+        does="what is known of the contact is felt, within an account of energy",
     ),
 }
 
@@ -64,7 +51,7 @@ def _check(name: str, entry: Any) -> None:
 
 
 SCHEMES: Registry[Scheme] = Registry("control scheme", BUILT_IN, "weberlink.control_schemes", _check)
-"""By name; the index of a scheme in this order is its code in a telemetry record."""
+"""By name."""
 if TYPE_CHECKING:
     SchemeName = str
 else:
@@ -83,7 +70,4 @@ def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
 
 
 def _build(name: str, place: str, settings: SchemeParameters) -> Control:
-    control = import_part(f"control scheme {SCHEMES.owned(name)}", place)(settings)
-    if control.active not in SCHEMES:
-        raise ValueError(f"control scheme {name}: {place}.active is {control.active!r}, which is not a scheme")
-    return cast(Control, control)
+    return cast(Control, import_part(f"control scheme {SCHEMES.owned(name)}", place)(settings))

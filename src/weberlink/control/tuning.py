@@ -20,8 +20,6 @@ UNMEASURED_RTT = 0.1
 """Round trip that is assumed while it is unknown [s]."""
 BUSY = "another change is on its way"
 LATE = "the proposal came too late; ask again"
-CHOICE = "choice"
-"""Key of the scheme that `auto` changes to, in a proposal of the master."""
 
 
 class LiveSettings(NamedTuple):
@@ -30,12 +28,10 @@ class LiveSettings(NamedTuple):
     Args:
         weber: Weber factor k of the force channel, 0 <= k < 1.
         predictor: name of the predictor of the force channel, or "hybrid" or "adaptive".
-        scheme: name of the control scheme; "auto" if the master chooses.
     """
 
     weber: float
     predictor: str
-    scheme: str
 
 
 class ChangeResult(NamedTuple):
@@ -64,8 +60,6 @@ class Tuning:
             than 1.
         apply: makes a change on this side; its second argument is the tick of the peer at which the peer makes it, as
             near as the clocks are known.
-        choices: schemes that the master may choose on its own; none unless the scheme is "auto".
-        use: uses one of them on this side.
         leads: whether this is the master.
     """
 
@@ -73,10 +67,8 @@ class Tuning:
         "_agreed",
         "_apply",
         "_asked",
-        "_choices",
         "_initial",
         "_leads",
-        "_use",
         "generation",
         "permitted",
         "result",
@@ -88,15 +80,12 @@ class Tuning:
         settings: LiveSettings,
         permitted: Mapping[str, Sequence[str]],
         apply: Callable[[LiveSettings, float], None],
-        choices: Sequence[str] = (),
-        use: Callable[[str], None] = lambda _: None,
         *,
         leads: bool = False,
     ) -> None:
         self._initial = self.settings = settings
         self.permitted = permitted
-        self._apply, self._use = apply, use
-        self._choices = choices
+        self._apply = apply
         self._leads = leads
         self.generation = 0
         """Number of changes of `settings` since the session began."""
@@ -108,13 +97,7 @@ class Tuning:
     @property
     def pending(self) -> LiveSettings | None:
         """Settings that are agreed and not yet in effect; None if there are none."""
-        changes = [agreed.change for agreed in self._agreed if CHOICE not in agreed.change]
-        return self.settings._replace(**changes[-1]) if changes else None
-
-    @property
-    def chooses(self) -> bool:
-        """Whether the master may propose a scheme of its choice now."""
-        return not self.is_busy and self.settings.scheme == self._initial.scheme
+        return self.settings._replace(**self._agreed[-1].change) if self._agreed else None
 
     @property
     def is_busy(self) -> bool:
@@ -123,8 +106,7 @@ class Tuning:
 
     def reset(self) -> None:
         """Begin a new session: return to the settings of the file and drop any open change."""
-        own = [self._asked, *(agreed.change for agreed in self._agreed if not agreed.of_peer)]
-        if any(change is not None and CHOICE not in change for change in own):
+        if self._asked is not None or any(not agreed.of_peer for agreed in self._agreed):
             self.result = ChangeResult(0, "the session ended")
         self._asked, self._agreed = None, []
         if self.settings != self._initial:
@@ -137,7 +119,7 @@ class Tuning:
 
     def _content_complaint(self, change: Mapping[str, object]) -> str | None:
         if not change:
-            return "nothing to change; name weber, predictor or scheme"
+            return "nothing to change; name weber or predictor"
         for name, value in change.items():
             if name not in LiveSettings._fields:
                 return f"unknown setting {name}; known are {', '.join(LiveSettings._fields)}"
@@ -160,11 +142,6 @@ class Tuning:
         self._asked, self.result = change, None
         return _body(change)
 
-    def choose(self, scheme: str) -> bytes:
-        """The message by which the master proposes a scheme of its choice, while `chooses`."""
-        self._asked = {CHOICE: scheme}
-        return _body(self._asked)
-
     def hear(self, tick: int, body: bytes, answered_at: float = -inf) -> str | None:
         """Take in a proposal of the peer; returns None to agree, or the reason of a refusal.
 
@@ -176,11 +153,7 @@ class Tuning:
         change = _read(body)
         if change is None:
             return "not a change"
-        if set(change) == {CHOICE}:
-            is_known = not self._leads and change[CHOICE] in self._choices
-            refusal = None if is_known else f"no {CHOICE} of this session"
-        else:
-            refusal = self._content_complaint(change)
+        refusal = self._content_complaint(change)
         if refusal is not None:
             return refusal
         if self._agreed or (self._asked is not None and self._leads):  # the master refuses a proposal that crosses its
@@ -194,8 +167,7 @@ class Tuning:
         """Take in the answer of the peer to this side's proposal: the tick on this side's clock, and any refusal."""
         self._asked = None
         change = _read(body)
-        if change is None or CHOICE not in change:
-            self.result = ChangeResult(tick, refusal)
+        self.result = ChangeResult(tick, refusal)
         if refusal is None and change is not None:
             self._agreed.append(_Agreed(change, tick, of_peer=False))
 
@@ -214,9 +186,6 @@ class Tuning:
             self._make(agreed.change, agreed.tick if agreed.of_peer else nearest - 1.0 - (tick - agreed.tick))
 
     def _make(self, change: Mapping[str, Any], peer_tick: float) -> None:
-        if CHOICE in change:
-            self._use(change[CHOICE])
-            return
         self.settings = self.settings._replace(**change)
         self.generation += 1
         self._apply(self.settings, peer_tick)
@@ -233,7 +202,6 @@ class _Agreed(NamedTuple):
 _FIXED = {
     "weber": "control.live_changes is off",
     "predictor": "control.live_changes is off, or codec.force.predictor is neither hybrid nor adaptive",
-    "scheme": "control.live_changes is off, or control.scheme is not auto",
 }
 
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.control.auto import NONE, ORDER, RISING, TDPA
 from weberlink.control.passivity import passivity_limit
 from weberlink.master.devices.contract import Device
 from weberlink.slave.robots.contract import Robot
@@ -26,7 +25,6 @@ from weberlink.slave.scenes.settings import ObjectSettings
 from weberlink.system.composition.coupling import FIT_MARGIN, STATED
 from weberlink.system.configuration import Configuration, System
 from weberlink.system.configuration.model import (
-    JOINT_SCHEMES,
     PERCEPTUAL_WEBER_LIMIT,
     EmulationSettings,
     is_loopback,
@@ -43,6 +41,8 @@ ROUNDING = 1.0 + 1e-9
 SILENCE_TICKS = 5
 """Ticks that the silence limit should span: both ends look at the link in ticks."""
 USUAL_RATE_HZ = 1000.0
+UNKNOWN_BORNE = 0.008
+"""Round trip that a usual hand bears on a usual wall without control [s]: 8 N s/m on 500 N/m, with a margin of two."""
 TICK_SHARE = 1 / 3
 """Share of a period that the work of a tick may take; the rest is for a late start, and for all else that runs."""
 
@@ -292,8 +292,6 @@ def _prediction(parts: Parts) -> Iterator[str]:
             f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device.spec.stiffness_n_m:g} N/m of the "
             "device; use at most that"
         )
-    if system.control.scheme in ("mmt", "auto") and not fits_a_surface(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
 
 
 def _lookahead(parts: Parts) -> Iterator[str]:
@@ -308,15 +306,6 @@ def _lookahead(parts: Parts) -> Iterator[str]:
             yield f"{field}: without a deadband every sample is sent, and each only later; use 0"
         elif not (settings.predictor in BANKS or PREDICTORS[settings.predictor].looks_ahead):
             yield f"{field}: {settings.predictor} makes nothing of what it knows ahead; use adaptive or path, or 0"
-    if parts.system.control.scheme == "mmt" and force.lookahead_ms > 0.0:
-        yield "codec.force.lookahead_ms: the local model of mmt needs few updates, and none were saved; use 0"
-
-
-def fits_a_surface(system: System) -> bool:
-    force = system.codec.force
-    return any(
-        PREDICTORS[name].describes_contact for name in (force.bank if force.predictor in BANKS else (force.predictor,))
-    )
 
 
 # --- delay
@@ -352,7 +341,7 @@ def _uncontrolled(parts: Parts) -> Iterator[str]:
     emulated = uncontrolled_delay(parts, 1e-3 * _emulated_ms(system))
     if emulated is not None:
         yield emulated
-    codec, remedy = system.codec, _with_control(system) or "0"
+    codec = system.codec
     ahead_ms = 0.0 if parts.is_of_arms else codec.force.lookahead_ms + codec.position.lookahead_ms
     for field, delay_ms in (
         (f"link.playout_ms {system.link.playout_ms:g}", system.link.playout_ms),
@@ -361,7 +350,7 @@ def _uncontrolled(parts: Parts) -> Iterator[str]:
         if delay_ms > 0.0:
             yield (
                 f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; "
-                f"use {remedy}"
+                "use bounded"
             )
 
 
@@ -370,10 +359,9 @@ def uncontrolled_delay(parts: Parts, round_trip: float) -> str | None:
     system, borne = parts.system, borne_round_trip(parts)
     if system.control.scheme != "none" or round_trip <= borne * ROUNDING:
         return None
-    remedy = _with_control(system)
     return (
         f"control.scheme none: a contact may gain energy at a round trip of {1e3 * round_trip:.3g} ms; here it bears "
-        f"{_at_most(1e3 * borne)} ms; {'shorten the delay' if remedy is None else f'use {remedy}'}"
+        f"{_at_most(1e3 * borne)} ms; use bounded"
     )
 
 
@@ -388,28 +376,14 @@ def borne_round_trip(parts: Parts) -> float:
     """The longest round trip at which a contact gains no energy without control [s].
 
     With damping b of device and hand, and stiffness K and damping B of the stiffest contact as it is felt, that is
-    (b - B) / K - T / 2 - T, the bound of `passivity_limit`. Where b or K is not known, it is the delay at which `auto`
-    ceases to do without control.
+    (b - B) / K - T / 2 - T, the bound of `passivity_limit`. Where b or K is not known, it is `UNKNOWN_BORNE`.
     """
     system, damping = parts.system, _device_damping(parts.configuration)
     coupling = inf if parts.robot is None else parts.robot.spec.stiffness_n_m
     felt = max((min(thing.stiffness_n_m, coupling) for thing in system.slave.scene), default=coupling)
     if damping is None or isinf(felt):
-        return RISING[NONE]
+        return UNKNOWN_BORNE
     return max(0.0, (damping - _wall_damping(system, coupling)) / felt - (0.5 + LOOP_TICKS) * system.tick_period)
-
-
-def _with_control(system: System) -> str | None:
-    """The scheme to use in place of none; None where the file can have no other."""
-    name = allowed_schemes(system)[-1]
-    return None if name == "none" else name
-
-
-def allowed_schemes(system: System) -> tuple[str, ...]:
-    """The schemes that a file can have, the one that suits most delays last."""
-    if system.codec.joints is not None:
-        return JOINT_SCHEMES
-    return ORDER[:TDPA] if system.codec.rotation is not None else (*ORDER, "auto")
 
 
 def _emulated_ms(system: System) -> float:

@@ -182,7 +182,6 @@ def _lines(summary: dict[str, Any], *, connected: bool) -> Iterator[str]:
         yield f"dropped: {_by_side(summary['drops'])}"
     if connected:
         yield from _energy(summary["energy"])
-        yield from _control(summary["control"])
         yield from _limited(summary["limited"])
     yield f"faults: {_by_side(summary['faults']) or 'none'}"
     for side, grants in summary.get("realtime", {}).items():
@@ -298,16 +297,6 @@ def _recording(facts: dict[str, Any]) -> str:
         if facts.get("elapsed_s"):
             line += f", {_percent(facts['cpu_s'] / facts['elapsed_s'])} of a core"
     return line if facts["outcome"] == "complete" else f"{line}; {facts['outcome']}"
-
-
-def _control(control: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """Active control schemes, if any."""
-    for side, facts in control.items():
-        ticks = facts["ticks"]
-        if set(ticks) - {"none"}:
-            shares = ", ".join(f"{name} {_percent(count / sum(ticks.values()), 0)}" for name, count in ticks.items())
-            tank = f"tank {1e3 * facts['tank_min_j']:.1f} to {1e3 * facts['tank_max_j']:.1f} mJ"
-            yield f"{side} control: {shares}; {tank}"
 
 
 def _limited(ticks: dict[str, int]) -> Iterator[str]:

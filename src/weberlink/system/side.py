@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
-from weberlink.control.contract import Choosing
+from weberlink.control.contract import CREDIT_STEP
 from weberlink.control.port import Port
-from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -37,7 +36,6 @@ from weberlink.update import Update
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
 
-SCHEME_CODES = {name: code for code, name in enumerate(SCHEMES)}
 _ENGAGED = State.ENGAGED
 _WITHOUT_SESSION = (State.CONNECTING, State.LISTENING)
 _DEVICE, _UNFOUNDED, _NO_FAULT = Fault.DEVICE, Fault.UNFOUNDED, Fault.NONE
@@ -111,7 +109,6 @@ class Side:
         """Replaced when there is news."""
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
-        self._choosing = port.control if isinstance(port.control, Choosing) else None
         self._tick_period = tick_period
         self._horizon = horizon
         self._watchdog = watchdog
@@ -173,8 +170,6 @@ class Side:
         if self.tuning.is_busy:
             peer_time = self.endpoint.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
-        elif self._choosing is not None and self._choosing.wanted is not None:
-            self._choose(self._choosing.wanted, now)
         self._follow_peer_clock(now)
         if self._waiting:
             self._play_out()
@@ -200,11 +195,6 @@ class Side:
             return "no session: the other side is not there"
         self._propose(self.tuning.ask(change), now)
         return None
-
-    def _choose(self, scheme: str, now: float) -> None:
-        """Ask the peer for the scheme that the control calls for, unless the user has set another one."""
-        if self.tuning.chooses and self.endpoint.state is State.ENGAGED:
-            self._propose(self.tuning.choose(scheme), now)
 
     def _propose(self, body: bytes, now: float) -> None:
         ahead = lead(self.endpoint.rtt, self.endpoint.jitter)
@@ -283,12 +273,12 @@ class Side:
         row.incoming_loss = statistics.incoming_loss
         row.outgoing_loss = statistics.outgoing_loss
         row.peer_burst = endpoint.loss_burst
-        row.tank = port.control.tank
+        control = port.controls[0]
+        row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.peer_credit, control.credit)
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
         row.fault = self._faults.active
-        row.control = SCHEME_CODES[port.control.active]
         row.settings = self.tuning.generation & 0xFF
         port.report(row, is_led=self.engaged or self.pace.settling or endpoint.state is not _ENGAGED)
         return row.values()
@@ -369,8 +359,6 @@ class Side:
     def _fall_silent(self, *, is_heard: bool) -> None:
         self._faults.clear(Fault.UNHEARD)
         self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
-        if self._choosing is not None:
-            self._choosing.fall_back()
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
@@ -390,7 +378,8 @@ class Side:
         self.peer = PeerFacts(self.endpoint.peer_name)
         self._forget()
         self._is_fresh = True
-        self.port.control.reset()
+        for control in self.port.controls:
+            control.reset()
         self.tuning.reset()
         self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
 
@@ -495,7 +484,8 @@ class Side:
     def _restart(self) -> None:
         for channel in self.outgoing:
             channel.encoder.restart()
-        self.port.control.resume(self.endpoint.peer_credit)
+        for control in self.port.controls:
+            control.resume(self.endpoint.peer_credit)
         self.port.restart()
 
     def _let_go(self) -> None:

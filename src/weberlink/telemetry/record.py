@@ -90,7 +90,8 @@ FIELDS = (
     Field("incoming_loss", "<f4", 1, "", "recent share of the peer's datagrams that never came, 0 to 1"),
     Field("outgoing_loss", "<f4", 1, "", "the same of this side's datagrams, as the peer reported it"),
     Field("peer_burst", "<f4", 1, "", "mean run of the peer's datagrams that were lost; 0 while unknown"),
-    Field("tank", "<f4", 1, "J", "energy that this side may still spend; 0 without passivity control"),
+    Field("energy", "<f4", 1, "J", "what the display may still give to the hand; 0 without an account"),
+    Field("credit", "<f4", 1, "J", "what the scene gave beyond what it took, since the session began, as known here"),
     Field(
         "surface", "<f4", 3, "1 | m", "unit normal of the fitted plane, centre of the fitted sphere; NaN without either"
     ),
@@ -100,7 +101,6 @@ FIELDS = (
     Field("surface_stiffness", "<f4", 1, "N/m", "of the fitted plane or sphere"),
     Field("state", "u1", 1, "", "of the side's state machine, as its own number"),
     Field("fault", "u1", 1, "", "the fault that is active, as its own number; 0 for none"),
-    Field("control", "u1", 1, "", "control scheme at work, as its place in the table of schemes"),
     Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank"),
     Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
     Field("received", "u1", 1, "", f"updates applied in this tick, {MOST_RECEIVED} for more"),

@@ -31,11 +31,11 @@ class Row:
         self.tick = self.ticks_missed = self.slew_ticks = self.contact_ticks = 0
         self.datagrams_sent = self.datagrams_received = self.datagrams_lost = self.datagrams_dropped = 0
         self.bytes_sent = self.updates_sent = self.updates_received = self.repeats = self.heartbeats = 0
-        self.lateness_us = self.work_us = self.codec_us = self.rtt_us = self.one_way_us = self.tank = 0.0
-        self.jitter_us = self.incoming_loss = self.outgoing_loss = self.peer_burst = 0.0
+        self.lateness_us = self.work_us = self.codec_us = self.rtt_us = self.one_way_us = 0.0
+        self.energy = self.credit = self.jitter_us = self.incoming_loss = self.outgoing_loss = self.peer_burst = 0.0
         self.surface = ZERO
         self.surface_size = self.surface_stiffness = 0.0
-        self.state = self.fault = self.control = self.selected = self.sent = self.received = 0
+        self.state = self.fault = self.selected = self.sent = self.received = 0
         self.clipped = self.ramping = self.model = self.settings = self.buttons = self.position_selected = 0
         self.rotation_updates_sent = self.rotation_updates_received = 0
         self.rotation_raw = self.rotation_decoded = self.rotation_output = ZERO
@@ -61,9 +61,9 @@ class Row:
             self.datagrams_sent, self.datagrams_received, self.datagrams_lost, self.datagrams_dropped,
             self.bytes_sent, self.updates_sent, self.updates_received, self.repeats, self.heartbeats,
             self.lateness_us, self.work_us, self.codec_us, self.rtt_us, self.one_way_us,
-            self.jitter_us, self.incoming_loss, self.outgoing_loss, self.peer_burst, self.tank,
+            self.jitter_us, self.incoming_loss, self.outgoing_loss, self.peer_burst, self.energy, self.credit,
             surface[0], surface[1], surface[2], self.surface_size, self.surface_stiffness,
-            self.state, self.fault, self.control, self.selected, self.sent, self.received,
+            self.state, self.fault, self.selected, self.sent, self.received,
             self.clipped, self.ramping, self.model, self.settings, self.buttons, self.position_selected,
             self.rotation_updates_sent, self.rotation_updates_received,
             turned[0], turned[1], turned[2], torque[0], torque[1], torque[2], turn[0], turn[1], turn[2],

@@ -6,12 +6,11 @@ from typing import Any
 from weberlink.arms.contract import ArmSpec
 from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder
 from weberlink.codec.quantizer import INT16_MAX
-from weberlink.control.joints import JointParameters
 from weberlink.geometry.joints import Joints
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.configuration import ConfigurationError, System
-from weberlink.system.configuration.joints import FollowerLimits, per_axis
+from weberlink.system.configuration.joints import per_axis
 
 
 def outgoing(
@@ -77,15 +76,3 @@ def check_angles(where: str, spec: ArmSpec, system: System) -> None:
             f"codec.joints.angle.step_rad: spans {limit:g} rad but {where} reaches {reach:g} rad; use a step of at "
             f"least {reach / INT16_MAX:.2g}"
         )
-
-
-def joint_parameters(system: System, spec: ArmSpec, torque: Joints) -> JointParameters:
-    own = system.slave.limits.joints or FollowerLimits()
-    return JointParameters(
-        tick_period=system.tick_period,
-        torque_range=torque,
-        level=system.control.level_j,
-        damping=system.control.damping_n_s_m,
-        catch_up_rad_s=own.approach_rad_s,
-        coupling=spec.stiffness_nm_rad,
-    )

@@ -3,7 +3,6 @@
 from weberlink.arms.contract import ArmSpec, FollowerArm
 from weberlink.codec.bundle import BundleDecoder, BundleEncoder
 from weberlink.codec.quantizer import INT16_MAX
-from weberlink.control.joints import build_joint_slave
 from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.protocol import Role
@@ -16,7 +15,6 @@ from weberlink.system.composition.arms import (
     check_arm_axes,
     each_axis,
     incoming,
-    joint_parameters,
     outgoing,
     within,
 )
@@ -57,12 +55,9 @@ def build_following(
     spec, limits = follower.spec, system.slave.limits
     own = limits.joints or FollowerLimits()
     lower, upper = angle_limits(system, spec)
-    control = build_joint_slave(system.control.scheme, joint_parameters(system, spec, spec.torque_nm))
     endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
     port = FollowerPort(
         arm=follower,
-        control=control,
-        endpoint=endpoint,
         lower=lower,
         upper=upper,
         speed=own.speed_rad_s,
@@ -81,7 +76,7 @@ def build_following(
         port=port,
         outgoing=outgoing(("joint_torque", "gripper_torque"), backward, (port.joints, port.gripper), encoders),
         incoming=incoming(("joint_angle", "gripper_angle"), [BundleDecoder(channel) for channel in forward]),
-        tuning=tuning_of(system, control, retune, leads=False),
+        tuning=tuning_of(system, retune, leads=False),
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,

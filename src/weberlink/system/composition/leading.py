@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from weberlink.arms.contract import ArmSpec, LeaderArm
 from weberlink.codec.bundle import BundleDecoder
+from weberlink.control.axes import LEVER, build_axes
 from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT
-from weberlink.control.joints import LEVER, build_joint_master
 from weberlink.control.tuning import LiveSettings
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort, PressedAxes
@@ -22,7 +22,6 @@ from weberlink.system.composition.arms import (
     has_gripper,
     incoming,
     joint_names,
-    joint_parameters,
     outgoing,
     within,
 )
@@ -33,6 +32,7 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    account,
     build_endpoint,
     construct,
     located,
@@ -67,7 +67,7 @@ def build_leading(
     forward, backward = joint_streams(system)
     limits = system.master.limits
     most, slew = torque_limits(system, leader.spec)
-    control = build_joint_master(system.control.scheme, joint_parameters(system, leader.spec, most))
+    control = build_axes(system.control.scheme, LEVER, account(system))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
     joints = len(joint_names(system))
@@ -93,7 +93,7 @@ def build_leading(
     def retune(settings: LiveSettings, peer_tick: float) -> None:
         decoders[0].retune(settings.weber, peer_tick)
 
-    tuning = tuning_of(system, control, retune, leads=True)
+    tuning = tuning_of(system, retune, leads=True)
     return Side(
         port=port,
         outgoing=outgoing(("joint_angle", "gripper_angle"), forward, (port.joints, port.gripper)),

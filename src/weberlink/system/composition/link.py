@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeV
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
-from weberlink.control.contract import FREE_FORCE, Control, SchemeParameters, Switchable
+from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
@@ -16,7 +16,7 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import check_contract, fault_of
-from weberlink.system.composition.channels import force_deadband
+from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
 
@@ -45,7 +45,6 @@ class Identity(NamedTuple):
 
 
 ANONYMOUS = Identity()
-AUTO = "auto"
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -137,7 +136,7 @@ def build_endpoint(
         silence=system.link.silence_ms * 1e-3,
         longest_round_trip=system.link.longest_round_trip_ms * 1e-3,
         peer=peer,
-        carries_credit=SCHEMES[system.control.scheme].carries_credit,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit and system.codec.joints is None,
         name=own or identity.name,
         expects=other or "",
         take_over=identity.take_over,
@@ -149,7 +148,6 @@ def build_endpoint(
 def build_control(
     configuration: Configuration,
     build: Callable[[str, SchemeParameters], ControlEnd],
-    force_range: float,
     coupling: float,
 ) -> ControlEnd:
     """One end of the control scheme.
@@ -157,7 +155,6 @@ def build_control(
     Args:
         configuration: of both sides.
         build: makes the end of a scheme of this name.
-        force_range: largest force that the wire and the robot can represent [N].
         coupling: stiffness of the robot towards its command [N/m].
 
     Raises:
@@ -166,14 +163,31 @@ def build_control(
     system = configuration.system
     settings = SchemeParameters(
         tick_period=system.tick_period,
-        force_range=force_range,
-        level=system.control.level_j,
-        damping=system.control.damping_n_s_m,
-        catch_up_speed=system.slave.limits.approach_speed_m_s,
         coupling=coupling,
-        free_force=min(FREE_FORCE, free_force(system)),
+        account=account(system),
+        delay=signal_delay(system),
+        longest=longest_round_trip(system) + signal_delay(system),
     )
     return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
+
+
+def account(system: System, *, turns: bool = False) -> AccountParameters:
+    """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
+
+    Args:
+        system: of both sides.
+        turns: whether it is that of a torque.
+    """
+    control, mapping = system.control, system.master.mapping
+    force_scale = 1.0 if mapping is None else mapping.force_scale
+    scale = 1.0 if mapping is None or turns else mapping.scale
+    energy = scale / force_scale
+    return AccountParameters(
+        allowance=energy * control.allowance_j,
+        refill=energy * control.refill_w,
+        damping=control.damping_n_s_m / (scale * force_scale),
+        power=energy * control.power_w,
+    )
 
 
 def free_force(system: System) -> float:
@@ -243,7 +257,6 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
     """What may be changed in a session of this file, and to which names; k to any number from 0 to 1.
 
     The bank that was agreed holds every predictor that may be chosen, so an update says by its selector what it needs.
-    Likewise a session of `auto` carries what every control scheme needs.
     """
     if not system.control.live_changes:
         return {}
@@ -251,21 +264,10 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
     force = system.codec.force
     if system.codec.joints is None and force.predictor in BANKS and len(force.bank) > 1:
         choices["predictor"] = (*force.bank, force.predictor)
-    if system.control.scheme == AUTO:
-        choices["scheme"] = (*_choices(system), AUTO)
     return choices
 
 
-def _choices(system: System) -> tuple[str, ...]:
-    """The schemes among which the master chooses."""
-    if system.control.scheme != AUTO:
-        return ()
-    from weberlink.control.auto import ORDER  # noqa: PLC0415 - for this scheme alone
-
-    return ORDER
-
-
-def build_tuning(system: System, control: Control, coder: Encoder | Decoder) -> Tuning:
+def build_tuning(system: System, coder: Encoder | Decoder) -> Tuning:
     """The tuning of a side, which encodes or decodes the force."""
     force = system.codec.force
 
@@ -277,37 +279,24 @@ def build_tuning(system: System, control: Control, coder: Encoder | Decoder) -> 
             chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
             coder.retune(deadband, chosen if force.predictor in BANKS else [0])
 
-    return tuning_of(system, control, retune, leads=isinstance(coder, Decoder))
+    return tuning_of(system, retune, leads=isinstance(coder, Decoder))
 
 
-def tuning_of(
-    system: System, control: Control, retune: Callable[[LiveSettings, float], None], *, leads: bool
-) -> Tuning:
+def tuning_of(system: System, retune: Callable[[LiveSettings, float], None], *, leads: bool) -> Tuning:
     """The tuning of a side.
 
     Args:
         system: of both sides.
-        control: this end of the control scheme.
         retune: takes settings into the codec from a tick of the peer on.
         leads: whether this is the operator's end.
     """
-
-    def apply(settings: LiveSettings, peer_tick: float) -> None:
-        retune(settings, peer_tick)
-        if settings.scheme != AUTO:
-            use(settings.scheme)
-
-    def use(scheme: str) -> None:
-        if isinstance(control, Switchable):
-            control.use(scheme)
-
-    return Tuning(_of_file(system), permitted(system), apply, _choices(system), use, leads=leads)
+    return Tuning(_of_file(system), permitted(system), retune, leads=leads)
 
 
 def _of_file(system: System) -> LiveSettings:
     joints = system.codec.joints
     felt = system.codec.force if joints is None else joints.torque
-    return LiveSettings(felt.weber, felt.predictor, system.control.scheme)
+    return LiveSettings(felt.weber, felt.predictor)
 
 
 def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":

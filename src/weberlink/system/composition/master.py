@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
+from weberlink.control.contract import AxesMaster
+from weberlink.control.sent import SentCommands
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, DeviceSpec, GuardedDevice, TorqueDevice
@@ -29,6 +31,7 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    account,
     build_control,
     build_endpoint,
     build_tuning,
@@ -77,49 +80,53 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_control(configuration, build_master_control, force_limit, coupling(configuration, device))
+    control = build_control(configuration, build_master_control, coupling(configuration, device))
     force_decoder = Decoder(backward[0])
-    tuning = build_tuning(system, control, force_decoder)
+    tuning = build_tuning(system, force_decoder)
 
     def force_bound(force: float) -> float:
         return max(tuning.settings.weber * force, system.codec.force.floor_n)
 
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
-    free, longest = free_force(system), longest_round_trip(system)
+    free, longest = free_force(system), longest_round_trip(system) + signal_delay(system)
     contact = ContactWatch(
-        ContactLimiter(force_limit, free, longest + signal_delay(system)),
+        ContactLimiter(force_limit, free, longest),
         force_decoder,
         endpoint,
         least=least_contact(system),
-        tick_period=system.tick_period,
+        sent=SentCommands(system.tick_period, longest),
         delay=signal_delay(system),
         playout=playout_ticks(system),
-        longest=longest,
     )
     displays = [
         Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control, contact)
     ]
-    if system.codec.rotation is not None:
-        displays.append(_torque_display(system, device))
     limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
-    port = OperatorPort(
-        device=device,
-        displays=displays,
-        control=control,
-        endpoint=endpoint,
-        hand=HandPosition(control, force_bound, free),
-        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
-        button=None if engage is None else engage.button,
-    )
-    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), port.hand)]
-    incoming = [IncomingChannel("force", 0, force_decoder, port.hand, control)]
+    hand = HandPosition(control, force_bound, free)
+    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), hand)]
+    incoming = [IncomingChannel("force", 0, force_decoder, hand, control)]
+    turning = None
     if system.codec.rotation is not None:
-        from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - for six degrees of freedom alone
+        from weberlink.control.axes import HANDLE, build_axes  # noqa: PLC0415 - for six degrees of freedom alone
+        from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - likewise
 
         encoder = Encoder(forward[1])
         orientation = HandOrientation(on_jump=encoder.reset)
         outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
         incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
+        torques = build_axes(system.control.scheme, HANDLE, account(system, turns=True))
+        displays.append(_torque_display(system, device, torques))
+        turning = torques, lambda: orientation.turned
+    port = OperatorPort(
+        device=device,
+        displays=displays,
+        control=control,
+        endpoint=endpoint,
+        hand=hand,
+        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
+        button=None if engage is None else engage.button,
+        turning=turning,
+    )
     return Side(
         port=port,
         outgoing=outgoing,
@@ -134,13 +141,14 @@ def build_master(
     )
 
 
-def _torque_display(system: System, device: Device) -> Display:
+def _torque_display(system: System, device: Device, control: AxesMaster) -> Display:
     displayed = device.spec.torque_n_m
     allowed = system.master.limits.torque_nm / _force_scale(system)
     return Display(
         ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
         SlewLimiter(_torque_slew(system, device)),
         device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
+        control,
     )
 
 

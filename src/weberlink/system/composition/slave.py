@@ -66,7 +66,7 @@ def build_slave(
     forward, backward = streams(system)
     limits = system.slave.limits
     force_encoder = Encoder(backward[0])
-    control = build_control(configuration, build_slave_control, robot.spec.force_n, robot.spec.stiffness_n_m)
+    control = build_control(configuration, build_slave_control, robot.spec.stiffness_n_m)
     endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
     orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
     port = RobotPort(
@@ -105,7 +105,7 @@ def build_slave(
         port=port,
         outgoing=outgoing,
         incoming=incoming,
-        tuning=build_tuning(system, control, force_encoder),
+        tuning=build_tuning(system, force_encoder),
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,

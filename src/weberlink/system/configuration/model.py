@@ -124,7 +124,7 @@ LOOKAHEAD_SHARE = 0.5
 LookaheadMs = Annotated[float, Field(ge=0, le=LONGEST_LOOKAHEAD_MS)]
 
 
-JOINT_SCHEMES = ("none", "tdpa")
+JOINT_SCHEMES = ("none", "bounded")
 """Control schemes for arms led joint by joint."""
 
 
@@ -445,17 +445,26 @@ class CodecSettings(Settings):
 
 
 class ControlSettings(Settings):
-    """What keeps a delayed loop stable."""
+    """What keeps a delayed loop stable.
 
-    scheme: SchemeName = "none"
-    """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
-    level_j: float = Field(default=0.05, ge=1e-6, le=10)
-    """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
-    damping_n_s_m: float = Field(default=5.0, ge=1e-3, le=100)
-    """Strongest drag that fills an empty tank [N s/m]."""
+    With `bounded`, the hand gets at most `allowance_j` + `refill_w` x time + `damping_n_s_m` x the integral of its
+    squared speed + what the scene gave + the work of one tick more energy than it gave, whatever link and scene do.
+    """
+
+    scheme: SchemeName = "bounded"
+    """`bounded`: what is known of the contact is felt, within an account of energy. `none`: what is decoded is felt;
+    nothing bounds the energy."""
+    allowance_j: float = Field(default=0.02, gt=0, le=10)
+    """Energy that the hand may get beyond what it gave [J]."""
+    refill_w: float = Field(default=0.01, ge=0, le=10)
+    """Power with which the allowance returns [W]."""
+    damping_n_s_m: float = Field(default=1.0, ge=0, le=100)
+    """Damping that every hand has at least [N s/m]: what it takes from the motion may be given back."""
+    power_w: float = Field(default=0.1, gt=0, le=1000)
+    """Power with which a contact may spend the allowance [W]: a wall that is felt late rises, and does not kick."""
     live_changes: bool = True
-    """Whether Weber factor, predictor (of a hybrid's bank), scheme (under `auto`), and delay, jitter and loss (with
-    `link.emulate`) may be changed in a session."""
+    """Whether Weber factor, predictor (of a hybrid's bank), and delay, jitter and loss (with `link.emulate`) may be
+    changed in a session."""
 
 
 class RealtimeSettings(Settings):
@@ -687,15 +696,6 @@ class System(Settings):
         if self.control.scheme not in JOINT_SCHEMES:
             raise ValueError(
                 f"control.scheme: with codec.joints {' or '.join(JOINT_SCHEMES)}, not {self.control.scheme}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _rotation_fits(self) -> "System":
-        if self.codec.rotation is not None and self.control.scheme != "none":
-            raise ValueError(
-                f"codec.rotation: control.scheme {self.control.scheme} keeps no account of the work of a torque; "
-                "use control.scheme none, or leave codec.rotation out"
             )
         return self
 

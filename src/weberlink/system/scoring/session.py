@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.deadband.contract import Measures
-from weberlink.control.table import SCHEMES
 from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.configuration import System
 from weberlink.system.scoring.arm import ArmLayout, AxesScore, arm_in
@@ -60,8 +59,6 @@ class _SideScore:
     codec: Distribution = field(default_factory=Distribution)
     rtt: Distribution = field(default_factory=Distribution)
     one_way: Distribution = field(default_factory=Distribution)
-    schemes: dict[int, int] = field(default_factory=dict)
-    tank: tuple[float, float] | None = None
     faults: dict[int, int] = field(default_factory=dict)
     connection: ConnectionScore = field(default_factory=ConnectionScore)
 
@@ -81,9 +78,6 @@ class _SideScore:
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
-        tally(self.schemes, records["control"][counted])
-        least, most = float(records["tank"].min()), float(records["tank"].max())
-        self.tank = (least, most) if self.tank is None else (min(least, self.tank[0]), max(most, self.tank[1]))
 
     def counter(self, name: str) -> int:
         """The last value of a cumulative field."""
@@ -92,16 +86,6 @@ class _SideScore:
     def fault_counts(self) -> dict[str, int]:
         """How often the records of each fault began, by name."""
         return {Fault(number).name.lower(): count for number, count in sorted(self.faults.items())}
-
-    def control(self) -> dict[str, Any]:
-        """Engaged ticks under each control scheme, and the range of the energy tank [J]."""
-        names = list(SCHEMES)
-        least, most = self.tank if self.tank is not None else (None, None)
-        return {
-            "ticks": {names[scheme]: count for scheme, count in sorted(self.schemes.items())},
-            "tank_min_j": least,
-            "tank_max_j": most,
-        }
 
     def timing(self, period: float) -> dict[str, Any]:
         return {
@@ -239,7 +223,6 @@ class SessionScore:
                 "motion_ticks": slave.limited,
                 "contact_ticks": slave.counter("contact_ticks"),
             },
-            "control": {"master": master.control(), "slave": slave.control()},
             "connection": {
                 "master": master.connection.summary() if master.ticks else None,
                 "slave": slave.connection.summary() if slave.ticks else None,

@@ -1,0 +1,84 @@
+"""The energy that one display may still give: the passivity observer of the hand and the bound of what is displayed.
+
+An account E begins with an allowance, gains the work of the hand, loses what is given to it, and is refilled up to the
+allowance, with a constant power and with what a light damper would take from the hand. What the scene gave beyond what
+it took, as measured at the robot, is added (credit). What is displayed is at most
+
+    |F| <= sqrt(2 k E),
+
+the force at which a spring of the stiffness k of the contact stores E. As the hand is pushed out, the bound falls like
+the force of that spring, so nothing is switched and nothing chatters. In any time t the hand gets at most
+
+    allowance + refill t + damping (integral of v^2 dt) + credit + the work of one tick                            [J]
+
+more than it gave, whatever delay, loss, jitter, codec, model and scene are: E never exceeds the allowance by more than
+what was put in and not taken out, and at E <= 0 nothing is displayed. The proof is in docs/control.md. Sources:
+
+- Hannaford, Ryu, "Time-domain passivity control of haptic interfaces", IEEE Trans. Robotics and Automation 18(1), 2002,
+  and Ryu, Kwon, Hannaford, "Stable teleoperation with time-domain passivity control", IEEE Trans. Robotics and
+  Automation 20(2), 2004: the exact work of a held force, and its observer.
+- Franken, Stramigioli, Misra, Secchi, Macchelli, "Bilateral telemanipulation with time delays: a two-layer approach
+  combining passivity and transparency", IEEE Trans. Robotics 27(4), 2011: a budget of energy below a free choice of
+  what is displayed, which saturates it.
+- Colgate, Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14(1), 1997: the damping of a
+  hand pays for sampling and holding.
+"""
+
+from math import sqrt
+
+from weberlink.control.contract import AccountParameters
+
+
+class Account:
+    """The account of one display, of forces or of torques.
+
+    Attributes:
+        energy: E [J]; below 0 by the work of one tick at most.
+    """
+
+    __slots__ = ("_allowance", "_damping", "_power", "_refill", "_reserve", "energy")
+
+    def __init__(self, parameters: AccountParameters) -> None:
+        self._allowance = parameters.allowance
+        self._refill, self._damping, self._power = parameters.refill, parameters.damping, parameters.power
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a session, with the allowance."""
+        self.energy = self._reserve = self._allowance
+
+    def resume(self) -> None:
+        """Begin anew within a session: nothing is left, and a debt stays, so no interruption adds an allowance."""
+        self.energy = min(self.energy, 0.0)
+        self._reserve = 0.0
+
+    def book(self, given: float, moved: float, elapsed: float, supplied: float = 0.0) -> None:
+        """Take in a tick.
+
+        Args:
+            given: to the hand [J].
+            moved: square of the way of the hand [m^2].
+            elapsed: duration [s].
+            supplied: by the scene, beyond what it took [J].
+        """
+        self.energy += supplied - given
+        if self.energy < self._allowance and elapsed > 0.0:
+            gained = self._refill * elapsed + self._damping * moved / elapsed
+            self.energy = min(self._allowance, self.energy + gained)
+
+    def share(self, force: float, stiffness: float, elapsed: float) -> float:
+        """The share of a force of this size [N], of a contact of this stiffness [N/m], that may be displayed, 0..1.
+
+        A contact that begins spends the allowance with a limited power: a wall that is felt late rises, and does not
+        kick the hand.
+        """
+        stored = 0.5 * force * force / stiffness
+        self.energy = min(self.energy, self._allowance + stored)  # what friction and damping took is not kept
+        if stored == 0.0:
+            self._reserve = max(0.0, self.energy)
+            return 1.0
+        self._reserve = max(0.0, self._reserve - self._power * elapsed)
+        free = self.energy - self._reserve
+        if stored <= free:
+            return 1.0
+        return sqrt(free / stored) if free > 0.0 else 0.0

@@ -1,0 +1,196 @@
+"""Energy-bounded display: what is known of the contact is felt at once, as far as an account of energy pays for it.
+
+Three parts: the force of the contact at the hand (`weberlink.control.wall`), the account that bounds it
+(`weberlink.control.account`), and a command that stays where the robot presses with what is felt. The robot's end keeps
+no account. It follows, presses a contact gently that the operator cannot have answered yet, and tells what the scene
+gave beyond what it took. See docs/control.md.
+"""
+
+from math import hypot
+
+from weberlink.control.account import Account
+from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
+from weberlink.control.sent import SentCommands
+from weberlink.control.wall import FeltContact
+from weberlink.geometry.vector import ZERO, Vector, dot, subtract
+
+LATE = 0.05
+"""Time beyond one and a half round trips in which the operator has answered a contact [s]."""
+PRESS = 3.0
+"""Largest force of the robot on a contact that the operator cannot have answered [N]."""
+SPEED = 0.1
+"""Speed at which the command leaves and regains the place of the hand [m/s]: a faster one, on a wall with damping, lets
+the contact chatter."""
+FARTHEST = 0.02
+"""Largest distance of the command from the hand [m]."""
+SETTLED = 0.3
+"""Time for which a contact counts as answered after its end [s]: a contact that opens for a moment is no new one."""
+
+
+class BoundedMaster:
+    """The operator's end.
+
+    The command leaves the contact, along its normal, by what is known and not displayed: so the robot presses with what
+    is felt. Source of the idea: force-matched commands, Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J.
+    Robotics Research 27(2), 2008.
+    """
+
+    __slots__ = (
+        "_account",
+        "_back",
+        "_contact",
+        "_credit",
+        "_delay",
+        "_elapsed",
+        "_held",
+        "_position",
+        "_rtt",
+        "_sent",
+        "_stated",
+        "_tick",
+        "_tick_period",
+    )
+
+    credit = 0
+
+    def __init__(self, settings: SchemeParameters) -> None:
+        self._tick_period, self._delay = settings.tick_period, settings.delay
+        self._account = Account(settings.account)
+        self._contact = FeltContact(settings)
+        self._sent = SentCommands(settings.tick_period, settings.longest)
+        self.reset()
+
+    def reset(self) -> None:
+        self._account.reset()
+        self._contact.reset()
+        self._credit = 0
+        self._forget()
+
+    def resume(self, peer_credit: int) -> None:
+        self._account.resume()
+        self._contact.forget()
+        self._credit = max(self._credit, peer_credit)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._sent.reset()
+        self._position: Vector | None = None
+        self._held: Vector = ZERO
+        self._stated: Vector = ZERO
+        self._back = self._elapsed = self._tick = 0.0
+        self._rtt = self._delay
+
+    @property
+    def energy(self) -> float:
+        return self._account.energy
+
+    @property
+    def stiffness(self) -> float:
+        return self._contact.stiffness
+
+    def refute(self) -> None:
+        self._contact.refute()
+
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+        robot, before = self._robot(0), self._robot(5)
+        self._contact.learn(surface, force, position, robot, before)
+
+    def _robot(self, before: int) -> Vector:
+        """The command that the robot had so many ticks before the newest that is known of it [m]."""
+        if not self._sent:
+            return self._position or ZERO
+        return self._sent.ago(self._rtt + before * self._tick_period)
+
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
+        x, y, z = subtract(position, self._position or position)
+        held = self._held
+        supplied = max(0, peer_credit - self._credit) * CREDIT_STEP
+        self._account.book(held[0] * x + held[1] * y + held[2] * z, x * x + y * y + z * z, elapsed, supplied)
+        self._credit = max(self._credit, peer_credit)
+        self._position, self._elapsed, self._tick = position, elapsed, tick
+        if quality.rtt is not None:
+            self._rtt = quality.rtt + self._delay
+
+    def command(self, position: Vector) -> Vector:
+        n = self._contact.normal
+        if n is not None:
+            lack = max(0.0, dot(n, subtract(self._stated, self._held)))
+            most = SPEED * self._elapsed
+            self._back += min(most, max(-most, min(FARTHEST, lack / self.stiffness) - self._back))
+            back = self._back
+            position = (position[0] + back * n[0], position[1] + back * n[1], position[2] + back * n[2])
+        self._sent.add(position)
+        return position
+
+    def render(self, force: Vector) -> Vector:
+        if self._position is not None and self._sent:
+            force = self._contact.at(self._position, force, self._robot(0), self._tick)
+        self._stated = force
+        share = self._account.share(hypot(force[0], force[1], force[2]), self.stiffness, self._elapsed)
+        return force if share == 1.0 else (share * force[0], share * force[1], share * force[2])
+
+    def displayed(self, force: Vector) -> None:
+        self._held = force
+
+
+class BoundedSlave:
+    """The robot's end."""
+
+    __slots__ = ("_age", "_before", "_delay", "_force", "_given", "_stored", "_target", "_waits")
+
+    energy = 0.0
+
+    def __init__(self, settings: SchemeParameters) -> None:
+        self._delay = settings.delay
+        self.reset()
+
+    def reset(self) -> None:
+        self._given = 0.0
+        self.resume(0)
+
+    def resume(self, peer_credit: int) -> None:  # noqa: ARG002
+        self._before: tuple[Vector, Vector] | None = None
+        self._stored = self._age = 0.0
+        self._force: Vector = ZERO
+        self._waits = False
+        self._target: Vector | None = None
+
+    @property
+    def credit(self) -> int:
+        """What the scene gave beyond what it took, summed over all contacts."""
+        return int(self._given / CREDIT_STEP)
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+        x, y, z = self._force
+        size, answered = hypot(x, y, z), 1.5 * ((quality.rtt or 0.0) + self._delay) + LATE
+        last, self._target = self._target or target, target
+        if size < LEAST_CONTACT:
+            self._age, self._waits = max(0.0, self._age - 0.1 * elapsed), False
+            return target
+        self._age = min(self._age + elapsed, answered + SETTLED)
+        a, b, c = x / size, y / size, z / size
+        inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
+        own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
+        if size >= PRESS and self._age < answered:
+            most, self._waits = 0.0, True
+        elif self._waits:
+            most = max(0.0, own) + SPEED * elapsed
+        else:
+            return target
+        if inward <= most:
+            self._waits = self._waits and most == 0.0
+            return target
+        back = inward - most
+        return (target[0] + back * a, target[1] + back * b, target[2] + back * c)
+
+    def observe(self, position: Vector, force: Vector) -> None:
+        before, self._before = self._before, (position, force)
+        self._force = force
+        if before is None or hypot(*force) < LEAST_CONTACT:
+            self._stored = 0.0
+            return
+        p, f = before
+        self._stored -= 0.5 * sum((force[i] + f[i]) * (position[i] - p[i]) for i in range(3))
+        if self._stored < 0.0:
+            self._given -= self._stored
+            self._stored = 0.0
