@@ -107,5 +107,5 @@ def test_a_recording_of_an_unknown_deadband_is_refused(tmp_path: Path, monkeypat
     seen = list(steps(simulation, 0.2))
     recording.add(as_array([step.master for step in seen]), as_array([step.slave for step in seen]))
     recording.finish()
-    with pytest.raises(ConfigurationError, match="no deadband known here"):
+    with pytest.raises(ConfigurationError, match="no settings known here"):
         describe([path])
