@@ -34,7 +34,7 @@ def session(shape: str) -> tuple[Configuration, Records, Records]:
     seen = list(steps(simulation, 1.5))
     assert simulation.master.propose({"weber": WEBERS[1]}, 1.5) is None
     seen += steps(simulation, 1.5)
-    assert simulation.slave.tuning.settings == LiveSettings(WEBERS[1], "zoh", "none")
+    assert simulation.slave.tuning.settings == LiveSettings(WEBERS[1], "zoh")
     return loaded, as_array([step.master for step in seen]), as_array([step.slave for step in seen])
 
 
