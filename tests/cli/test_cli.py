@@ -139,7 +139,7 @@ def test_fewer_axes_fewer_predictors_and_no_crypto_are_shorter_updates(key: Path
     one = update_sizes(key, *none, "--set", "axes=z")
     assert all(a < b for sizes in zip(one, three, strict=True) for a, b in zip(*sizes, strict=True))
     assert update_sizes(key, *none, "--set", "codec.force.predictor=zoh")[0][-1] < three[0][-1]
-    secured = update_sizes(key, "--set", "link.security=psk")
+    secured = update_sizes(key, *none, "--set", "link.security=psk")
     assert all(a < b for sizes in zip(three, secured, strict=True) for a, b in zip(*sizes, strict=True))
     assert secured[0][1] <= 50
     assert three[0][0] <= 32
