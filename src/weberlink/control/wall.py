@@ -71,7 +71,7 @@ class FeltContact:
         """Let go of the wall."""
         self.normal = None
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector, before: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector) -> None:
         """Take in an update.
 
         Args:
@@ -79,7 +79,6 @@ class FeltContact:
             force: force of its newest sample [N].
             position: command at which that was measured [m].
             robot: the command to which the newest news answers [m].
-            before: the command of some ticks before that [m].
         """
         size = norm(force)
         last, self._sample = self._sample, None if size < LEAST_CONTACT else (force, position)
@@ -97,8 +96,6 @@ class FeltContact:
                     self._fit(along, dot(n, subtract(last[0], force)))
             self._apart = abs(dot(n, subtract(position, robot))) > WRONG
             self._offset = dot(n, position) + dot(n, force) / self.stiffness
-        elif size < LEAST_CONTACT and self.normal is not None and dot(self.normal, subtract(robot, before)) < 0.0:
-            self.normal = None  # the robot went into this wall and felt none
         fits = surface is not None and self.stiffness < SAME * surface.stiffness < SAME * SAME * self.stiffness
         self._surface = surface if fits else None
 

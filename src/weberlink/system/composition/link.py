@@ -186,7 +186,7 @@ def account(system: System, *, turns: bool = False) -> AccountParameters:
         allowance=energy * control.allowance_j,
         refill=energy * control.refill_w,
         damping=control.damping_n_s_m / (scale * force_scale),
-        power=energy * control.power_w,
+        rise=control.rise_n_s / force_scale,
     )
 
 
