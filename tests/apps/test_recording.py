@@ -69,7 +69,7 @@ class TestOfASimulation:
     def test_info_reports_the_figures_of_the_run(self, simulated):
         path, summary = simulated
         found = info(path)
-        for key in ("duration_s", "force", "position", "link", "control", "energy"):
+        for key in ("duration_s", "force", "position", "link", "energy"):
             assert found[key] == summary[key], key
         (file,) = found["files"]
         assert file["complete"] and file["clock"] == "virtual" and file["began"] is None
@@ -251,7 +251,7 @@ class TestOfALiveSession:
         assert recording["outcome"] == "complete" and not any(recording["lost"].values())
         assert recording["bytes"] == path.stat().st_size
         assert recording["records"] == {side: summary["ticks"][side]["count"] for side in ("master", "slave")}
-        for key in ("duration_s", "force", "position", "link", "control"):
+        for key in ("duration_s", "force", "position", "link"):
             assert numbers(found[key]) == pytest.approx(numbers(summary[key]), rel=1e-9, nan_ok=True), key
         assert found["energy"] == pytest.approx(summary["energy"], rel=1e-9, abs=1e-12)
 
@@ -382,7 +382,6 @@ def test_sessions_of_two_masters_are_told_apart(simulated):
         (lambda records: records["at"].__setitem__(5, np.nan), "time"),
         (lambda records: records["at"].__setitem__(-1, 1e15), "time"),
         (lambda records: records["selected"].__setitem__(5, 99), "number of a predictor"),
-        (lambda records: records["control"].__setitem__(5, 99), "number of a control scheme"),
         (lambda records: records["fault"].__setitem__(5, 99), "number of a fault"),
     ],
 )
