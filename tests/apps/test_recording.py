@@ -22,9 +22,8 @@ from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
 from weberlink.system.scoring.recorded import ADDED, put_together
-from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS, JOINTS, Field
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 
@@ -458,8 +457,7 @@ def test_recording_of_arms_is_no_trace(tmp_path):
 
 def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None:
     """The same recording as a release with these fields would write it."""
-    kept = np.dtype([(field.name, DTYPE[field.name]) for field in fields])
-    others = {field.name for field in FIELDS} - set(kept.names)
+    others = {field.name for field in FIELDS} - {field.name for field in fields}
     text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in others))
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
@@ -469,8 +467,8 @@ def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None
         for side, records in whole.records.items():
             origin = whole.origins[side]
             channel = writer.register_channel(origin.topic, "cdr", schema, origin.to_metadata())
-            old = np.empty(len(records), kept)
-            for name in kept.names:
+            old = np.zeros(len(records), dtype_of(text))
+            for name in old.dtype.names:
                 old[name] = records[name]
             for index, record in enumerate(old):
                 writer.add_message(channel, index, ENCAPSULATION + record.tobytes(), index, index)
