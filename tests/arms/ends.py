@@ -95,8 +95,7 @@ class Servos:
 class Transparent:
     """Both ends of a control scheme that changes nothing, and remembers what it was told."""
 
-    active = "none"
-    tank = 0.0
+    energy = 0.0
     stiffness: Joints = (1.0,)
 
     def __init__(self) -> None:

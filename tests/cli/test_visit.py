@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from weberlink.apps.monitor import address
 from weberlink.cli import app
-from weberlink.cli.visit import visit_order
 from weberlink.installation import install_line
 
 
@@ -68,18 +67,3 @@ def test_address_for_other_hosts_has_the_key() -> None:
     with address.bind("0.0.0.0", 0) as listening:
         assert address.url(listening).startswith("http://127.0.0.1:")
         assert "//0.0.0.0" not in address.public_url(listening, "secret")
-
-
-@pytest.mark.parametrize(
-    ("overrides", "settings"),
-    [
-        ([], {"scheme": "none"}),
-        (["codec.force.weber=0.2"], {"scheme": "none"}),
-        (["control.scheme=mmt"], {}),
-        (["link.emulate.delay_ms=50"], {}),
-    ],
-)
-def test_visitor_feels_walls_without_control_where_there_is_no_delay(
-    overrides: list[str], settings: dict[str, str]
-) -> None:
-    assert visit_order(None, None, overrides, None, scripted=False).settings == settings

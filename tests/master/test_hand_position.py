@@ -6,17 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.teleoperation import Quality
 from tests.control.walls import Wall
-from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, SchemeParameters
+from weberlink.control.contract import FREE_FORCE, LEAST_CONTACT, AccountParameters, SchemeParameters
 from weberlink.control.direct import DirectMaster
-from weberlink.control.mmt import MmtMaster
-from weberlink.geometry.vector import ZERO, norm
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.operator_port import HandPosition
 
 COUPLING = 2500.0
-SETTINGS = SchemeParameters(1e-3, 30.0, 0.05, 5.0, 0.25, COUPLING)
+SETTINGS = SchemeParameters(1e-3, COUPLING, AccountParameters(0.02, 0.01, 1.0, 0.1))
 WEBER, FLOOR = 0.1, 0.02
 
 
@@ -64,16 +62,14 @@ def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
 
 
 def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
-    """On a wall of 500 N/m the robot presses with what is displayed: 2 N, at a depth of 4 mm."""
-    control = MmtMaster(SETTINGS)
-    control.reset()
-    control.learn(Wall(500.0), (0.0, 0.0, 5.0), (0.0, 0.0, -0.01))
-    hand = HandPosition(control, force_bound)
+    class Back(DirectMaster):
+        def command(self, position: Vector) -> Vector:
+            return position[0], position[1], position[2] + 0.006
+
+    hand = HandPosition(Back(SETTINGS), force_bound)
     hand.take(DeviceReading(0.0, (0.0, 0.0, -0.01)))
-    control.observe(hand.value, 1e-3, 0.0, 0, Quality(0.1, 0.0))
-    control.displayed((0.0, 0.0, 2.0))
-    assert hand.sample()[0] == pytest.approx((0.0, 0.0, -0.004))
-    assert hand.command == control.command(hand.value)
+    assert hand.sample()[0] == hand.command == pytest.approx((0.0, 0.0, -0.004))
+    assert hand.value == (0.0, 0.0, -0.01)
 
 
 def test_a_position_that_is_not_finite_is_named() -> None:

@@ -102,7 +102,7 @@ def moved(before: Record, after: Record) -> float:
     return largest(tuple(b - a for a, b in zip(of(before, "output"), of(after, "output"), strict=True)))
 
 
-@pytest.mark.parametrize("scheme", ["none", "tdpa"])
+@pytest.mark.parametrize("scheme", ["none", "bounded"])
 def test_stall_of_leader_restarts_torque_at_zero_and_follower_slowly(file: Path, scheme: str) -> None:
     whole, run = stopped(file, "master", 0.3, f"control.scheme={scheme}")
     end = round((BEGIN + 0.3) / TICK)

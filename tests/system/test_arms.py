@@ -11,11 +11,9 @@ from typer.testing import CliRunner
 
 from tests.system.systems import CONFIGS, configuration
 from weberlink.cli import app
-from weberlink.control.joints import JOINT_SCHEMES as BUILT
 from weberlink.protocol.states import State
 from weberlink.system.composition.link import agreement
 from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.configuration.model import JOINT_SCHEMES
 from weberlink.system.report import session_report
 from weberlink.system.scoring.recorded import put_together
 from weberlink.system.simulate import build_simulation, simulate
@@ -99,10 +97,6 @@ def test_agreement_names_only_what_a_session_uses() -> None:
     assert not any(name.startswith(("codec.joints", "codec.gripper")) for name in of_hand)
 
 
-def test_file_allows_the_schemes_that_arms_have() -> None:
-    assert set(JOINT_SCHEMES) == set(BUILT)
-
-
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
@@ -113,7 +107,6 @@ def test_file_allows_the_schemes_that_arms_have() -> None:
         ("codec.gripper=null", "codec.gripper: master.device arm_operator has a gripper; add gripper: {}"),
         ("codec.joints=null", "gripper: belongs to an arm; give its joints too"),
         ("codec.rotation={}", "an arm has no rotation of its own"),
-        ("control.scheme=mmt", "control.scheme: with codec.joints none or tdpa, not mmt"),
         ("master.mapping={}", "master.mapping: has no meaning for an arm"),
         ("slave.limits.joints={upper_rad: -3}", "slave.limits.joints: leaves nothing of the range of shoulder_pan"),
         ("master.limits.joints={torque_nm: [1, 2]}", "master.limits.joints.torque_nm: has 2 values for 6 axes"),

@@ -68,7 +68,7 @@ def test_the_default_file_has_nothing_to_say() -> None:
     ("overrides", "key", "words", "followed"),
     [
         (
-            ["slave.robot.stiffness_n_m=4000"],
+            ["slave.robot.stiffness_n_m=4000", "control.scheme=none"],
             "slave.robot.stiffness_n_m 4000",
             ["displays at most 3000 N/m;", "control.scheme none does not bound the energy"],
             ["slave.robot.stiffness_n_m=2500"],
@@ -80,7 +80,7 @@ def test_the_default_file_has_nothing_to_say() -> None:
             ["slave.robot.stiffness_n_m=1600"],
         ),
         (
-            ["rate_hz=100", "link.silence_ms=200", "control.scheme=tdpa"],
+            ["rate_hz=100", "link.silence_ms=200"],
             "slave.robot.stiffness_n_m 2500",
             ["at rate_hz 100", "at most 530 N/m passively", "raise rate_hz to 469"],
             ["slave.robot.stiffness_n_m=440"],
@@ -116,10 +116,10 @@ def test_the_default_file_has_nothing_to_say() -> None:
             ["codec.position.step_m=1.6e-5"],
         ),
         (
-            ["link.emulate.delay_ms=10"],
+            ["link.emulate.delay_ms=10", "control.scheme=none"],
             "control.scheme none",
-            ["a round trip of 20 ms", "bears 14 ms", "use auto"],
-            ["control.scheme=auto"],
+            ["a round trip of 20 ms", "bears 14 ms", "use bounded"],
+            ["control.scheme=bounded"],
         ),
         (
             ["slave.limits.trip_n=40"],
@@ -132,12 +132,6 @@ def test_the_default_file_has_nothing_to_say() -> None:
             "master.mapping.walls.stiffness_n_m 4000",
             ["at most 3000 N/m"],
             ["master.mapping.walls.stiffness_n_m=3000"],
-        ),
-        (
-            ["control.scheme=mmt", "codec.force.predictor=zoh"],
-            "control.scheme mmt",
-            ["no predictor fits a surface"],
-            ["codec.force.predictor=hybrid"],
         ),
         (["codec.force.floor_n=0"], "codec.force.floor_n 0", ["every tick"], ["codec.force.floor_n=0.02"]),
         (["codec.force.weber=0.5"], "codec.force.weber 0.5", ["use at most"], ["codec.force.weber=0.27"]),
@@ -154,7 +148,7 @@ def test_the_default_file_has_nothing_to_say() -> None:
             ["link.silence_ms=500"],
         ),
         (
-            ["link.emulate={delay_ms: 230}", "control.scheme=tdpa"],
+            ["link.emulate={delay_ms: 230}"],
             "link.longest_round_trip_ms 400",
             ["round trip is up to 462 ms", "use at least 462"],
             ["link.longest_round_trip_ms=462"],
@@ -194,11 +188,11 @@ def test_a_stiffness_is_warned_of_just_where_the_device_does_not_display_it(
 
 
 def test_a_wall_beyond_a_delay_is_warned_of_under_the_scheme_that_does_not_bound_energy() -> None:
-    delay = "link.emulate.delay_ms=10"
+    delay, none = "link.emulate.delay_ms=10", "control.scheme=none"
     passive = passivity_limit(DAMPING, 1e-3, delay_ticks=21)
-    assert notes(delay, f"slave.robot.stiffness_n_m={0.999 * passive}") == []
-    assert len(notes(delay, f"slave.robot.stiffness_n_m={1.001 * passive}")) == 1
-    assert any("bears 0 ms" in line for line in notes(delay, "master.device.hand.damping_n_s_m=0"))
+    assert notes(delay, none, f"slave.robot.stiffness_n_m={0.999 * passive}") == []
+    assert len(notes(delay, none, f"slave.robot.stiffness_n_m={1.001 * passive}")) == 1
+    assert any("bears 0 ms" in line for line in notes(delay, none, "master.device.hand.damping_n_s_m=0"))
 
 
 def test_the_bounds_are_those_in_the_frame_of_the_robot() -> None:
@@ -243,8 +237,10 @@ def test_a_robot_of_unstated_stiffness_is_said_to_press_without_limit() -> None:
         ("master.limits.slew_n_s=1e10", "master.limits.slew_n_s"),
         ("master.mapping.scale=1e-4", "master.mapping.scale"),
         ("master.mapping.walls.stiffness_n_m=2e9", "master.mapping.walls.stiffness_n_m"),
-        ("control.level_j=1e-7", "control.level_j"),
-        ("control.damping_n_s_m=1e-4", "control.damping_n_s_m"),
+        ("control.allowance_j=0", "control.allowance_j"),
+        ("control.refill_w=-1", "control.refill_w"),
+        ("control.damping_n_s_m=-1", "control.damping_n_s_m"),
+        ("control.rise_n_s=0", "control.rise_n_s"),
         ("rate_hz=9", "rate_hz"),
         ("rate_hz=10001", "rate_hz"),
         ("slave.scene.0.stiffness_n_m=2e9", "slave.scene.0.stiffness_n_m"),

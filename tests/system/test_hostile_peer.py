@@ -33,9 +33,7 @@ MIXED = ("codec.force.predictor=adaptive", "codec.position.predictor=adaptive")
 SYSTEMS: dict[str, tuple[str, ...]] = {
     "none": ("codec.force.predictor=adaptive", "control.scheme=none"),
     "smooth": (*MIXED, "control.scheme=none", *SMOOTH),
-    "tdpa": (*MIXED, "control.scheme=tdpa"),
-    "mmt": (*MIXED, "control.scheme=mmt"),
-    "auto": (*MIXED, "control.scheme=auto"),
+    "bounded": (*MIXED, "control.scheme=bounded"),
     "paths": ("codec.force.predictor=path", "codec.position.predictor=path", "control.scheme=none"),
 }
 FILES = {"rotation": "rotation.yaml", "arms": "arms.yaml"}
@@ -72,8 +70,7 @@ payloads = (
 contents = st.builds(Content, st.integers(0, 1), st.integers(0, 7), st.integers(-90, 1000), levels, payloads)
 BODIES = [
     b"", b"\x00", b"\x01", b"{}", b"[]", b"null", b"1", b'{"weber":0.2}', b'{"weber":1e999}', b'{"weber":NaN}',
-    b'{"weber":true}', b'{"predictor":"zoh"}', b'{"predictor":null}', b'{"scheme":"mmt"}', b'{"scheme":"tdpa"}',
-    b'{"choice":"mmt"}', b'{"choice":"tdpa"}', b'{"choice":"none"}', b'{"choice":1}', b'{"choice":"mmt","weber":0.1}',
+    b'{"weber":true}', b'{"predictor":"zoh"}', b'{"predictor":null}', b'{"scheme":"none"}',
     b'{"weber":"\\ud800"}', b'{"\\ud800":1}', b"[" * LONGEST_CHANGE, b'{"weber":' + b"9" * 180 + b"}",
 ]  # fmt: skip
 bodies = st.sampled_from(BODIES) | st.binary(max_size=LONGEST_CHANGE)
@@ -87,7 +84,7 @@ moves = st.one_of(
     st.tuples(st.just("credit"), st.integers(0, 2**40)),
     st.tuples(st.just("encoding"), st.booleans()),
     st.tuples(st.just("renew"), st.none() | st.text(max_size=70)),
-    st.tuples(st.just("ask"), st.sampled_from([{"weber": 0.3}, {"predictor": "zoh"}, {"scheme": "mmt"}])),
+    st.tuples(st.just("ask"), st.sampled_from([{"weber": 0.3}, {"predictor": "zoh"}, {"scheme": "none"}])),
     st.tuples(st.just("tick"), st.integers(1, 12)),
 )  # fmt: skip
 
@@ -212,7 +209,7 @@ def brittle(configuration: Configuration) -> Callable[[Side], Side]:
         channel = BrittleChannel(
             like.bank, like.deadband, like.value_quantizer, like.position_quantizer, like.rest, like.fit_limits
         )
-        learner: Any = side.port.control if side.port.leads else None
+        learner: Any = side.port.controls[0] if side.port.leads else None
         return Side(
             port=side.port,
             outgoing=side.outgoing,

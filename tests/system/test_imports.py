@@ -127,12 +127,10 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "cryptography": secured,
         "weberlink.protocol.psk": secured,
         "weberlink.protocol.checksum": not secured,
-        "weberlink.control.tdpa": scheme in ("tdpa", "auto"),
-        **dict.fromkeys(("weberlink.codec.bundle", "weberlink.control.joints", "weberlink.arms.models"), arms),
+        "weberlink.control.bounded": scheme == "bounded" and not arms,
+        **dict.fromkeys(("weberlink.codec.bundle", "weberlink.arms.models"), arms),
         "weberlink.master.leader_port": arms and master,
         "weberlink.slave.follower_port": arms and slave,
-        "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and master),
-        "weberlink.control.auto": scheme == "auto",
         "weberlink.geometry.rotation": turns or mapped or (slave and robot == "franka"),
         "weberlink.master.mapping": mapped,
         "weberlink.master.rotation": turns and master,
@@ -249,7 +247,7 @@ def test_sample_carries_the_named_axes_only(name: str) -> None:
 
 
 def test_one_axis_is_shorter_on_the_wire_than_three() -> None:
-    one, three = (channels(configuration(f"axes={axes}").system) for axes in ("z", "xyz"))
+    one, three = (channels(configuration(f"axes={axes}", "control.scheme=none").system) for axes in ("z", "xyz"))
     for narrow, wide in zip(one, three, strict=True):
         for shorter, longer in zip(*(UpdateLayout(each.forms).lengths for each in (narrow, wide)), strict=True):
             assert shorter < longer

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.system.processes import Program, document, until
-from weberlink.control.table import SCHEMES
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.configuration import ConfigurationError
@@ -109,8 +108,8 @@ def test_a_session_in_which_nothing_happens_has_a_beginning_figures_and_an_end()
     assert names(lines) == ["started", "summary", "ended"]
     assert lines[0] == {
         "time": "2025-11-13T03:36:40.000Z", "side": "master", "event": "started", "tick": 0, "at_s": 5000.0,
-        "state": "engaged", "scheme": "none", "rate_hz": 1000.0, "level": "info",
-        "text": "began at 1000 Hz, control scheme none; engaged: in a session with the slave",
+        "state": "engaged", "rate_hz": 1000.0, "level": "info",
+        "text": "began at 1000 Hz; engaged: in a session with the slave",
     }  # fmt: skip
     assert (lines[-1]["side"], lines[-1]["outcome"]) == ("session", "completed")
     assert lines[-1]["faults"] == {"master": {"silence": 1}}
@@ -153,13 +152,11 @@ def test_a_session_that_begins_with_a_fault_says_so() -> None:
     assert [line.get("fault") for line in Log().look(records)] == [None, "refused"]
 
 
-def test_schemes_and_live_changes_are_told() -> None:
+def test_live_changes_are_told() -> None:
     records = ticks(4000)
-    records["control"][1500:] = list(SCHEMES).index("tdpa")
     records["settings"][2600:] = 1
-    lines = Log().look(records)
-    assert [(line["event"], line["tick"]) for line in lines[1:]] == [("scheme", 1500), ("settings", 2600)]
-    assert (lines[1]["scheme"], lines[1]["before"], lines[2]["generation"]) == ("tdpa", "none", 1)
+    (line,) = Log().look(records)[1:]
+    assert (line["event"], line["tick"], line["generation"]) == ("settings", 2600, 1)
 
 
 def test_button_of_the_operator_is_told() -> None:
@@ -248,21 +245,21 @@ def test_bursts_of_missed_ticks_make_a_line_a_second_and_none_is_forgotten() -> 
     assert sum(line["ticks"] for line in lines) == int(records["ticks_missed"][-1])
 
 
-ROWS = st.tuples(st.integers(0, 7), st.integers(0, 6), st.integers(0, 5), st.integers(0, 255), st.booleans())
+ROWS = st.tuples(st.integers(0, 7), st.integers(0, 6), st.integers(0, 255), st.booleans())
 
 
 @given(st.lists(ROWS, min_size=1, max_size=40), st.integers(1, 50))
 def test_whatever_the_records_hold_output_is_bounded_and_json(
-    rows: list[tuple[int, int, int, int, bool]], each: int
+    rows: list[tuple[int, int, int, bool]], each: int
 ) -> None:
     records = ticks(len(rows))
-    for name, column in zip(("state", "fault", "control", "settings", "clipped"), zip(*rows, strict=True), strict=True):
+    for name, column in zip(("state", "fault", "settings", "clipped"), zip(*rows, strict=True), strict=True):
         records[name] = column
     records["ticks_missed"] = np.cumsum(records["clipped"])
     log = Log()
     lines = log.look(records, each) + log.end()
     # Less than a second: two lines of a kind at most, of which the second waits for the end.
-    assert len(lines) <= 3 + 2 * 6
+    assert len(lines) <= 3 + 2 * 5
     assert all(len(json.dumps(line)) < LONGEST_LINE for line in lines)
 
 

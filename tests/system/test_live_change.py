@@ -24,7 +24,6 @@ from tests.system.processes import ENGAGED, PATIENCE, Program, until
 from tests.system.systems import Step, decoded, raw, steps, system
 from weberlink.codec import Decoder
 from weberlink.codec.deadband import Deadband
-from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.geometry.vector import distance
 from weberlink.system import description
@@ -106,22 +105,12 @@ def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> No
     assert any(step.slave.sent for step in after)
 
 
-def test_a_scheme_is_imposed_on_both_sides_and_taken_back() -> None:
-    simulation = system("control.scheme=auto")
-    seen = changed(simulation, {"scheme": "mmt"}, "master")
-    place = list(SCHEMES).index("mmt")
-    assert {step.master.control for step in seen if step.master.settings == 1} == {place}
-    assert simulation.master.propose({"scheme": "auto"}, 1.5) is None
-    later = list(steps(simulation, 4.0))
-    assert later[-1].master.control == later[-1].slave.control == list(SCHEMES).index("none"), "by the delay again"
-
-
 @pytest.mark.parametrize(
     ("overrides", "change", "complaint"),
     [
         (["control.live_changes=false"], {"weber": 0.2}, "control.live_changes is off"),
         (["codec.force.predictor=plane"], {"predictor": "zoh"}, "codec.force.predictor is neither hybrid nor adaptive"),
-        (["control.scheme=tdpa"], {"scheme": "none"}, "control.scheme is not auto"),
+        ([], {"scheme": "none"}, "unknown setting scheme; known are weber, predictor"),
     ],
 )
 def test_what_the_file_fixes_stays(overrides: list[str], change: dict[str, Any], complaint: str) -> None:

@@ -125,7 +125,7 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     generate(key := tmp_path / "key")
     ipv6 = [argument for side in ("listen", "slave") for argument in ("--set", f'link.{side}="[::1]:0"')]
     secured = (f"link.key_file={key}", "link.security=psk")
-    bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2", "control.scheme=tdpa")
+    bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2")
     overrides = [argument for text in (*secured, *bad) for argument in ("--set", text)]
     with (
         Program("loopback", "--duration", 1, "--json", "-", *(ipv6 if has_ipv6() else ())) as plain,

@@ -64,6 +64,20 @@ def test_report_without_a_tick_is_two_lines() -> None:
     assert len(shown(figures(NONE, NONE) | {"outcome": "interrupted"})) == 2
 
 
+def test_report_tells_the_bound_of_the_energy_and_the_error_without_the_delay() -> None:
+    summary = clean()
+    summary["energy"] = {"generated_j": 0.0481, "dissipated_j": 0.0123, "bound_j": 0.1145, "bound_share": 0.42}
+    summary["force"] |= {"error_rms": 0.7, "aligned_rms": 0.21, "aligned_lag_s": 0.052}
+    lines = shown(summary)
+    assert "energy at the hand: 48.1 mJ out, 42 % of the bound, 114 mJ; 12.3 mJ dissipated" in lines
+    assert "felt error 0.700 N RMS; 0.210 N with the delay removed (52 ms)" in lines
+    summary["energy"] |= {"bound_j": None, "bound_share": None}
+    summary["force"]["aligned_rms"] = None
+    lines = shown(summary)
+    assert "energy at the hand: 48.1 mJ out; 12.3 mJ dissipated" in lines
+    assert not any("delay removed" in line for line in lines)
+
+
 @pytest.mark.parametrize(
     ("side", "state", "facts", "expected"),
     [

@@ -301,8 +301,6 @@ def test_ends_of_which_one_turns_refuse_each_other_and_say_why(ours: tuple[str, 
 @pytest.mark.parametrize(
     ("overrides", "complaint"),
     [
-        (["control.scheme=tdpa"], "codec.rotation: control.scheme tdpa keeps no account"),
-        (["control.scheme=auto"], "codec.rotation: control.scheme auto"),
         (["master.device={driver: operator}"], "codec.rotation: master.device driver operator, as it is set here"),
         (["slave.robot={driver: point}"], "codec.rotation: slave.robot driver point, as it is set here"),
         (["codec.rotation.torque.step_nm=0.00001"], "codec.rotation.torque.step_nm: spans"),

@@ -5,6 +5,7 @@ from copy import deepcopy
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.system.processes import ROOT
 from tests.system.scoring.test_session import NONE, RATE, records
+from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.verdict import DEGRADED, FAILURE, GOOD, verdict
@@ -148,6 +150,11 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
         {"force.violation_fraction": 0.4, "force.violation_floor": 0.38},
         "delay put the felt error outside the deadband in 40.0 % of ticks",
     ),
+    "bound": (
+        DEGRADED,
+        {"energy.bound_share": 1.25, "energy.bound_j": 0.06},
+        "75.0 mJ came out at the hand, where its bound was 60.0 mJ",
+    ),
     "loss": (DEGRADED, {"link.lost": 500}, "20.0 % of datagrams lost"),
 }
 """Name of a cause to its level, the figures that tell it, and its words."""
@@ -164,6 +171,18 @@ def test_each_cause_follows_from_its_figures(name: str) -> None:
     assert found.line == f"{level} because {text}"
     assert found.status == (1 if level == FAILURE else 0)
     assert found.document() == {"word": level, "causes": [{"level": level, "name": name, "text": text}]}
+
+
+def test_records_of_a_hand_that_got_more_than_its_account_allows_are_degraded() -> None:
+    made = records(1001), records(1001)
+    made[0]["position"][:, 2] = 5e-5 * np.arange(1001)
+    made[0]["output"][:, 2] = made[1]["raw"][:, 2] = 2.0
+    for side in made:
+        side["bound"] = 0.1
+    for allowance, causes in ((0.02, ["bound"]), (0.2, [])):
+        score = SessionScore(RATE, ("zoh",), accounts=[AccountParameters(allowance, 0.01, 1.0, 0.1)])
+        score.add(*made)
+        assert [cause.name for cause in verdict(score.summary()).causes] == causes
 
 
 def test_clean_figures_are_good() -> None:

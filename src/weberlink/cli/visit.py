@@ -102,11 +102,7 @@ def visit_order(
         fail(f"--scene {scene}: no such scene; there are {', '.join(SCENES)}", MISCONFIGURED)
     path = str(files("weberlink.configs") / "try.yaml")
     script = [f"master.device.scripted={str(scripted).lower()}"]
-    # The file has `auto`, so that all schemes can be chosen. On a busy machine it takes jitter of the ticks for that
-    # of a link and chooses passivity control, which softens walls; a visitor without delay is to feel them as they are.
-    chosen = any(each.startswith(("control.", "link.emulate")) for each in overrides)
-    settings = {} if chosen else {"scheme": "none"}
-    return VisitOrder(path, (*script, *overrides), SCENES, first, duration, settings)
+    return VisitOrder(path, (*script, *overrides), SCENES, first, duration)
 
 
 def _tell(text: str) -> None:

@@ -349,8 +349,7 @@ def _uncontrolled(parts: Parts) -> Iterator[str]:
     ):
         if delay_ms > 0.0:
             yield (
-                f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; "
-                "use bounded"
+                f"{field}: control.scheme none leaves this delay uncontrolled, and a contact may oscillate; use bounded"
             )
 
 

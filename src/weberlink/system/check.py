@@ -24,7 +24,7 @@ from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import Configuration, System
-from weberlink.system.configuration.model import MappingSettings, PredictedSettings
+from weberlink.system.configuration.model import ControlSettings, MappingSettings, PredictedSettings
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -149,7 +149,17 @@ def _link(system: System) -> Iterator[str]:
     if link.emulate is not None:
         changed = link.emulate.model_dump(exclude_defaults=True)
         yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
-    yield f"control   {system.control.scheme}: {SCHEMES[system.control.scheme].does}"
+    yield from _control(system.control, turns=system.codec.rotation is not None)
+
+
+def _control(control: ControlSettings, *, turns: bool) -> Iterator[str]:
+    yield f"control   {control.scheme}: {SCHEMES[control.scheme].does}"
+    if control.scheme == "none":
+        yield "          nothing bounds the energy"
+    elif control.scheme == "bounded":
+        most = f"{1e3 * control.allowance_j:g} mJ + {1e3 * control.refill_w:g} mW x time"
+        yield f"          the hand gets at most {most} + {control.damping_n_s_m:g} N s/m x its squared speed,"
+        yield f"          integrated, more than it gave, beside what the scene gives{'; as much by torques' * turns}"
 
 
 def _coding(predictor: str, channel: Channel) -> str:

@@ -62,7 +62,7 @@ def ask(ring: str | Path, request: Mapping[str, Any], patience_s: float = 2.0) -
         ring: its path.
         request: one of these, or empty to ask what is in force only:
 
-            - any of `weber` (0 to less than 1), `predictor`, `scheme`: of both sides, answered once they agree;
+            - `weber` (0 to less than 1) or `predictor`, or both: of both sides, answered once they agree;
             - any of `delay_ms`, `jitter_ms`, `loss`: of what this side sends from now on, where the file has
               `link.emulate`;
             - `stop`, with the outcome in words: an orderly end;

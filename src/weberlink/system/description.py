@@ -15,7 +15,6 @@ from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from weberlink.control.port import Port
-from weberlink.control.table import SCHEMES
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
@@ -68,7 +67,6 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),
-        "schemes": list(SCHEMES),
         "changes": sorted(permitted(system)),
         **(
             dict(zip(("lower_rad", "upper_rad"), port.angle_range, strict=True))

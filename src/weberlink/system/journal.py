@@ -7,10 +7,9 @@ as in recordings.
 
 | event | fields |
 |---|---|
-| `started` | `state`, `scheme`, `rate_hz` |
+| `started` | `state`, `rate_hz` |
 | `idle`, `connecting`, `listening`, `engaged`, `silent`, `closed` | the new state; `before` |
 | `fault`, `recovered` | name of the `fault`; on recovery `lasted_s` |
-| `scheme` | active control scheme: `scheme`, `before` |
 | `settings` | live changes in force: `generation`, `weber` |
 | `path` | `place`, `route`, `via`, `interface`, `remote`, `changes`, `note` of a path that is new or another one |
 | `held`, `released` | the button of `master.engage`, while a session runs |
@@ -32,7 +31,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.paths import of_event
 from weberlink.system.scoring.distribution import Distribution
@@ -134,7 +132,7 @@ class _Side:
     def events(self, records: Records) -> Iterator[_Event]:
         """What changes from one record to the next, in order of time; then `last` is the last of them."""
         changed = np.zeros(len(records), np.bool_)
-        for name in ("state", "fault", "control", "settings"):
+        for name in ("state", "fault", "settings"):
             changed |= np.diff(records[name].astype(np.int64), prepend=int(self.last[name])) != 0
         released = records["ramping"] == RELEASED
         changed |= np.diff(released, prepend=bool(self.last["ramping"] == RELEASED))
@@ -153,8 +151,6 @@ class _Side:
             if int(record["fault"]):
                 self._fault_at_s = at
                 yield _Event(record, "fault", "fault", {"fault": _fault(record)})
-        if record["control"] != before["control"]:
-            yield _Event(record, "scheme", "scheme", {"scheme": _scheme(record), "before": _scheme(before)})
         if record["settings"] != before["settings"]:
             fields = {"generation": int(record["settings"]), "weber": round(float(record["weber"]), 6)}
             yield _Event(record, "settings", "settings", fields)
@@ -266,7 +262,7 @@ class Journal:
 
     def _begin(self, name: str, record: Any, wall_offset_s: float) -> _Side:
         side = _Side(record, wall_offset_s)
-        fields = {"state": _state(record), "scheme": _scheme(record), "rate_hz": self._rate_hz}
+        fields = {"state": _state(record), "rate_hz": self._rate_hz}
         self._tell(name, side, _Event(record, "started", "started", fields))
         if int(record["fault"]):
             self._offer(name, side, _Event(record, "fault", "fault", {"fault": _fault(record)}))
@@ -326,10 +322,6 @@ def _state(record: Any) -> str:
 
 def _fault(record: Any) -> str:
     return _named(lambda number: Fault(number).name.lower(), int(record["fault"]))
-
-
-def _scheme(record: Any) -> str:
-    return _named(lambda number: list(SCHEMES)[number], int(record["control"]))
 
 
 def _named(name: Callable[[int], str], number: int) -> str:

@@ -15,7 +15,6 @@ from typing import Any
 import yaml
 
 from weberlink.child_process import python
-from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
@@ -69,7 +68,6 @@ def _facts(
         **({} if torque is None else {"torque_bank": " ".join(torque)}),
         "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
         "faults": " ".join(f"{fault.value}={fault.name.lower()}" for fault in Fault),
-        "controls": " ".join(SCHEMES),
         "clock": "virtual" if virtual else "real",
         "environment": json.dumps(environment()),
     }

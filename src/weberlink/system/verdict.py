@@ -108,6 +108,7 @@ def _causes(summary: Mapping[str, Any]) -> Iterator[Cause]:
     yield from _ticks(summary)
     yield from _faults(summary)
     yield from _force(summary)
+    yield from _energy(summary.get("energy", {}))
     yield from _loss(summary["link"])
 
 
@@ -260,6 +261,15 @@ def _force(summary: Mapping[str, Any]) -> Iterator[Cause]:
         yield Cause(DEGRADED, "delay", text)
 
 
+def _energy(energy: Mapping[str, Any]) -> Iterator[Cause]:
+    """Whether the accounts held."""
+    share = energy.get("bound_share")
+    if share is not None and share > 1.0:
+        bound = energy["bound_j"]
+        text = f"{millijoules(share * bound)} came out at the hand, where its bound was {millijoules(bound)}"
+        yield Cause(DEGRADED, "bound", text)
+
+
 def _loss(link: Mapping[str, Any]) -> Iterator[Cause]:
     lost = link["lost"]
     due = lost + link["received"]
@@ -271,6 +281,10 @@ def felt_channel(summary: Mapping[str, Any]) -> dict[str, Any]:
     """The figures of the channel that the operator feels: the force or, of an arm, the torques of its joints."""
     felt: dict[str, Any] = summary["force"] if "force" in summary else summary["joint_torque"]
     return felt
+
+
+def millijoules(energy: float) -> str:
+    return f"{energy * 1e3:.{0 if energy >= 0.1 else 1}f} mJ"
 
 
 def _times(count: int) -> str:

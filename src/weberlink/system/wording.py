@@ -64,7 +64,7 @@ def _of_side(template: Words, side: str) -> Words:
 
 def _started(side: str, fields: Fields) -> Words:
     state = words(side, fields["state"], {}).text
-    return Words(INFO, f"began at {fields['rate_hz']:g} Hz, control scheme {fields['scheme']}; {state}")
+    return Words(INFO, f"began at {fields['rate_hz']:g} Hz; {state}")
 
 
 def _recovered(side: str, fields: Fields) -> Words:
@@ -110,7 +110,6 @@ _EVENTS: dict[str, Callable[[str, Fields], Words]] = {
     "started": _started,
     "fault": lambda side, fields: fault_words(side, fields["fault"]),
     "recovered": _recovered,
-    "scheme": lambda _, fields: Words(INFO, f"control scheme {fields['scheme']}, before {fields['before']}"),
     "settings": _settings,
     "path": _path,
     "held": lambda *_: Words(INFO, "button held: the robot follows"),

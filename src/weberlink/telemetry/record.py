@@ -62,6 +62,7 @@ FIELDS = (
     Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
     Field("bound", "<f8", 1, "m | N", "deadband of `coded`, in the unit of what this side encodes"),
     Field("weber", "<f8", 1, "", "Weber factor of the force channel, as a live change may have left it"),
+    Field("credit", "<f8", 1, "J", "what the scene gave beyond what it took, since the session began, as known here"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
     Field("slew_ticks", "<u8", 1, "", "ticks in which the slew limit held force or torque back, so far (master)"),
@@ -91,7 +92,6 @@ FIELDS = (
     Field("outgoing_loss", "<f4", 1, "", "the same of this side's datagrams, as the peer reported it"),
     Field("peer_burst", "<f4", 1, "", "mean run of the peer's datagrams that were lost; 0 while unknown"),
     Field("energy", "<f4", 1, "J", "what the display may still give to the hand; 0 without an account"),
-    Field("credit", "<f4", 1, "J", "what the scene gave beyond what it took, since the session began, as known here"),
     Field(
         "surface", "<f4", 3, "1 | m", "unit normal of the fitted plane, centre of the fitted sphere; NaN without either"
     ),
@@ -117,6 +117,7 @@ FIELDS = (
     Field("settings", "u1", 1, "", "how many live changes of settings are in force, modulo 256"),
     Field("buttons", "u1", 1, "", "of the device, the lowest eight as bits (master)"),
     Field("position_selected", "u1", 1, "", "predictor in use on the position channel, as its index in the bank"),
+    Field("gripper_sent", "u1", 1, "", "1 if an update of the gripper was sent in this tick"),
     Field("rotation_updates_sent", "<u8", 1, "", "samples of the rotation that crossed the deadband, so far"),
     Field("rotation_updates_received", "<u8", 1, "", "of the rotation, applied, so far"),
     Field("rotation_raw", "<f4", 3, "rad | N m", "as measured: rotation vector of the device (master), torque (slave)"),
@@ -164,7 +165,6 @@ FIELDS = (
     ),
     Field("gripper_updates_sent", "<u8", 1, "", "samples of the gripper that crossed the deadband, so far"),
     Field("gripper_updates_received", "<u8", 1, "", "of the gripper, applied, so far"),
-    Field("gripper_sent", "u1", 1, "", "1 if an update of the gripper was sent in this tick"),
 )
 
 NAMES = tuple(field.name for field in FIELDS)

@@ -34,7 +34,7 @@ def session(shape: str) -> tuple[Configuration, Records, Records]:
     seen = list(steps(simulation, 1.5))
     assert simulation.master.propose({"weber": WEBERS[1]}, 1.5) is None
     seen += steps(simulation, 1.5)
-    assert simulation.slave.tuning.settings == LiveSettings(WEBERS[1], "zoh", "none")
+    assert simulation.slave.tuning.settings == LiveSettings(WEBERS[1], "zoh")
     return loaded, as_array([step.master for step in seen]), as_array([step.slave for step in seen])
 
 
@@ -107,5 +107,5 @@ def test_a_recording_of_an_unknown_deadband_is_refused(tmp_path: Path, monkeypat
     seen = list(steps(simulation, 0.2))
     recording.add(as_array([step.master for step in seen]), as_array([step.slave for step in seen]))
     recording.finish()
-    with pytest.raises(ConfigurationError, match="no deadband known here"):
+    with pytest.raises(ConfigurationError, match="no settings known here"):
         describe([path])

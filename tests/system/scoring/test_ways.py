@@ -82,7 +82,7 @@ def test_known_link_is_measured_right() -> None:
     """Delay 20 ms, jitter uniform up to 4 ms, loss 10 % to the slave only, in virtual time."""
     to_slave = "{delay_ms: 20, jitter_ms: 4, loss: 0.1}"
     link = f"link.emulate={{to_slave: {to_slave}, to_master: {{delay_ms: 20, jitter_ms: 4}}, seed: 7}}"
-    master, slave = simulated(link, "control.scheme=tdpa")
+    master, slave = simulated(link)
     both, alone = ways(master, slave), ways(master, NONE)
     for told in (both, alone):
         for name in ("to_slave", "to_master"):

@@ -15,6 +15,7 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
+from weberlink.system.composition.account import account
 from weberlink.system.composition.arms import (
     check_angles,
     check_arm_axes,
@@ -32,7 +33,6 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
-    account,
     build_endpoint,
     construct,
     located,
@@ -67,7 +67,7 @@ def build_leading(
     forward, backward = joint_streams(system)
     limits = system.master.limits
     most, slew = torque_limits(system, leader.spec)
-    control = build_axes(system.control.scheme, LEVER, account(system))
+    control = build_axes(system.control.scheme, LEVER, account(system.control, system.master.mapping))
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     silence, engage = system.link.silence_ms * 1e-3, system.master.engage
     joints = len(joint_names(system))

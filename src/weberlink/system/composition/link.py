@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeV
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.predictors import BANKS
-from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
+from weberlink.control.contract import FREE_FORCE, SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
@@ -16,6 +16,7 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import check_contract, fault_of
+from weberlink.system.composition.account import account
 from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
@@ -164,30 +165,11 @@ def build_control(
     settings = SchemeParameters(
         tick_period=system.tick_period,
         coupling=coupling,
-        account=account(system),
+        account=account(system.control, system.master.mapping),
         delay=signal_delay(system),
         longest=longest_round_trip(system) + signal_delay(system),
     )
     return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
-
-
-def account(system: System, *, turns: bool = False) -> AccountParameters:
-    """What bounds the energy out of the hand, in the robot's frame, where lengths and forces are scaled, but no angles.
-
-    Args:
-        system: of both sides.
-        turns: whether it is that of a torque.
-    """
-    control, mapping = system.control, system.master.mapping
-    force_scale = 1.0 if mapping is None else mapping.force_scale
-    scale = 1.0 if mapping is None or turns else mapping.scale
-    energy = scale / force_scale
-    return AccountParameters(
-        allowance=energy * control.allowance_j,
-        refill=energy * control.refill_w,
-        damping=control.damping_n_s_m / (scale * force_scale),
-        rise=control.rise_n_s / force_scale,
-    )
 
 
 def free_force(system: System) -> float:

@@ -18,6 +18,7 @@ from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.system.composition.account import account
 from weberlink.system.composition.channels import (
     least_contact,
     longest_round_trip,
@@ -31,7 +32,6 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
-    account,
     build_control,
     build_endpoint,
     build_tuning,
@@ -114,7 +114,7 @@ def build_master(
         orientation = HandOrientation(on_jump=encoder.reset)
         outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
         incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
-        torques = build_axes(system.control.scheme, HANDLE, account(system, turns=True))
+        torques = build_axes(system.control.scheme, HANDLE, account(system.control, system.master.mapping, turns=True))
         displays.append(_torque_display(system, device, torques))
         turning = torques, lambda: orientation.turned
     port = OperatorPort(

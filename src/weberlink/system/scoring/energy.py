@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.system.scoring.bound import EnergyBound
+
 Records = NDArray[Any]
 """Structured array of telemetry records."""
 Series = NDArray[np.float64]
@@ -29,6 +31,7 @@ class PortWork:
         turns: rotation vectors from each row to the next [rad], for rotation vectors of shape (n, 3); None for a
             session of three degrees of freedom.
         turning: column of the rotation vectors; that of the position with `rotation_` before it if not given.
+        bound: what may come out at this port; None where nothing bounds it.
     """
 
     def __init__(
@@ -39,9 +42,11 @@ class PortWork:
         held: bool,
         turns: Callable[[Any], Series] | None = None,
         turning: str | None = None,
+        bound: EnergyBound | None = None,
     ) -> None:
         self._force, self._position, self._held, self._turns = force, position, held, turns
         self._turning = turning or f"rotation_{position}"
+        self.bound = bound
         self._last: Records | None = None
         self.total = 0.0
         """Up to the newest record [J]."""
@@ -55,14 +60,20 @@ class PortWork:
         first = self._last is None
         joined = records if self._last is None else np.concatenate([self._last, records])
         self._last = records[-1:].copy()
-        steps = self._work(joined[self._force], np.diff(joined[self._position], axis=0))
+        forces, ways = [joined[self._force]], [np.diff(joined[self._position], axis=0)]
         if self._turns is not None:
-            steps += self._work(joined[f"rotation_{self._force}"], self._turns(joined[self._turning]))
+            forces.append(joined[f"rotation_{self._force}"])
+            ways.append(self._turns(joined[self._turning]))
         missed = np.diff(joined["ticks_missed"].astype(np.int64))
-        steps[np.diff(joined["tick"].astype(np.int64)) != 1 + missed] = 0.0
+        lost = np.diff(joined["tick"].astype(np.int64)) != 1 + missed
+        works = np.array([self._work(force, way) for force, way in zip(forces, ways, strict=True)])
+        works[:, lost] = 0.0
+        steps = works.sum(axis=0)
         sums: Series = self.total + np.cumsum(np.concatenate([[0.0], steps]) if first else steps)
         self.total = float(sums[-1])
         self.least = min(self.least, float(sums.min()))
+        if self.bound is not None:
+            self.bound.add(joined, ways, works, lost, sums[1:] if first else sums)
         return sums
 
     def _work(self, force: Any, ways: Any) -> Series:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from yaml import YAMLError
 
 from weberlink.codec.deadband.contract import Measures
-from weberlink.control.table import SCHEMES
+from weberlink.control.contract import AccountParameters
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.scoring.arm import ArmLayout, arm_in
+from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
@@ -35,9 +36,11 @@ ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_",
     "incoming_loss": np.nan,
     "outgoing_loss": np.nan,
     "peer_burst": 0.0,
+    "energy": 0.0,
+    "credit": 0.0,
 }
 """Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
-those of the link "unknown"."""
+those of the link "unknown", those of the account 0, as without one."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -62,6 +65,7 @@ class RecordedSession:
         measures: how the deadband of the force measures an error; None for the distance.
         arm: the axes of a session in joint space; None for one in Cartesian space.
         marks: that a person set, in order of time.
+        accounts: of the energy out of the hand; empty for none.
     """
 
     master: Records
@@ -72,6 +76,7 @@ class RecordedSession:
     measures: Measures | None = None
     arm: ArmLayout | None = None
     marks: tuple[SessionMark, ...] = ()
+    accounts: tuple[AccountParameters, ...] = ()
 
     @property
     def sides(self) -> dict[str, Records]:
@@ -80,7 +85,7 @@ class RecordedSession:
 
     def summary(self) -> dict[str, Any]:
         """The figures of the session, as those of a live one, with faults and drops by side."""
-        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm)
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm, self.accounts)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -132,7 +137,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         _check_overlap(found[MASTER][1], slave, found)
         found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
     empty = np.empty(0, DTYPE)
-    measures, arm = _configuration(reference)
+    measures, arm, accounts = _configuration(reference)
     return RecordedSession(
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
@@ -142,6 +147,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         measures=measures,
         arm=arm,
         marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
+        accounts=accounts,
     )
 
 
@@ -163,19 +169,22 @@ def _marks(
     ]
 
 
-def _configuration(recording: Recording) -> tuple[Measures | None, ArmLayout | None]:
-    """How the deadband of the recorded configuration measures, None for the distance, and the axes of its arm, if any.
+def _configuration(
+    recording: Recording,
+) -> tuple[Measures | None, ArmLayout | None, tuple[AccountParameters, ...]]:
+    """How the deadband of the recorded configuration measures, None for the distance, the axes of its arm, if any, and
+    its accounts of energy.
 
-    Neither without a configuration.
+    None of these without a configuration.
     """
     if CONFIGURATION not in recording.facts:
-        return None, None
+        return None, None, ()
     try:
         dump = yaml.safe_load(recording.facts[CONFIGURATION])
-        return measures_in(dump), arm_in(dump)
+        return measures_in(dump), arm_in(dump), accounts_in(dump)
     except (ValueError, YAMLError, RecursionError) as error:
         why = " ".join(str(error).split())
-        raise RecordingError(f"{recording.path}: its configuration has no deadband known here: {why}") from None
+        raise RecordingError(f"{recording.path}: its configuration has no settings known here: {why}") from None
 
 
 def _predictors(recording: Recording) -> str:
@@ -220,7 +229,6 @@ def _check_numbers(recording: Recording, side: str, records: Records) -> None:
         "number of a predictor": bool(
             (records["selected"] >= len(bank)).any() or (records["rotation_selected"] >= len(torque_bank)).any()
         ),
-        "number of a control scheme": bool((records["control"] >= len(SCHEMES)).any()),
         "number of a fault": bool((records["fault"] > max(Fault)).any()),
         "position or force": not vectors,
         "Weber factor": not ((records["weber"] >= 0.0) & (records["weber"] <= 1.0)).all(),

@@ -3,7 +3,7 @@
 Records come in pieces; sums and histograms take bounded memory, so a session may have any length.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec.deadband.contract import Measures
+from weberlink.control.contract import AccountParameters
 from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.configuration import System
+from weberlink.system.scoring.alignment import AlignedError
 from weberlink.system.scoring.arm import ArmLayout, AxesScore, arm_in
+from weberlink.system.scoring.bound import EnergyBound, accounts_in
 from weberlink.system.scoring.channel import (
     ChannelScore,
     UpdatesOnTheirWay,
@@ -112,10 +115,16 @@ class SessionScore:
     The measures in JND are of the force that the operator felt, for a person of the default threshold
     (`weberlink.system.scoring.perception`). Jumps need the records of the master only.
 
+    `aligned_rms` of the felt channel is the least RMS of its error against what the robot measured a lag before, and
+    `aligned_lag_s` that lag: positive where the robot measured it before it was felt. It is of the axis of an arm whose
+    error is largest then.
+
     Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
-    gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
-    the link between the ports, while errors count too (`weberlink.system.scoring.energy`).
+    gone in and not come out at the end. Both are of the port of the operator. `energy.bound_share` is the largest share
+    of what the accounts allowed to come out there by then that did, above 1 if they did not hold, and `energy.bound_j`
+    what they allowed then (`weberlink.system.scoring.bound`); None without accounts. `energy.link_generated_j` is the
+    energy that the link between the ports generated, while errors count too (`weberlink.system.scoring.energy`).
 
     `violation_floor` is the share of the ticks of the felt error that no codec can keep within the deadband, because an
     update is on its way (`weberlink.system.scoring.channel.UpdatesOnTheirWay`).
@@ -131,6 +140,7 @@ class SessionScore:
         measures: how the deadband of the force measures an error; None for the distance.
         arm: the axes of a session in joint space; None for a session in Cartesian space. Its channels are
             `joint_torque`, `joint_angle` and, with a gripper, `gripper_torque` and `gripper_angle`.
+        accounts: of the energy out of the hand (`weberlink.system.scoring.bound.accounts_in`); empty for none.
     """
 
     def __init__(
@@ -140,6 +150,7 @@ class SessionScore:
         torque_bank: tuple[str, ...] | None = None,
         measures: Measures | None = None,
         arm: ArmLayout | None = None,
+        accounts: Sequence[AccountParameters] = (),
     ) -> None:
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
@@ -149,20 +160,24 @@ class SessionScore:
         self._is_arm = arm is not None
         self._from_slave: Mapping[str, ChannelScore | AxesScore]
         self._from_master: Mapping[str, ChannelScore | AxesScore]
+        self._bound = EnergyBound(accounts) if accounts else None
         if arm is None:
             self._from_slave, self._from_master = cartesian_channels(self._period, bank, torque_bank, measures)
             turning = None if torque_bank is None else turns
             self._ports = (
-                PortWork("output", "position", held=True, turns=turning, turning="rotation_raw"),
+                PortWork("output", "position", held=True, turns=turning, turning="rotation_raw", bound=self._bound),
                 PortWork("raw", "output", held=False, turns=turning),
             )
         else:
             self._from_slave, self._from_master = arm.channels(self._period)
             self._ports = (
-                PortWork("joint_output", "joint_position", held=True),
+                PortWork("joint_output", "joint_position", held=True, bound=self._bound),
                 PortWork("joint_raw", "joint_output", held=False),
             )
         self._felt = next(iter(self._from_slave))
+        self._columns = ("output", "raw") if arm is None else ("joint_output", "joint_raw")
+        self._axes = slice(0, 3 if arm is None else len(arm.names))
+        self._aligned = AlignedError(self._period, self._axes.stop, each=self._is_arm)
         self._work: list[Series] = [np.empty(0), np.empty(0)]
         """Work at the port of each side, up to each of the waiting records [J]."""
         self._link_energy = LinkEnergy()
@@ -233,6 +248,8 @@ class SessionScore:
             "energy": {
                 "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
                 "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
+                "bound_j": self._bound.allowed if self._bound and master.ticks else None,
+                "bound_share": self._bound.share if self._bound and master.ticks else None,
                 "link_generated_j": (
                     max(0.0, -self._link_energy.least) if self._from_slave[self._felt].felt.count else None
                 ),
@@ -241,6 +258,8 @@ class SessionScore:
         for name, channel in self._from_slave.items():
             summary[name] = _packets(slave, master, duration, name) | channel.summary()
         summary[self._felt] |= self._quality.summary() | {"violation_floor": self._on_its_way.share}
+        aligned = self._aligned.best((summary["link"]["rtt_us"]["p99"] or 0.0) * 1e-6) or (None, None)
+        summary[self._felt] |= dict(zip(("aligned_rms", "aligned_lag_s"), aligned, strict=True))
         for name, channel in self._from_master.items():
             summary[name] = _packets(master, slave, duration, name) | channel.summary()
         return summary
@@ -263,6 +282,8 @@ class SessionScore:
         counts = close & in_session(matched) & in_session(now)
         self._on_its_way.add(now, matched["one_way_us"], counts)
         matched, now = matched[counts], now[counts]
+        felt, measured = (side[name][:, self._axes] for side, name in zip((matched, now), self._columns, strict=True))
+        self._aligned.add(now["tick"], felt, measured)
         if not self._is_arm:
             displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))
             magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
@@ -297,7 +318,8 @@ def nearest_ticks(
 
 def score_of(system: System) -> SessionScore:
     """The score of a session of this configuration."""
-    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm_in(system.model_dump(mode="json")))
+    dump = system.model_dump(mode="json")
+    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm_in(dump), accounts_in(dump))
 
 
 def cartesian_channels(
