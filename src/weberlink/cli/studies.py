@@ -177,11 +177,12 @@ def stability(
 
     Takes a minute on two idle cores; with --full an hour. Ctrl-C ends it with the results so far.
     """
-    from weberlink.studies.stability import command, display  # noqa: PLC0415
+    from weberlink.studies.stability import command, display_study  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
         if cells:
-            result = display.run(scheme or ["bounded"], plots=plots is not None, workers=workers, progress=progress)
+            names = scheme or ["bounded"]
+            result = display_study.run(names, plots=plots is not None, workers=workers, progress=progress)
         else:
             result = command.run(full=full, plots=plots is not None, workers=workers, progress=progress)
     with figures(footer, format_):

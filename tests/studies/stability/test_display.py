@@ -9,19 +9,8 @@ import pytest
 from rich.console import Console
 
 from weberlink.studies.stability import display
-from weberlink.studies.stability.display import (
-    SCENES,
-    Display,
-    DisplayCell,
-    assemble,
-    best,
-    cells,
-    former,
-    is_ghost,
-    measured,
-    run,
-    summary,
-)
+from weberlink.studies.stability.display import SCENES, Display, DisplayCell, cells, measured
+from weberlink.studies.stability.display_study import assemble, best, former, is_ghost, run, summary
 from weberlink.system.configuration import ConfigurationError
 
 FINE = Display(0.2, 0.3, 12, 0.0, 0.01, 1e-3, bound_share=0.5)

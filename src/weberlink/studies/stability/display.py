@@ -1,33 +1,22 @@
 """What is felt of a scene: whole systems of many scenes, delays, links and hands in virtual time.
 
-Beside the figures of what is asked for stand those of the four schemes that this project had before, from a file of
-data with their origin. The reference of a cell is the force that the same hand feels of the same scene under `none`
-without delay; the hand moves on its own script, so it differs from that of the cell in more than the display.
+The reference of a cell is the force that the same hand feels of the same scene under `none` without delay; the hand
+yields to what it feels, so the motions of both differ too.
 """
 
-import json
-from collections.abc import Sequence
 from functools import lru_cache
 from importlib.resources import files
 from itertools import product, starmap
 from pathlib import Path
-from statistics import fmean
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
-from weberlink.control.table import SCHEMES
-from weberlink.studies.baselines import BASELINES, build_with
-from weberlink.studies.parallel import Progress, parallel_map
-from weberlink.studies.result import StudyResult, how_much, plain_table
+from weberlink.studies.baselines import build_with
 from weberlink.studies.stability.verdict import bound_share
 from weberlink.system.composition.link import account
-from weberlink.system.configuration import ConfigurationError, load
-from weberlink.system.configuration.extras import need
-from weberlink.system.environment import environment, footer
+from weberlink.system.configuration import load
 from weberlink.system.scoring.energy import Records
 
 Floats = NDArray[np.float64]
@@ -59,13 +48,6 @@ HANDS: dict[str, tuple[str, ...]] = {
     "stiff": ("master.device.hand={mass_kg: 0.5, damping_n_s_m: 15, stiffness_n_m: 800}",),
     "pinch": ("master.device.hand={grasp: pinch}",),
 }
-
-GHOST_S = 0.05
-"""A force that lasts without a contact for this much longer than the round trip is a ghost [s]."""
-MOST_CONTACTS = 24
-"""The scripts make no more begins and ends of contacts than this; more is chatter."""
-WORSE, WORSE_N = 1.1, 0.05
-"""A cell is worse if its error is above that of the best scheme before by this ratio and by this force [N] too."""
 
 
 class DisplayCell(NamedTuple):
@@ -105,10 +87,6 @@ class Display(NamedTuple):
     failure: str = ""
 
 
-Figures = dict[DisplayCell, dict[str, Display]]
-"""By cell and scheme."""
-
-
 def cells() -> list[DisplayCell]:
     """The 156 cells: clean and lossy links, other hands, and the last scenes."""
     touched = ("plane", "friction", "dome", "1e4 N/m")
@@ -118,100 +96,6 @@ def cells() -> list[DisplayCell]:
         *starmap(DisplayCell, product(touched, (0, 20, 100), ["clean"], tuple(HANDS)[1:])),
         *starmap(DisplayCell, product(tuple(SCENES)[10:], (0, 20, 50, 100, 250))),
     ]
-
-
-def former() -> tuple[Figures, dict[str, str]]:
-    """The figures of the four schemes before, and where they come from."""
-    stored = json.loads((files(__package__) / "former.json").read_text(encoding="utf-8"))
-    schemes = stored["schemes"]
-    figures = {
-        DisplayCell(*row[:4]): {name: Display(*each) for name, each in zip(schemes, row[4:], strict=True)}
-        for row in stored["cells"]
-    }
-    return figures, stored["origin"]
-
-
-def run(schemes: Sequence[str], *, plots: bool, workers: int | None, progress: Progress) -> StudyResult:
-    """Run all cells, or as many as are done when Ctrl-C stops them, with each scheme.
-
-    Args:
-        schemes: by name; those of `weberlink.studies.baselines` too.
-        plots: whether figures will be drawn.
-        workers: processes; None for one per processor, 1 for this process alone.
-        progress: receives the number of finished runs and of all.
-
-    Raises:
-        ConfigurationError: matplotlib is missing, or no scheme has that name.
-    """
-    if plots:
-        need("matplotlib", "plots", "--plots")
-    for name in schemes:
-        if name not in BASELINES and name not in SCHEMES:
-            raise ConfigurationError(f"--scheme: {name!r} is none of {', '.join((*SCHEMES, *BASELINES))}")
-    began = perf_counter()
-    tasks = [(cell, scheme) for scheme in dict.fromkeys(schemes) for cell in cells()]
-    found = parallel_map(measured, tasks, workers, lambda task: 1.0 + 1e-3 * task[0].delay_ms, progress)
-    figures: Figures = {}
-    for index, display in found.items():
-        cell, scheme = tasks[index]
-        figures.setdefault(cell, {})[scheme] = display
-    return assemble(figures, of=len(tasks), run_time=perf_counter() - began)
-
-
-def assemble(figures: Figures, *, of: int, run_time: float) -> StudyResult:
-    """The study of what was computed, of so many runs in all, in a run time [s]."""
-    facts, (before, origin) = environment(), former()
-    done = sum(map(len, figures.values()))
-    interrupted = how_much(done, of, "runs")
-    caption = "\n".join(filter(None, (interrupted and f"partial: {interrupted}", footer(facts, 0))))
-    document = {
-        "cells": [
-            cell._asdict()
-            | {
-                "schemes": {name: each._asdict() for name, each in displays.items()},
-                "former_error_n": best(before, cell),
-            }
-            for cell, displays in figures.items()
-        ],
-        "summary": {name: summary(figures, before, name) for name in _schemes(figures)},
-        "former_origin": origin,
-        "run_time_s": run_time,
-        "environment": facts,
-    }
-
-    def draw(folder: Path) -> None:
-        from weberlink.studies.stability.display_figure import display_map  # noqa: PLC0415 - slow import
-
-        if figures:
-            display_map(figures, before, folder / "stability_display.png", caption)
-
-    return StudyResult(document, _table(figures, before, caption), draw, interrupted=interrupted)
-
-
-def best(figures: Figures, cell: DisplayCell) -> float | None:
-    """The least error over the reference [N] of the schemes of a cell; None if it has none."""
-    return min((each.ideal_error_n for each in figures.get(cell, {}).values()), default=None)
-
-
-def summary(figures: Figures, before: Figures, scheme: str) -> dict[str, Any]:
-    """What is judged of a scheme over all of its cells."""
-    mine = {cell: each[scheme] for cell, each in figures.items() if scheme in each and not each[scheme].failure}
-    tracking = [each.tracking_m for cell, each in mine.items() if cell.delay_ms <= 100 and each.tracking_m is not None]
-
-    def is_worse(cell: DisplayCell) -> bool:
-        least = best(before, cell)
-        error = mine[cell].ideal_error_n
-        return least is not None and error > WORSE * least and error > least + WORSE_N
-
-    return {
-        "cells": len(mine),
-        "failed": sum(bool(each[scheme].failure) for each in figures.values() if scheme in each),
-        "worse": sum(map(is_worse, mine)),
-        "ghosts": sum(is_ghost(cell, each) for cell, each in mine.items()),
-        "bound_kept": sum(each.bound_share <= 1.0 for each in mine.values()),
-        "few_contacts": sum(each.contacts <= MOST_CONTACTS for each in mine.values()),
-        "tracking_m": max(tracking, default=None),
-    }
 
 
 def measured(task: tuple[DisplayCell, str]) -> Display:
@@ -303,61 +187,3 @@ def _longest(holds: NDArray[np.bool_]) -> int:
     """The longest run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-def is_ghost(cell: DisplayCell, display: Display) -> bool:
-    return _ghost(cell, display) > GHOST_S
-
-
-def _ghost(cell: DisplayCell, display: Display) -> float:
-    """How much longer than the round trip a force without a contact lasts [s]."""
-    return max(0.0, display.ghost_s - 2e-3 * cell.delay_ms)
-
-
-def _schemes(figures: Figures) -> list[str]:
-    return list(dict.fromkeys(name for displays in figures.values() for name in displays))
-
-
-def _table(figures: Figures, before: Figures, caption: str) -> Table:
-    lines = [_sentence(name, summary(figures, before, name)) for name in _schemes(figures)]
-    text = "\n".join(
-        (
-            "former, felt: error over no delay, RMS in N, mean over links and hands; former is the",
-            "  best of none, tdpa, mmt, auto in each cell; the largest of: ghost (beyond the round",
-            "  trip, ms), contacts (begins and ends), out (mJ), bound (share got out, %), apart (mm)",
-            *lines,
-            caption,
-        )
-    )
-    names = ("ms", "scene", "scheme", "former", "felt", "ghost", "contacts", "out", "bound", "apart")
-    table = plain_table(*names, left=("scene", "scheme"), caption=text, padding=(0, 1, 0, 0))
-    groups: dict[tuple[int, str, str], list[tuple[DisplayCell, Display]]] = {}
-    for cell, displays in sorted(figures.items(), key=lambda item: item[0].delay_ms):
-        for name, display in displays.items():
-            groups.setdefault((cell.delay_ms, cell.scene, name), []).append((cell, display))
-    for (delay, scene, name), group in groups.items():
-        least = [error for cell, _ in group if (error := best(before, cell)) is not None]
-        each = [display for _, display in group]
-        table.add_row(
-            str(delay),
-            scene,
-            name,
-            f"{fmean(least):.2f}" if least else "-",
-            "failed" if any(one.failure for one in each) else f"{fmean(one.ideal_error_n for one in each):.2f}",
-            f"{1e3 * max(_ghost(cell, display) for cell, display in group):.0f}",
-            str(max(one.contacts for one in each)),
-            f"{1e3 * max(one.energy_out_j for one in each):.1f}",
-            f"{100.0 * max(one.bound_share for one in each):.0f}",
-            f"{1e3 * max(one.tracking_m or 0.0 for one in each):.1f}",
-        )
-    return table
-
-
-def _sentence(name: str, judged: dict[str, Any]) -> str:
-    count = judged["cells"]
-    return (
-        f"{name}: {judged['worse']} of {count} cells worse than the best of the four by 10 % and {WORSE_N:g} N;\n"
-        f"  {judged['ghosts']} ghosts; bound kept in {judged['bound_kept']}; at most {MOST_CONTACTS} contacts in "
-        f"{judged['few_contacts']}; {judged['failed']} failed;\n"
-        f"  at most {1e3 * (judged['tracking_m'] or 0.0):.1f} mm apart up to 100 ms"
-    )

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from weberlink.studies.sheet import caption_below, save
-from weberlink.studies.stability.display import Display, DisplayCell, Figures, best, is_ghost
+from weberlink.studies.stability.display import Display, DisplayCell
+from weberlink.studies.stability.display_study import Figures, best, is_ghost
 
 COLUMNS = 3
 MOST_N = 0.5
