@@ -78,7 +78,8 @@ def test_table_document_and_figure(tmp_path: Path) -> None:
     assert "…" not in text
     assert "12.00" in text
     assert len(json.loads(json.dumps(result.document, allow_nan=False))["cells"]) == 156
-    result.draw(tmp_path)
+    few = {cell: figures[cell] for cell in (DisplayCell("plane", 0), DisplayCell("box", 5, "lossy"))}
+    assemble(few, of=2, run_time=1.0).draw(tmp_path)
     assert (tmp_path / "stability_display.png").read_bytes().startswith(b"\x89PNG")
 
 

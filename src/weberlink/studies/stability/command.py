@@ -211,10 +211,10 @@ def _marks(group: list[CellVerdict]) -> str:
 
 
 def _about_bound(verdicts: list[Judged]) -> str:
-    """Where the energy out exceeds the bound of the account."""
-    shares = [verdict.bound_share for cell, verdict in verdicts if cell.scheme != "none"]
-    known = [share for share in shares if share is not None]
-    return f"the account's bound is kept in {sum(share <= 1.0 for share in known)} of {len(known)}" if known else ""
+    """In how many systems with an account its bound is kept."""
+    kept = [verdict.bound_kept for cell, verdict in verdicts if cell.scheme != "none"]
+    known = [each for each in kept if each is not None]
+    return f"the account's bound is kept in {sum(known)} of {len(known)}" if known else ""
 
 
 def _about(rows: list[WallRow]) -> str:

@@ -201,7 +201,7 @@ def _draw_cell(axes: Axes, x: int, y: int, judged: Judged, mappable: ScalarMappa
         axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, hatch="////", edgecolor="0.55", linewidth=0.0))
     background = {"facecolor": "w", "alpha": 0.6, "edgecolor": "none", "pad": 0.6}
     axes.text(x, y, _figures(cell, verdict), ha="center", va="center", fontsize=size, linespacing=1.1, bbox=background)
-    exceeds = cell.scheme != "none" and (verdict.bound_share or 0.0) > 1.0
+    exceeds = cell.scheme != "none" and verdict.bound_kept is False
     marks = ((bool(verdict.saturated), "^", 0.38), (verdict.state == "lost", "o", -0.38), (exceeds, "s", 0.0))
     for met, mark, place in marks:
         if met:

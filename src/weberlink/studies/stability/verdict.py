@@ -91,8 +91,13 @@ class CellVerdict:
     def bounded(self) -> bool:
         return self.state in ("settled", "decaying", "driven")
 
+    @property
+    def bound_kept(self) -> bool | None:
+        """Whether no more energy came out than the account allows; None for a cell that failed."""
+        return None if self.bound_share is None else self.bound_share <= 1.0
+
     def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"bounded": self.bounded}
+        return asdict(self) | {"bounded": self.bounded, "bound_kept": self.bound_kept}
 
 
 class CellObserver:
