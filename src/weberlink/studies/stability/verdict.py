@@ -183,7 +183,8 @@ def bound_share(master: Records, account: AccountParameters) -> float:
     ways, elapsed = np.diff(master["position"], axis=0), np.diff(master["at"])
     given = (master["output"][:-1] * ways).sum(axis=1)
     gained = account.refill * elapsed + account.damping * (ways * ways).sum(axis=1) / elapsed
-    allowed = account.allowance + np.cumsum(gained) + master["credit"][1:] + max(0.0, given.max())
+    credit = np.maximum.accumulate(master["credit"])[1:]  # forgotten with the session
+    allowed = account.allowance + np.cumsum(gained) + credit + max(0.0, given.max())
     return max(0.0, float((np.cumsum(given) / allowed).max()))
 
 
