@@ -65,6 +65,7 @@ def test_a_scheme_is_judged_against_the_best_before() -> None:
     }
     judged = summary(figures, BEFORE, "ours")
     assert (judged["cells"], judged["failed"], judged["worse"], judged["ghosts"]) == (2, 1, 1, 1)
+    assert judged["compared"] == 2
     assert (judged["bound_kept"], judged["few_contacts"], judged["tracking_m"]) == (1, 1, 1e-3)
 
 
