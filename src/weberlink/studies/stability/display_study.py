@@ -179,9 +179,9 @@ def _table(figures: Figures, before: Figures, caption: str) -> Table:
 
 
 def _sentence(name: str, judged: dict[str, Any]) -> str:
-    apart = 1e3 * (judged["tracking_m"] or 0.0)
+    kept, apart = f"bound kept in {judged['bound_kept']} of {judged['cells']}", 1e3 * (judged["tracking_m"] or 0.0)
     return (
         f"{name}: {judged['worse']} of {judged['compared']} worse than the best before by 10 % and {WORSE_N:g} N\n"
-        f"  {judged['ghosts']} ghosts; bound kept in {judged['bound_kept']} of {judged['cells']}; {judged['failed']} failed\n"
+        f"  {judged['ghosts']} ghosts; {kept}; {judged['failed']} failed\n"
         f"  at most {MOST_CONTACTS} contacts in {judged['few_contacts']}; up to 100 ms at most {apart:.1f} mm apart"
     )
