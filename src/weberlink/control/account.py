@@ -28,9 +28,8 @@ from math import sqrt
 
 from weberlink.control.contract import AccountParameters
 
-
-RETURN = 0.1
-"""Power with which what an interruption took returns [W]: soon after, the account is as if there had been none."""
+RETURN = 0.5
+"""Power with which what an interruption took returns [W]."""
 
 
 class Account:
@@ -53,11 +52,11 @@ class Account:
         self._taken = 0.0
 
     def resume(self) -> None:
-        """Begin anew within a session, with nothing: what is left of the allowance returns, a debt stays.
+        """Begin anew within a session, with nothing; a debt stays. What there was returns with a limited power.
 
-        So no interruption adds to the bound, and none takes the allowance for long.
+        So no interruption adds to the bound, and none takes for long what the hand has put in.
         """
-        self._taken = min(self._allowance, self._taken + max(0.0, self.energy))
+        self._taken += max(0.0, self.energy)
         self.energy = min(self.energy, 0.0)
         self._reserve = 0.0
 
@@ -86,7 +85,10 @@ class Account:
         does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        self.energy = min(self.energy, self._allowance + stored)  # what friction and damping took is not kept
+        most = self._allowance + stored  # what friction and damping took is not kept
+        if self.energy + self._taken > most:
+            self.energy = min(self.energy, most)
+            self._taken = most - self.energy
         if stored == 0.0:
             self._reserve = max(0.0, self.energy)
             return 1.0

@@ -14,17 +14,18 @@ from weberlink.control.sent import SentCommands
 from weberlink.control.wall import FeltContact
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, interpolate, scale, subtract
 
-LATE = 0.05
+LATE = 0.01
 """Time beyond one and a half round trips in which the operator has answered a contact [s]."""
+FADING = 0.3
+"""How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
+wall of the last tap."""
 PRESS = 3.0
 """Largest force of the robot on a contact that the operator cannot have answered [N]."""
 SPEED = 0.03
-"""Speed at which the command leaves and regains the place of the hand [m/s]: a faster one, on a wall with damping, lets
-the contact chatter."""
+"""Speed at which the command leaves and regains the place of the hand, and the robot its command [m/s]: on a wall with
+damping a faster one lets the contact chatter."""
 FARTHEST = 0.02
 """Largest distance of the command from the hand [m]."""
-SETTLED = 0.3
-"""Time for which a contact counts as answered after its end [s]: a contact that opens for a moment is no new one."""
 
 
 class BoundedMaster:
@@ -163,9 +164,9 @@ class BoundedSlave:
         size, answered = hypot(x, y, z), 1.5 * ((quality.rtt or 0.0) + self._delay) + LATE
         last, self._target = self._target or target, target
         if size < LEAST_CONTACT:
-            self._age, self._waits = max(0.0, self._age - elapsed), False
+            self._age, self._waits = max(0.0, self._age - FADING * elapsed), False
             return target
-        self._age = min(self._age + elapsed, answered + SETTLED)
+        self._age = min(self._age + elapsed, answered)
         a, b, c = x / size, y / size, z / size
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c

@@ -486,6 +486,8 @@ class Side:
             channel.encoder.restart()
         for control in self.port.controls:
             control.resume(self.endpoint.peer_credit)
+        if self._leads:  # the scheme has forgotten a model that the peer may hold for known
+            self.endpoint.request_full_state()
         self.port.restart()
 
     def _let_go(self) -> None:

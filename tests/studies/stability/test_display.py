@@ -14,7 +14,7 @@ from weberlink.studies.stability.display_study import assemble, best, former, is
 from weberlink.system.configuration import ConfigurationError
 
 FINE = Display(0.2, 0.3, 12, 0.0, 0.01, 1e-3, bound_share=0.5)
-BEFORE = {cell: {"none": FINE, "mmt": FINE._replace(ideal_error_n=0.1)} for cell in cells()}
+BEFORE = {cell: {"none": FINE, "mmt": FINE._replace(error_n=0.1)} for cell in cells()}
 
 
 def test_every_cell_comes_once() -> None:
@@ -59,7 +59,7 @@ def test_a_ghost_outlasts_the_round_trip() -> None:
 def test_a_scheme_is_judged_against_the_best_before() -> None:
     near, far, broken = DisplayCell("plane", 0), DisplayCell("plane", 250), DisplayCell("box", 5)
     figures = {
-        near: {"ours": FINE._replace(ideal_error_n=0.14)},
+        near: {"ours": FINE._replace(error_n=0.14)},
         far: {"ours": FINE._replace(bound_share=1.1, contacts=25, tracking_m=1.0, ghost_s=0.6)},
         broken: {"ours": FINE._replace(failure="no session")},
     }
@@ -70,7 +70,7 @@ def test_a_scheme_is_judged_against_the_best_before() -> None:
 
 
 def test_table_document_and_figure(tmp_path: Path) -> None:
-    figures = {cell: {"baseline-tdpa": FINE._replace(energy_out_j=9.9, ideal_error_n=12.0)} for cell in cells()}
+    figures = {cell: {"baseline-tdpa": FINE._replace(energy_out_j=9.9, error_n=12.0)} for cell in cells()}
     result = assemble(figures, of=157, run_time=1.0)
     assert result.interrupted == "156 of 157 runs"
     console = Console(width=80, record=True, file=StringIO())

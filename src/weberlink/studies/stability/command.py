@@ -17,7 +17,7 @@ from weberlink.studies.stability.slices import cells
 from weberlink.studies.stability.survey import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.studies.stability.wall import SampledWall
-from weberlink.system.composition.link import account
+from weberlink.system.composition.account import account
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
@@ -154,7 +154,9 @@ def _simulate(cell: SystemCell, when: CellTiming) -> CellVerdict:
     observer = CellObserver()
     simulation.run(when.end + 1.0, [observer])
     failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
-    return observer.verdict(cell, when, account(composed.system), "; ".join(failures) or None)
+    return observer.verdict(
+        cell, when, account(composed.system.control, composed.system.master.mapping), "; ".join(failures) or None
+    )
 
 
 def _work(task: Task) -> Result:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from weberlink.studies.baselines import build_with
 from weberlink.studies.stability.verdict import bound_share
-from weberlink.system.composition.link import account
+from weberlink.system.composition.account import account
 from weberlink.system.configuration import load
 from weberlink.system.scoring.energy import Records
 
@@ -140,7 +140,9 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[Records, Records, float,
     lossy = cell.link == "lossy"
     faults = f", jitter_ms: {min(5, delay)}, loss: 0.05, burst: 3, seed: 1" if lossy else ", seed: 0"
     silence = max(100, int(5.5 * (delay + (5 if lossy else 0)) + 60))
-    overrides = [f"link.emulate={{delay_ms: {delay}{faults}}}", f"link.silence_ms={silence}", *more, *HANDS[cell.hand]]
+    longest = max(400, 2 * delay + 100)
+    link = [f"emulate={{delay_ms: {delay}{faults}}}", f"silence_ms={silence}", f"longest_round_trip_ms={longest}"]
+    overrides = [*(f"link.{each}" for each in link), *more, *HANDS[cell.hand]]
     configuration = load(Path(str(files("weberlink.configs") / f"{file}.yaml")), overrides)
     simulation = build_with(configuration, scheme)
     masters, slaves = [], []
@@ -156,7 +158,9 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[Records, Records, float,
         simulation.close()
     failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
     master, slave = np.concatenate(masters), np.concatenate(slaves)
-    return master, slave, bound_share(master, account(configuration.system)), "; ".join(failures)
+    system = configuration.system
+    share = bound_share(master, account(system.control, system.master.mapping))
+    return master, slave, share, "; ".join(failures)
 
 
 @lru_cache(maxsize=len(SCENES) * len(HANDS))

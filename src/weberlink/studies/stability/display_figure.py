@@ -52,7 +52,7 @@ def _draw_panel(axes: Axes, runs: list[tuple[DisplayCell, Display]], before: Fig
     up = list(dict.fromkeys(cell.scene for cell, _ in runs))[::-1]
     for cell, display in runs:
         x, y, least = across.index(cell.delay_ms), up.index(cell.scene), best(before, cell)
-        error = display.ideal_error_n
+        error = display.error_n
         colour = "0.9" if least is None or display.failure else mappable.to_rgba(error - least)  # type: ignore[arg-type]
         axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, facecolor=colour, edgecolor="0.8", linewidth=0.5))
         text = "failed" if display.failure else f"{error:.2f}" if least is None else f"{least:.2f}\n{error:.2f}"

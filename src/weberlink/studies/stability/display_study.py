@@ -22,7 +22,7 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
 
-GHOST_S = 0.05
+GHOST_S = 0.06
 """A force that lasts without a contact for this much longer than the round trip is a ghost [s]."""
 MOST_CONTACTS = 24
 """The scripts make no more begins and ends of contacts than this; more is chatter."""
@@ -103,8 +103,8 @@ def assemble(figures: Figures, *, of: int, run_time: float) -> StudyResult:
 
 
 def best(figures: Figures, cell: DisplayCell) -> float | None:
-    """The least error over the reference [N] of the schemes of a cell; None if it has none."""
-    return min((each.ideal_error_n for each in figures.get(cell, {}).values()), default=None)
+    """The least felt error [N] of the schemes of a cell; None if it has none."""
+    return min((each.error_n for each in figures.get(cell, {}).values()), default=None)
 
 
 def summary(figures: Figures, before: Figures, scheme: str) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def summary(figures: Figures, before: Figures, scheme: str) -> dict[str, Any]:
 
     def is_worse(cell: DisplayCell) -> bool:
         least = best(before, cell)
-        error = mine[cell].ideal_error_n
+        error = mine[cell].error_n
         return least is not None and error > WORSE * least and error > least + WORSE_N
 
     return {
@@ -146,8 +146,8 @@ def _table(figures: Figures, before: Figures, caption: str) -> Table:
     lines = [_sentence(name, summary(figures, before, name)) for name in _schemes(figures)]
     text = "\n".join(
         (
-            "felt: error over no delay, RMS in N, mean over links and hands;",
-            "  former: that of the best of none, tdpa, mmt, auto in each cell",
+            "felt: RMS of felt minus pressed in N, the delay contained, mean over links",
+            "  and hands; former: that of the best of none, tdpa, mmt, auto in each cell",
             "the largest of ghost (beyond the round trip, ms), contacts",
             "  (begins and ends), out (mJ), bound (share got out, %), apart (mm)",
             *lines,
@@ -168,7 +168,7 @@ def _table(figures: Figures, before: Figures, caption: str) -> Table:
             scene,
             name,
             f"{fmean(least):.2f}" if least else "-",
-            "failed" if any(one.failure for one in each) else f"{fmean(one.ideal_error_n for one in each):.2f}",
+            "failed" if any(one.failure for one in each) else f"{fmean(one.error_n for one in each):.2f}",
             f"{1e3 * max(_ghost(cell, display) for cell, display in group):.0f}",
             str(max(one.contacts for one in each)),
             f"{1e3 * max(one.energy_out_j for one in each):.1f}",
