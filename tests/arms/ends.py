@@ -93,17 +93,16 @@ class Servos:
 
 
 class Transparent:
-    """Both ends of a control scheme that changes nothing, and remembers what it was told."""
+    """The leader's end of a control scheme that changes nothing, and remembers what it was told."""
 
     energy = 0.0
-    stiffness: Joints = (1.0,)
+    credit = 0
 
     def __init__(self) -> None:
-        self.credit = 7
         self.told: list[tuple[Any, ...]] = []
         self.resumed = 0
         self.answer: Joints | None = None
-        """Instead of what `render` and `follow` are given."""
+        """Instead of what `render` is given."""
 
     def reset(self) -> None: ...
 
@@ -113,17 +112,11 @@ class Transparent:
     def observe(self, *values: Any) -> None:
         self.told.append(values)
 
-    def command(self, position: Joints) -> Joints:
-        return position
-
     def render(self, torque: Joints) -> Joints:
         return self.answer or torque
 
     def displayed(self, torque: Joints) -> None:
         self.told.append(("displayed", torque))
-
-    def follow(self, target: Joints, *_: Any) -> Joints:
-        return self.answer or target
 
 
 def link() -> Any:

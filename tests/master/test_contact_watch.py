@@ -7,6 +7,7 @@ import pytest
 
 from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.master.operator_port import ContactWatch
 from weberlink.master.safety import GRACE, PATIENCE, ContactLimiter
@@ -36,10 +37,9 @@ class Watched:
             self.decoder,
             link,
             least=0.05,
-            tick_period=TICK,
+            sent=SentCommands(TICK, 1.0),
             delay=0.0,
             playout=0,
-            longest=1.0,
         )
 
     def receive(self, depth: float) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.arms.ends import SPEC, TICK, Servos, Transparent, link, spec
+from tests.arms.ends import SPEC, TICK, Servos, spec
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmFault, ArmReading
@@ -29,11 +29,8 @@ class Following:
 
     def __init__(self, arm: Servos | None = None, *, press: Joints = PRESS, trip: Joints = TRIP) -> None:
         self.arm = arm or Servos()
-        self.control = Transparent()
         self.port = FollowerPort(
             arm=self.arm,
-            control=self.control,
-            endpoint=link(),
             lower=LOWER,
             upper=UPPER,
             speed=SPEED,
@@ -225,12 +222,6 @@ def test_arm_that_opens_without_angles_is_closed_again() -> None:
     assert not arm.is_open
 
 
-def test_angles_of_control_that_are_not_finite_are_not_commanded() -> None:
-    following = Following().there((0.1, 0.0), (0.2,))
-    following.control.answer = (0.1, nan, 0.2)
-    assert following.tick((0.2, 0.0), (0.2,)) == (0.1, 0.0, 0.2)
-
-
 def test_after_a_stall_it_holds_without_pressing_more() -> None:
     following = Following(Servos(sag=0.05)).there((0.5, 0.0), (0.5,))
     following.port.settle(following.now)
@@ -245,13 +236,6 @@ def test_session_begins_with_an_approach() -> None:
     following.port.reset()
     assert following.tick((0.3, 0.0), (0.2,))[0] == pytest.approx(0.1 + APPROACH * TICK)
     assert following.port.joints.sample()[0] == (0.0, 0.0)
-
-
-def test_control_books_commands_and_all_torques() -> None:
-    following = Following(Servos(walls=(-0.02, -inf, -inf)))
-    following.tick((-0.05, 0.1), (0.0,))
-    assert following.control.told[-1] == (following.port.applied, following.port.torques)
-    assert following.port.account(TICK, 0.0, encodes=False) == following.control.credit
 
 
 def test_halt_repeats_the_last_command() -> None:

@@ -131,7 +131,7 @@ def test_a_running_daemon_answers_on_its_control_socket() -> None:
         assert (described["side"], described["changes"]) == ("slave", ["predictor", "weber"])
         assert "key_file" not in described["system"]["link"]
         assert path_beside(ring).stat().st_mode & 0o777 == 0o600
-        assert ask(ring, {})["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+        assert ask(ring, {})["settings"] == {"weber": 0.1, "predictor": "hybrid"}
         answer = ask(ring, {"weber": 0.25}, patience_s=60.0)
         assert answer["accepted"]
         until(lambda: slave.last["settings"] == 1 and master.last["settings"] == 1, "the change on both sides")
@@ -148,7 +148,7 @@ class Unchanging:
     """A side that has settings, takes no others, and notes how it was stopped."""
 
     def __init__(self) -> None:
-        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda *_: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
         self.stops: list[str] = []
 
     def stop(self, now: float, reason: str) -> None:
@@ -183,7 +183,7 @@ class Asking(Unchanging):
 
     def __init__(self) -> None:
         super().__init__()
-        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {"weber": ()}, lambda *_: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh"), {"weber": ()}, lambda *_: None)
         self.proposed: list[bytes] = []
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None:
@@ -231,7 +231,7 @@ def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
         asker.sendto(question, str(path_beside(ring)))
         told = json.loads(asker.recv(5000))
         assert (told["accepted"], told["why"]) == (False, "a question is a JSON object")
-        assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh", "scheme": "none"}
+        assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh"}
 
 
 @pytest.mark.parametrize(

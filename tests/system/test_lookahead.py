@@ -17,7 +17,7 @@ HALF_STEP = 1e-3
 
 @pytest.mark.parametrize("predictor", ["hybrid", "path", "adaptive"])
 def test_both_ends_hold_the_same_and_the_delayed_force_within_the_deadband(predictor: str) -> None:
-    simulation = system(*BOTH, f"codec.force.predictor={predictor}")
+    simulation = system(*BOTH, f"codec.force.predictor={predictor}", "control.scheme=none")
     sends = 0
     for step in steps(simulation, 2.0):
         slave = step.slave

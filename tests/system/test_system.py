@@ -162,7 +162,7 @@ def blackout(start: float, seconds: float, *overrides: str) -> tuple[Simulation,
 @pytest.mark.parametrize("predictor", ["zoh", "linear", "hybrid"])
 def test_in_silence_force_fades_to_zero_and_the_robot_holds_and_both_return_without_a_jump(predictor: str) -> None:
     start, seconds = 1.2, 1.0
-    simulation, run = blackout(start, seconds, f"codec.force.predictor={predictor}")
+    simulation, run = blackout(start, seconds, f"codec.force.predictor={predictor}", "control.scheme=none")
     contact = [norm(output(step.master)) for step in run if step.master.at < start]
     assert max(contact) > 1.0  # there was something to fade
     safe = [step for step in run if start + SILENCE + TICK < step.master.at < start + seconds]
