@@ -21,9 +21,12 @@ FADING = 0.3
 wall of the last tap."""
 PRESS = 3.0
 """Largest force of the robot on a contact that the operator cannot have answered [N]."""
-SPEED = 0.03
-"""Speed at which the command leaves and regains the place of the hand, and the robot its command [m/s]: on a wall with
+LEAVE = 0.03
+"""Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
 damping a faster one lets the contact chatter."""
+BACK = 0.1
+"""Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
+felt."""
 FARTHEST = 0.02
 """Largest distance of the command from the hand [m]."""
 
@@ -112,8 +115,9 @@ class BoundedMaster:
             lack = dot(n, subtract(self._stated, self._held))
             if lack > 0.0:
                 goal = scale(n, min(FARTHEST, lack / self.stiffness))
-        back, most = self._back, SPEED * self._elapsed
+        back = self._back
         if goal != back:
+            most = (LEAVE if dot(goal, goal) > dot(back, back) else BACK) * self._elapsed
             way = distance(back, goal)
             self._back = back = goal if way <= most else interpolate(back, goal, most / way)
         if back != ZERO:
@@ -173,7 +177,7 @@ class BoundedSlave:
         if size >= PRESS and self._age < answered:
             most, self._waits = 0.0, True
         elif self._waits:
-            most = max(0.0, own) + SPEED * elapsed
+            most = max(0.0, own) + LEAVE * elapsed
         else:
             return target
         if inward <= most:
