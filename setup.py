@@ -56,7 +56,7 @@ Not there: modules that define pydantic models (mypyc drops their annotations), 
 """
 PYTHON = {
     "codec/replay.py": "takes lists of numbers for vectors",
-    "control/contract.py": "isinstance() with a runtime_checkable protocol: a compiled one knows its subclasses only",
+    "control/contract.py": "protocols, whose members weberlink.registry lists",
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
     "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",

@@ -44,7 +44,7 @@ LOOPBACK = {
     "smooth updates": ("codec.force.smooth_ms=20",),
     **{
         f"scheme {name}": (f"control.scheme={name}", "link.emulate={delay_ms: 25, jitter_ms: 3, seed: 5}")
-        for name in ("none", "tdpa", "mmt", "auto")
+        for name in ("none", "bounded")
     },
     "faults": (
         "link.emulate={delay_ms: 12, jitter_ms: 4, loss: 0.1, burst: 3, reorder: 0.02, duplicate: 0.02, corrupt: 0.01}",

@@ -36,7 +36,7 @@ SCENES = (
 )  # fmt: skip
 """Files of `configs/`; in `adaptive` there is friction."""
 DELAYS_MS = (0.0, 20.0, 100.0)
-SCHEMES = ("none", "tdpa", "mmt")
+SCHEMES = ("none", "bounded")
 CODINGS = ("hybrid", "adaptive", "hybrid+10", "adaptive+10")
 MOST = 1.05
 """Largest ratio of `adaptive` to `hybrid`, of packets and of what is felt."""

@@ -8,7 +8,7 @@ from weberlink.master.safety import ForceGate
 
 
 class OperatorEnd:
-    """The part of a `weberlink.control.port.Port` that does not depend on what is displayed.
+    """The part of a `weberlink.system.port.Port` that does not depend on what is displayed.
 
     Args:
         source: the device or arm, not yet open.

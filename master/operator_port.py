@@ -219,7 +219,7 @@ class Display:
 
 
 class OperatorPort(OperatorEnd):
-    """A haptic device; a `weberlink.control.port.Port`.
+    """A haptic device; a `weberlink.system.port.Port`.
 
     Args:
         device: not yet open.

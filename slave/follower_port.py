@@ -15,7 +15,7 @@ from weberlink.telemetry.row import Row, placed
 
 
 class FollowerPort:
-    """A follower arm behind its guard; a `weberlink.control.port.Port`.
+    """A follower arm behind its guard; a `weberlink.system.port.Port`.
 
     Vectors have one entry for each axis: the joints in order and, where there is one, the gripper last.
 
@@ -138,7 +138,13 @@ class FollowerPort:
         return 0
 
     def actuate(
-        self, values: Sequence[Joints | None], now: float, elapsed: float, step: float, *, engaged: bool  # noqa: ARG002
+        self,
+        values: Sequence[Joints | None],
+        now: float,
+        elapsed: float,
+        step: float,
+        *,
+        engaged: bool,  # noqa: ARG002
     ) -> None:
         wanted = self._wanted(values) if engaged and not self._is_overloaded else None
         if wanted is None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from weberlink.codec.sample import Sample
 from weberlink.compiled import mypyc_attr
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.geometry.vector import Vector, distance, norm
 
 _UNKNOWN: Vector = (float("nan"),) * 3
 
@@ -60,9 +60,6 @@ class ContactSurface(Protocol):
     def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
         """The force with friction [N], and the new memory."""
 
-    def displacement(self, tick: float) -> Vector:
-        """How far the surface has moved since its newest sample [m]."""
-
     def record(self) -> ModelRecord:
         """The surface as telemetry records it."""
 
@@ -104,10 +101,6 @@ class Model(metaclass=ABCMeta):
     def surface(self) -> ContactSurface | None:
         """The contact surface, to render, draw or record; None if the model describes none."""
         return None
-
-    def displacement(self, tick: float) -> Vector:  # noqa: ARG002
-        """How far the surface that the model describes has moved since its newest sample [m]."""
-        return ZERO
 
     def record(self) -> ModelRecord:
         """The model as telemetry records it."""

@@ -91,10 +91,6 @@ class SurfacePatch(Model):
     def surface(self) -> "SurfacePatch":
         return self
 
-    def displacement(self, tick: float) -> Vector:
-        raised = self._raised(tick)
-        return ZERO if raised == 0.0 else scale(self.normal, raised)
-
     def record(self) -> ModelRecord:
         if self.curvature == 0.0:
             return ModelRecord(ModelKind.PLANE, self.normal, -dot(self.normal, self.point), self.stiffness)

@@ -82,9 +82,7 @@ def both(folder: Path) -> Iterator[tuple[Emulated, Emulated, list[object]]]:
 
 def test_phantom_feels_what_the_arm_touches(tmp_path: Path) -> None:
     with both(tmp_path) as (phantom, arm, arguments):
-        # Without the energy tanks, in which the first touch of a session is soft.
-        crisp = ("--set", "control.scheme=none")
-        with Program("loopback", *arguments, *crisp, "--duration", 5, "--json", "-") as program:
+        with Program("loopback", *arguments, "--duration", 5, "--json", "-") as program:
             strongest = touched = 0.0
             program.engaged("slave")
             while program.daemons():

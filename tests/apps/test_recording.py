@@ -22,9 +22,8 @@ from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
 from weberlink.system.scoring.recorded import ADDED, put_together
-from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS, JOINTS, Field
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 
@@ -69,7 +68,7 @@ class TestOfASimulation:
     def test_info_reports_the_figures_of_the_run(self, simulated):
         path, summary = simulated
         found = info(path)
-        for key in ("duration_s", "force", "position", "link", "control", "energy"):
+        for key in ("duration_s", "force", "position", "link", "energy"):
             assert found[key] == summary[key], key
         (file,) = found["files"]
         assert file["complete"] and file["clock"] == "virtual" and file["began"] is None
@@ -251,7 +250,7 @@ class TestOfALiveSession:
         assert recording["outcome"] == "complete" and not any(recording["lost"].values())
         assert recording["bytes"] == path.stat().st_size
         assert recording["records"] == {side: summary["ticks"][side]["count"] for side in ("master", "slave")}
-        for key in ("duration_s", "force", "position", "link", "control"):
+        for key in ("duration_s", "force", "position", "link"):
             assert numbers(found[key]) == pytest.approx(numbers(summary[key]), rel=1e-9, nan_ok=True), key
         assert found["energy"] == pytest.approx(summary["energy"], rel=1e-9, abs=1e-12)
 
@@ -382,7 +381,6 @@ def test_sessions_of_two_masters_are_told_apart(simulated):
         (lambda records: records["at"].__setitem__(5, np.nan), "time"),
         (lambda records: records["at"].__setitem__(-1, 1e15), "time"),
         (lambda records: records["selected"].__setitem__(5, 99), "number of a predictor"),
-        (lambda records: records["control"].__setitem__(5, 99), "number of a control scheme"),
         (lambda records: records["fault"].__setitem__(5, 99), "number of a fault"),
     ],
 )
@@ -459,8 +457,7 @@ def test_recording_of_arms_is_no_trace(tmp_path):
 
 def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None:
     """The same recording as a release with these fields would write it."""
-    kept = np.dtype([(field.name, DTYPE[field.name]) for field in fields])
-    others = {field.name for field in FIELDS} - set(kept.names)
+    others = {field.name for field in FIELDS} - {field.name for field in fields}
     text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in others))
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
@@ -470,8 +467,8 @@ def write_with_fields(path: Path, whole: Recording, fields: list[Field]) -> None
         for side, records in whole.records.items():
             origin = whole.origins[side]
             channel = writer.register_channel(origin.topic, "cdr", schema, origin.to_metadata())
-            old = np.empty(len(records), kept)
-            for name in kept.names:
+            old = np.zeros(len(records), dtype_of(text))
+            for name in old.dtype.names:
                 old[name] = records[name]
             for index, record in enumerate(old):
                 writer.add_message(channel, index, ENCAPSULATION + record.tobytes(), index, index)

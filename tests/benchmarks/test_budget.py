@@ -114,7 +114,7 @@ def arrangement(folder: Path, *given: str) -> Arrangement:
     return Arrangement(file, key, given, lambda overrides: free_port(file, overrides), 1.0, quick=True)
 
 
-@pytest.mark.parametrize("given", [(), ("control.scheme=tdpa", "link.security=none")])
+@pytest.mark.parametrize("given", [(), ("control.scheme=none", "link.security=none")])
 def test_every_stage_of_both_sides_is_measured(tmp_path: Path, given: tuple[str, ...]) -> None:
     arranged = arrangement(tmp_path, *given)
     overrides = arranged.overrides(1000.0)

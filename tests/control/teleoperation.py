@@ -12,13 +12,15 @@ from random import Random
 from typing import Generic, NamedTuple, TypeVar
 
 from tests.control.walls import Wall
-from weberlink.control.contract import MasterControl, SlaveControl
+from weberlink.control.contract import CREDIT_STEP, AccountParameters, MasterControl, SlaveControl, WallModel
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0
 """Largest force on the operator's hand [N]."""
 FORCE_RANGE = 30.0
 """Range of the robot's sensor [N]."""
+ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=80.0)
+"""As in a file without other settings."""
 
 
 class Quality(NamedTuple):
@@ -57,24 +59,27 @@ class Link:
 
 @dataclass(frozen=True)
 class Course:
-    """The result of a run per tick: cumulative work at the ports [J], forces [N] and positions [m]."""
+    """The result of a run per tick: cumulative work at the hand [J], forces [N] and positions [m]."""
 
     given: list[float]
     """Work of the hand on the device [J]."""
-    taken: list[float]
-    """Work of the robot on the wall [J]."""
     forces: list[float]
     wall_forces: list[float]
     hand: list[float]
     robot: list[float]
+    credits: list[int]
+    """As known at the hand."""
 
-    @property
-    def generated_at_the_hand(self) -> float:
-        return -min(0.0, *self.given)
-
-    @property
-    def generated_between_the_ports(self) -> float:
-        return -min(0.0, *(a - b for a, b in zip(self.given, self.taken, strict=True)))
+    def share_of_bound(self, account: AccountParameters) -> float:
+        """The largest share of its bound that the energy out of the hand reached."""
+        allowed, share, most = account.allowance, 0.0, 0.0
+        for tick in range(1, len(self.hand)):
+            given, moved = self.given[tick + 1] - self.given[tick], self.hand[tick] - self.hand[tick - 1]
+            allowed += account.refill * TICK + account.damping * moved * moved / TICK
+            allowed += CREDIT_STEP * (self.credits[tick] - self.credits[tick - 1])
+            most = max(most, -given)
+            share = max(share, -self.given[tick + 1] / (allowed + most))
+        return share
 
 
 Signal = TypeVar("Signal")
@@ -118,7 +123,7 @@ def operate(
     hand: Hand,
     seconds: float,
     intention: Callable[[float], float] = press_and_tap,
-    learn: Callable[[MasterControl, float, float, int], None] | None = None,
+    model: Callable[[float, float], WallModel | None] = lambda force, at: None,
 ) -> Course:
     """Run both ends from rest at the intended position of time 0.
 
@@ -129,40 +134,39 @@ def operate(
         hand: moves the device.
         seconds: duration of the run [s].
         intention: intended position of the hand [m] at a time [s].
-        learn: called in each tick with the master, the received force [N], the position [m] and the tick, in place of
-            updates.
+        model: the model that an update carries, by its force [N] and the position of the robot [m].
     """
     random = Random(link.seed)
     at, speed = intention(0.0), 0.0
     robot, wall_force, felt = at, 0.0, 0.0
     forward = Direction(link, random, (at, 0))
-    backward = Direction(link, random, (0.0, 0))
+    backward = Direction(link, random, ((0.0, at), 0))
     quality = QUIET if link.delay == 0.0 else Quality(2.0 * link.delay, link.jitter)
-    course = Course([0.0], [0.0], [], [], [], [])
-    parts = hand.parts
+    course = Course([0.0], [], [], [], [], [])
+    parts, learned = hand.parts, backward.known
     for tick in range(round(seconds / TICK)):
-        moved = at
+        moved, heard = at, backward.credit
         at, speed = advance(hand, parts, at, speed, felt, intention(tick * TICK))
         given = -felt * (at - moved)
-        if learn is not None:
-            learn(master, backward.known, at, tick)
-        master.observe((0.0, 0.0, at), TICK, tick, backward.credit, quality)
+        if backward.known != learned:
+            learned = backward.known
+            master.learn(model(*learned), (0.0, 0.0, learned[0]), (0.0, 0.0, learned[1]))
+        master.observe((0.0, 0.0, at), TICK, tick, heard, quality)
         (_, _, sent) = master.command((0.0, 0.0, at))
-        (_, _, felt) = master.render((0.0, 0.0, backward.known))
+        (_, _, felt) = master.render((0.0, 0.0, learned[0]))
         felt = min(FORCE_LIMIT, max(-FORCE_LIMIT, felt))
         master.displayed((0.0, 0.0, felt))
         forward.carry(tick, sent, master.credit)
-        went, before = robot, wall_force
         (_, _, robot) = slave.follow((0.0, 0.0, forward.known), (0.0, 0.0, robot), TICK, forward.credit, quality)
         wall_force = min(FORCE_RANGE, wall.at(0.0, (0.0, 0.0, robot))[2])
         slave.observe((0.0, 0.0, robot), (0.0, 0.0, wall_force))
-        backward.carry(tick, wall_force, slave.credit)
+        backward.carry(tick, (wall_force, robot), slave.credit)
         course.given.append(course.given[-1] + given)
-        course.taken.append(course.taken[-1] - 0.5 * (before + wall_force) * (robot - went))
         course.forces.append(felt)
         course.wall_forces.append(wall_force)
         course.hand.append(at)
         course.robot.append(robot)
+        course.credits.append(heard)
     return course
 
 

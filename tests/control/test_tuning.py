@@ -9,22 +9,18 @@ from hypothesis import strategies as st
 from weberlink.control.tuning import BUSY, LATE, ChangeResult, LiveSettings, Tuning, lead
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 
-FILE = LiveSettings(0.1, "hybrid", "auto")
-PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid"), "scheme": ("none", "tdpa", "auto")}
-CHOICES = ("none", "tdpa", "mmt")
+FILE = LiveSettings(0.1, "hybrid")
+PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid")}
 
 
 class Applied:
     def __init__(self, permitted: dict[str, tuple[str, ...]] | None = None, *, leads: bool = False) -> None:
         self.seen: list[LiveSettings] = []
         self.peer_ticks: list[float] = []
-        self.used: list[str] = []
         self.tuning = Tuning(
             FILE,
             PERMITTED if permitted is None else permitted,
             self.apply,
-            CHOICES,
-            self.used.append,
             leads=leads,
         )
 
@@ -45,18 +41,18 @@ def test_a_change_is_made_at_its_tick_and_not_before() -> None:
     applied.tuning.advance(99, 1e9)
     assert (applied.seen, applied.tuning.settings, applied.tuning.generation) == ([], FILE, 0)
     applied.tuning.advance(100, None)
-    assert applied.seen == [LiveSettings(0.2, "plane", "auto")] == [applied.tuning.settings]
+    assert applied.seen == [LiveSettings(0.2, "plane")] == [applied.tuning.settings]
     assert (applied.tuning.generation, applied.tuning.pending) == (1, None)
 
 
 def test_a_change_of_the_peer_is_made_at_its_tick_of_the_peer() -> None:
     applied = Applied()
-    assert applied.tuning.hear(500, b'{"scheme": "tdpa"}') is None
+    assert applied.tuning.hear(500, b'{"predictor": "plane"}') is None
     applied.tuning.advance(10_000, None)
     applied.tuning.advance(10_000, 499.4)
     assert not applied.seen
     applied.tuning.advance(10_000, 499.6)  # the tick that is nearest to it
-    assert applied.seen == [FILE._replace(scheme="tdpa")]
+    assert applied.seen == [FILE._replace(predictor="plane")]
 
 
 @pytest.mark.parametrize("late", [0, 7])
@@ -99,15 +95,15 @@ def test_a_refusal_changes_nothing_and_is_the_verdict() -> None:
         ({"weber": "0.1"}, "weber must be"),
         ({"predictor": "sphere"}, "predictor must be one of zoh, plane, hybrid, not 'sphere'"),
         ({"predictor": ["zoh"]}, "predictor must be one of"),
-        ({"scheme": "mmt"}, "scheme must be one of none, tdpa"),
-        ({"floor": 1}, "unknown setting floor; known are weber, predictor, scheme"),
+        ({"scheme": "none"}, "unknown setting scheme"),
+        ({"floor": 1}, "unknown setting floor; known are weber, predictor"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_could(change: dict[str, object], complaint: str) -> None:
     assert complaint in (Applied().tuning.complaint(change) or "")
 
 
-@pytest.mark.parametrize("name", ["weber", "predictor", "scheme"])
+@pytest.mark.parametrize("name", ["weber", "predictor"])
 def test_what_is_fixed_says_by_what(name: str) -> None:
     complaint = Applied({}).tuning.complaint({name: 0.1})
     assert complaint is not None
@@ -152,53 +148,6 @@ def test_no_content_of_a_proposal_raises(body: bytes) -> None:
     assert applied.tuning.pending is None
 
 
-def chosen(tuning: Tuning, scheme: str, tick: int = 100, refusal: str | None = None) -> None:
-    tuning.settle(tick, tuning.choose(scheme), refusal)
-
-
-def test_a_choice_of_the_master_is_made_at_its_tick_and_is_no_change_of_the_settings() -> None:
-    master, slave = Applied(leads=True), Applied()
-    body = master.tuning.choose("none")
-    assert not master.tuning.chooses
-    assert slave.tuning.hear(100, body, 90.0) is None
-    master.tuning.settle(100, body, None)
-    for tick, used in ((99, []), (100, ["none"])):
-        master.tuning.advance(tick, None)
-        slave.tuning.advance(7, tick)
-        assert master.used == slave.used == used
-    for side in (master, slave):
-        assert (side.seen, side.tuning.settings, side.tuning.generation, side.tuning.result) == ([], FILE, 0, None)
-    assert master.tuning.chooses
-
-
-@pytest.mark.parametrize("body", [b'{"choice":"fuzzy"}', b'{"choice":1}', b'{"choice":"tdpa","weber":0.2}'])
-def test_what_no_choice_can_be_is_refused(body: bytes) -> None:
-    assert Applied().tuning.hear(100, body) is not None
-
-
-def test_the_slave_chooses_nothing_and_nobody_asks_for_a_choice() -> None:
-    assert Applied(leads=True).tuning.hear(100, b'{"choice":"tdpa"}') is not None
-    assert "unknown setting choice" in (Applied().tuning.complaint({"choice": "tdpa"}) or "")
-    fixed = Tuning(FILE._replace(scheme="tdpa"), PERMITTED, lambda *_: None)
-    assert fixed.hear(100, b'{"choice":"tdpa"}') is not None
-
-
-def test_a_refused_choice_leaves_no_verdict_and_may_be_made_again() -> None:
-    master = Applied(leads=True)
-    chosen(master.tuning, "none", refusal=LATE)
-    assert (master.tuning.result, master.tuning.chooses) == (None, True)
-
-
-def test_a_scheme_that_the_user_sets_holds_over_the_choice_until_it_is_auto_again() -> None:
-    master = Applied(leads=True)
-    asked(master.tuning, {"scheme": "none"})
-    master.tuning.advance(100, None)
-    assert not master.tuning.chooses
-    asked(master.tuning, {"scheme": "auto"}, tick=200)
-    master.tuning.advance(200, None)
-    assert master.tuning.chooses
-
-
 @pytest.mark.parametrize(("answered_at", "refusal"), [(99.9, None), (100.0, None), (100.1, LATE), (inf, LATE)])
 def test_a_proposal_whose_answer_cannot_be_there_in_time_is_refused(answered_at: float, refusal: str | None) -> None:
     assert Applied().tuning.hear(100, b'{"weber":0.2}', answered_at) == refusal
@@ -207,7 +156,7 @@ def test_a_proposal_whose_answer_cannot_be_there_in_time_is_refused(answered_at:
 @pytest.mark.parametrize("first", ["proposal", "answer"])
 def test_of_two_that_cross_the_one_of_the_master_is_made(first: str) -> None:
     master, slave = Applied(leads=True), Applied()
-    own, other = master.tuning.choose("mmt"), slave.tuning.ask({"weber": 0.2})
+    own, other = master.tuning.ask({"predictor": "zoh"}), slave.tuning.ask({"weber": 0.2})
     assert master.tuning.hear(300, other, 0.0) == BUSY
     if first == "answer":
         slave.tuning.settle(300, other, BUSY)
@@ -217,9 +166,8 @@ def test_of_two_that_cross_the_one_of_the_master_is_made(first: str) -> None:
     master.tuning.settle(100, own, None)
     master.tuning.advance(100, None)
     slave.tuning.advance(50, 100.0)
-    assert master.used == slave.used == ["mmt"]
+    assert master.seen == slave.seen == [FILE._replace(predictor="zoh")]
     assert slave.tuning.result == ChangeResult(300, BUSY)
-    assert not slave.seen
     assert slave.tuning.complaint({"weber": 0.2}) is None
 
 
@@ -227,25 +175,12 @@ def test_a_change_whose_answer_was_late_is_made_beside_the_next_one_of_the_peer(
     """The master has made the slave's change and goes on to its own; the slave hears of both at once."""
     slave = Applied()
     own = slave.tuning.ask({"weber": 0.2})
-    assert slave.tuning.hear(400, b'{"choice":"none"}', 0.0) is None
+    assert slave.tuning.hear(400, b'{"predictor":"zoh"}', 0.0) is None
     slave.tuning.settle(90, own, None)
     slave.tuning.advance(100, 300.0)
     assert slave.seen == [FILE._replace(weber=0.2)]
-    assert slave.used == []
     slave.tuning.advance(200, 400.0)
-    assert slave.used == ["none"]
-
-
-@pytest.mark.parametrize("leads", [True, False])
-def test_a_choice_on_its_way_ends_with_the_session(leads: bool) -> None:
-    applied = Applied(leads=leads)
-    if leads:
-        chosen(applied.tuning, "none")
-    else:
-        applied.tuning.hear(100, b'{"choice":"none"}')
-    applied.tuning.reset()
-    applied.tuning.advance(1000, 1000.0)
-    assert (applied.used, applied.tuning.result, applied.tuning.is_busy) == ([], None, False)
+    assert slave.seen[1:] == [FILE._replace(weber=0.2, predictor="zoh")]
 
 
 @given(rtt=st.floats(0.0, 3.0), jitter=st.floats(0.0, 0.1))

@@ -6,20 +6,7 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 @dataclass(frozen=True)
-class Still:
-    """At rest and without friction."""
-
-    memory = None
-
-    def advance(self, tick: float, position: Vector, memory: object) -> tuple[Vector, object]:
-        raise AssertionError("not called without a memory")
-
-    def displacement(self, tick: float) -> Vector:
-        return ZERO
-
-
-@dataclass(frozen=True)
-class Wall(Still):
+class Wall:
     """Solid below a height [m] on z."""
 
     stiffness: float = 500.0
@@ -30,7 +17,7 @@ class Wall(Still):
 
 
 @dataclass(frozen=True)
-class Ball(Still):
+class Ball:
     """Solid within a radius [m] of a centre [m]."""
 
     stiffness: float = 500.0

@@ -158,7 +158,7 @@ def cartesian(laws: Laws, folder: Path) -> None:
 
 def parameters(laws: Laws, judge: Judge, other: Judge, session: int) -> None:
     """What is set is in force, or refused with the daemon's reason; everyone is told."""
-    names = ["delay_ms", "jitter_ms", "loss", "predictor", "scheme", "weber"]
+    names = ["delay_ms", "jitter_ms", "loss", "predictor", "weber"]
     laws.check("parameters are there", sorted(judge.asked("parameters", get=[])["values"]) == names)
     other.command(watch=names)
     sleep(2.5)
@@ -194,7 +194,7 @@ def examples(laws: Laws, judge: Judge, url: str, folder: Path) -> None:
             stdout=out,
             stderr=subprocess.STDOUT,
         )
-    until(lambda: "Subscribing to 6 parameters" in said.read_text(), "param-client to list the parameters")
+    until(lambda: "Subscribing to 5 parameters" in said.read_text(), "param-client to list the parameters")
     judge.asked("parameters", set={"weber": 0.17})
     until(lambda: "0.17" in said.read_text(), "param-client to be told of a change")
     process.kill()

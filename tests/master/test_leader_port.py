@@ -12,10 +12,10 @@ from tests.arms.ends import TICK, Hand, Transparent, link, spec
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmReading
-from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort
 from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
+from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 

@@ -38,7 +38,7 @@ MOTIONS = {
 }
 TO_SLAVE, TO_MASTER, BOTH = "to slave", "to master", "both ways"
 DIRECTIONS = (TO_SLAVE, TO_MASTER, BOTH)
-SCHEMES = ("none", "tdpa", "mmt")
+SCHEMES = ("none", "bounded")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
 ALL_HZ = 5.0
 """With all predictors: each cut is as long as the silence limit."""

@@ -32,23 +32,21 @@ def session(*overrides: str, file: str = "loopback.yaml", seconds: float = 4.0) 
     return found(Cell(0, overrides, (DELAY_S, DELAY_S)), master, slave, period), score.summary()
 
 
-@pytest.mark.parametrize("scheme", ["mmt", "auto"])
 @pytest.mark.parametrize("predictor", ["surface", "adaptive"])
-def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(scheme: str, predictor: str) -> None:
+def test_a_damped_wall_that_is_taken_for_a_moving_one_leaves_the_hand(predictor: str) -> None:
     """The damping is fitted as motion, and an extrapolated motion would carry the wall after the hand."""
-    overrides = (DAMPED, f"control.scheme={scheme}", f"codec.force.predictor={predictor}")
+    overrides = (DAMPED, f"codec.force.predictor={predictor}")
     finding, summary = session(*overrides, file="scene-plane.yaml", seconds=8.0)
     assert finding.contact > 0.3
     assert (finding.ticks, finding.faults) == (0, 0)
-    assert summary["energy"]["generated_j"] < 0.03  # 0.59 when the wall was carried along
-    assert summary["control"]["master"]["tank_max_j"] < 0.2
+    assert summary["energy"]["bound_share"] < 1.0  # 0.59 J came out when the wall was carried along
     assert summary["limited"]["force_ticks"] < 100
 
 
 PRESS = "master.device.script=[{motion: press, at_m: [-0.01, 0, 0], depth_m: 0.03, hold_s: 3, duration_s: 0.4}]"
 
 
-@pytest.mark.parametrize("scheme", ["none", "mmt"])
+@pytest.mark.parametrize("scheme", ["none", "bounded"])
 @pytest.mark.parametrize("predictor", ["zoh", "plane", "surface", "affine"])
 def test_a_robot_that_has_backed_off_leaves_the_hand(predictor: str, scheme: str) -> None:
     """It touches nothing and its model states nothing there, while the hand presses on the same model."""
@@ -86,7 +84,7 @@ def test_a_tool_that_does_not_turn_leaves_the_hand() -> None:
 
 
 @pytest.mark.parametrize("delay_ms", [0, 100, 250])
-@pytest.mark.parametrize("scheme", ["none", "tdpa", "mmt", "auto"])
+@pytest.mark.parametrize("scheme", ["none", "bounded"])
 def test_a_clean_session_is_never_at_fault(scheme: str, delay_ms: int) -> None:
     loaded = configuration(
         f"control.scheme={scheme}",

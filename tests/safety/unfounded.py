@@ -29,7 +29,7 @@ from weberlink.telemetry.fault import Fault
 
 SECONDS = 4.0
 """Length of a session [s]."""
-SCHEMES = ("none", "tdpa", *("mmt", "auto") * 2)
+SCHEMES = ("none", *("bounded",) * 3)
 PREDICTION = (*PREDICTORS.built_in, HYBRID, *("surface", ADAPTIVE) * 3)
 """What each session draws from: models of a surface have the most to go wrong."""
 PATIENCE = 0.05

@@ -11,10 +11,10 @@ from tests.arms.ends import SPEC, TICK, Servos, spec
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmFault, ArmReading
-from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.slave.follower_port import FollowerPort
 from weberlink.slave.safety import TRIP_PAUSE
+from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 

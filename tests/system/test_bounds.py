@@ -240,7 +240,7 @@ def test_a_robot_of_unstated_stiffness_is_said_to_press_without_limit() -> None:
         ("control.allowance_j=0", "control.allowance_j"),
         ("control.refill_w=-1", "control.refill_w"),
         ("control.damping_n_s_m=-1", "control.damping_n_s_m"),
-        ("control.power_w=0", "control.power_w"),
+        ("control.rise_n_s=0", "control.rise_n_s"),
         ("rate_hz=9", "rate_hz"),
         ("rate_hz=10001", "rate_hz"),
         ("slave.scene.0.stiffness_n_m=2e9", "slave.scene.0.stiffness_n_m"),

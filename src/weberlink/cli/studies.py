@@ -160,6 +160,13 @@ def precision(
 
 def stability(
     full: Full = False,
+    cells: Annotated[
+        bool, typer.Option("--cells", help="What is felt in 156 scenes, delays, links and hands instead; ten minutes.")
+    ] = False,
+    scheme: Annotated[
+        list[str] | None,
+        typer.Option("--scheme", metavar="NAME", help="Of --cells; may be repeated. Default: bounded."),
+    ] = None,
     workers: Workers = None,
     json_out: Json = None,
     plots: Plots = None,
@@ -170,10 +177,14 @@ def stability(
 
     Takes a minute on two idle cores; with --full an hour. Ctrl-C ends it with the results so far.
     """
-    from weberlink.studies.stability.command import run  # noqa: PLC0415
+    from weberlink.studies.stability import command, display_study  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
-        result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
+        if cells:
+            names = scheme or ["bounded"]
+            result = display_study.run(names, plots=plots is not None, workers=workers, progress=progress)
+        else:
+            result = command.run(full=full, plots=plots is not None, workers=workers, progress=progress)
     with figures(footer, format_):
         publish(result, json_out, plots)
 

@@ -28,6 +28,9 @@ from math import sqrt
 
 from weberlink.control.contract import AccountParameters
 
+RETURN = 0.5
+"""Power with which what an interruption took returns [W]."""
+
 
 class Account:
     """The account of one display, of forces or of torques.
@@ -36,19 +39,24 @@ class Account:
         energy: E [J]; below 0 by the work of one tick at most.
     """
 
-    __slots__ = ("_allowance", "_damping", "_power", "_refill", "_reserve", "energy")
+    __slots__ = ("_allowance", "_damping", "_refill", "_reserve", "_rise", "_taken", "energy")
 
     def __init__(self, parameters: AccountParameters) -> None:
         self._allowance = parameters.allowance
-        self._refill, self._damping, self._power = parameters.refill, parameters.damping, parameters.power
+        self._refill, self._damping, self._rise = parameters.refill, parameters.damping, parameters.rise
         self.reset()
 
     def reset(self) -> None:
         """Begin a session, with the allowance."""
         self.energy = self._reserve = self._allowance
+        self._taken = 0.0
 
     def resume(self) -> None:
-        """Begin anew within a session: nothing is left, and a debt stays, so no interruption adds an allowance."""
+        """Begin anew within a session, with nothing; a debt stays. What there was returns with a limited power.
+
+        So no interruption adds to the bound, and none takes for long what the hand has put in.
+        """
+        self._taken += max(0.0, self.energy)
         self.energy = min(self.energy, 0.0)
         self._reserve = 0.0
 
@@ -62,23 +70,31 @@ class Account:
             supplied: by the scene, beyond what it took [J].
         """
         self.energy += supplied - given
-        if self.energy < self._allowance and elapsed > 0.0:
-            gained = self._refill * elapsed + self._damping * moved / elapsed
-            self.energy = min(self._allowance, self.energy + gained)
+        if self._taken > 0.0:
+            back = min(self._taken, RETURN * elapsed)
+            self._taken -= back
+            self.energy += back
+        full = self._allowance - self._taken
+        if self.energy < full and elapsed > 0.0:
+            self.energy = min(full, self.energy + self._refill * elapsed + self._damping * moved / elapsed)
 
     def share(self, force: float, stiffness: float, elapsed: float) -> float:
         """The share of a force of this size [N], of a contact of this stiffness [N/m], that may be displayed, 0..1.
 
-        A contact that begins spends the allowance with a limited power: a wall that is felt late rises, and does not
-        kick the hand.
+        The part that the hand has not pressed in itself rises with a limited rate: a wall that is felt late rises, and
+        does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        self.energy = min(self.energy, self._allowance + stored)  # what friction and damping took is not kept
+        most = self._allowance + stored  # what friction and damping took is not kept
+        if self.energy + self._taken > most:
+            self.energy = min(self.energy, most)
+            self._taken = most - self.energy
         if stored == 0.0:
             self._reserve = max(0.0, self.energy)
             return 1.0
-        self._reserve = max(0.0, self._reserve - self._power * elapsed)
-        free = self.energy - self._reserve
+        reach = sqrt(2.0 * stiffness * max(0.0, self.energy - self._reserve)) + self._rise * elapsed
+        free = min(self.energy, 0.5 * reach * reach / stiffness)
+        self._reserve = max(0.0, self.energy - free)
         if stored <= free:
             return 1.0
         return sqrt(free / stored) if free > 0.0 else 0.0

@@ -12,19 +12,23 @@ from weberlink.control.account import Account
 from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.sent import SentCommands
 from weberlink.control.wall import FeltContact
-from weberlink.geometry.vector import ZERO, Vector, dot, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, interpolate, scale, subtract
 
-LATE = 0.05
+LATE = 0.01
 """Time beyond one and a half round trips in which the operator has answered a contact [s]."""
+FADING = 0.3
+"""How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
+wall of the last tap."""
 PRESS = 3.0
 """Largest force of the robot on a contact that the operator cannot have answered [N]."""
-SPEED = 0.1
-"""Speed at which the command leaves and regains the place of the hand [m/s]: a faster one, on a wall with damping, lets
-the contact chatter."""
+LEAVE = 0.03
+"""Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
+damping a faster one lets the contact chatter."""
+BACK = 0.1
+"""Speed at which the command regains the place of the hand [m/s]: a slower one keeps the robot from a contact that is
+felt."""
 FARTHEST = 0.02
 """Largest distance of the command from the hand [m]."""
-SETTLED = 0.3
-"""Time for which a contact counts as answered after its end [s]: a contact that opens for a moment is no new one."""
 
 
 class BoundedMaster:
@@ -48,13 +52,12 @@ class BoundedMaster:
         "_sent",
         "_stated",
         "_tick",
-        "_tick_period",
     )
 
     credit = 0
 
     def __init__(self, settings: SchemeParameters) -> None:
-        self._tick_period, self._delay = settings.tick_period, settings.delay
+        self._delay = settings.delay
         self._account = Account(settings.account)
         self._contact = FeltContact(settings)
         self._sent = SentCommands(settings.tick_period, settings.longest)
@@ -77,7 +80,8 @@ class BoundedMaster:
         self._position: Vector | None = None
         self._held: Vector = ZERO
         self._stated: Vector = ZERO
-        self._back = self._elapsed = self._tick = 0.0
+        self._back: Vector = ZERO
+        self._elapsed = self._tick = 0.0
         self._rtt = self._delay
 
     @property
@@ -92,14 +96,8 @@ class BoundedMaster:
         self._contact.refute()
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        robot, before = self._robot(0), self._robot(5)
-        self._contact.learn(surface, force, position, robot, before)
-
-    def _robot(self, before: int) -> Vector:
-        """The command that the robot had so many ticks before the newest that is known of it [m]."""
-        if not self._sent:
-            return self._position or ZERO
-        return self._sent.ago(self._rtt + before * self._tick_period)
+        robot = self._sent.ago(self._rtt) if self._sent else position
+        self._contact.learn(surface, force, position, robot)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
         x, y, z = subtract(position, self._position or position)
@@ -112,19 +110,24 @@ class BoundedMaster:
             self._rtt = quality.rtt + self._delay
 
     def command(self, position: Vector) -> Vector:
-        n = self._contact.normal
+        n, goal = self._contact.normal, ZERO
         if n is not None:
-            lack = max(0.0, dot(n, subtract(self._stated, self._held)))
-            most = SPEED * self._elapsed
-            self._back += min(most, max(-most, min(FARTHEST, lack / self.stiffness) - self._back))
-            back = self._back
-            position = (position[0] + back * n[0], position[1] + back * n[1], position[2] + back * n[2])
+            lack = dot(n, subtract(self._stated, self._held))
+            if lack > 0.0:
+                goal = scale(n, min(FARTHEST, lack / self.stiffness))
+        back = self._back
+        if goal != back:
+            most = (LEAVE if dot(goal, goal) > dot(back, back) else BACK) * self._elapsed
+            way = distance(back, goal)
+            self._back = back = goal if way <= most else interpolate(back, goal, most / way)
+        if back != ZERO:
+            position = add(position, back)
         self._sent.add(position)
         return position
 
     def render(self, force: Vector) -> Vector:
         if self._position is not None and self._sent:
-            force = self._contact.at(self._position, force, self._robot(0), self._tick)
+            force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
         self._stated = force
         share = self._account.share(hypot(force[0], force[1], force[2]), self.stiffness, self._elapsed)
         return force if share == 1.0 else (share * force[0], share * force[1], share * force[2])
@@ -165,16 +168,16 @@ class BoundedSlave:
         size, answered = hypot(x, y, z), 1.5 * ((quality.rtt or 0.0) + self._delay) + LATE
         last, self._target = self._target or target, target
         if size < LEAST_CONTACT:
-            self._age, self._waits = max(0.0, self._age - 0.1 * elapsed), False
+            self._age, self._waits = max(0.0, self._age - FADING * elapsed), False
             return target
-        self._age = min(self._age + elapsed, answered + SETTLED)
+        self._age = min(self._age + elapsed, answered)
         a, b, c = x / size, y / size, z / size
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
         if size >= PRESS and self._age < answered:
             most, self._waits = 0.0, True
         elif self._waits:
-            most = max(0.0, own) + SPEED * elapsed
+            most = max(0.0, own) + LEAVE * elapsed
         else:
             return target
         if inward <= most:

@@ -183,13 +183,13 @@ class AccountParameters:
         allowance: energy that the hand may get beyond what it gave [J].
         refill: power with which the allowance returns [W].
         damping: that every hand has at least [N s/m].
-        power: with which a contact may spend the allowance [W].
+        rise: of the force that the hand has not pressed in itself [N/s].
     """
 
     allowance: float
     refill: float
     damping: float
-    power: float
+    rise: float
 
 
 @dataclass(frozen=True)

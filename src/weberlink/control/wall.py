@@ -34,6 +34,7 @@ class FeltContact:
     __slots__ = (
         "_apart",
         "_coupling",
+        "_found",
         "_model",
         "_offset",
         "_place",
@@ -62,7 +63,7 @@ class FeltContact:
         self._surface: WallModel | None = None
         self._model: WallModel | None = None
         self.normal: Vector | None = None
-        self._offset = 0.0
+        self._offset = self._found = 0.0
         self._apart = False
         self._sampled: Vector = ZERO
         self._place: float | None = None
@@ -71,7 +72,7 @@ class FeltContact:
         """Let go of the wall."""
         self.normal = None
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector, before: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector, robot: Vector) -> None:
         """Take in an update.
 
         Args:
@@ -79,7 +80,6 @@ class FeltContact:
             force: force of its newest sample [N].
             position: command at which that was measured [m].
             robot: the command to which the newest news answers [m].
-            before: the command of some ticks before that [m].
         """
         size = norm(force)
         last, self._sample = self._sample, None if size < LEAST_CONTACT else (force, position)
@@ -96,9 +96,7 @@ class FeltContact:
                 if along * along > 0.5 * dot(way, way):  # pressed rather than slid
                     self._fit(along, dot(n, subtract(last[0], force)))
             self._apart = abs(dot(n, subtract(position, robot))) > WRONG
-            self._offset = dot(n, position) + dot(n, force) / self.stiffness
-        elif size < LEAST_CONTACT and self.normal is not None and dot(self.normal, subtract(robot, before)) < 0.0:
-            self.normal = None  # the robot went into this wall and felt none
+            self._offset = self._found = dot(n, position) + dot(n, force) / self.stiffness
         fits = surface is not None and self.stiffness < SAME * surface.stiffness < SAME * SAME * self.stiffness
         self._surface = surface if fits else None
 
@@ -130,10 +128,10 @@ class FeltContact:
                 self._fit(way, way * model.stiffness)
             self._place = place
             if there != self._sampled or not self._apart:
-                self._offset = place + along / self.stiffness
+                self._offset = self._found = place + along / self.stiffness
         else:
             self._place = None
-            if place < self._offset - WRONG:
+            if place < self._found - WRONG:
                 self.normal = None  # the robot is in this wall and feels none
                 return force
             self._offset = min(self._offset, place)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelRecord
 from weberlink.control.contract import UNREACHED_S, MasterControl
-from weberlink.control.port import Sensor
 from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.system.port import Sensor
 from weberlink.update import Update
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from socket import gethostname
 from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from weberlink.control.port import Port
 from weberlink.geometry.joints import Joints
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.system.bounded_json import parse
@@ -22,6 +21,7 @@ from weberlink.system.composition.channels import banks, motion_bank
 from weberlink.system.composition.link import permitted
 from weberlink.system.configuration import SLAVE, Configuration
 from weberlink.system.configuration.model import split_address
+from weberlink.system.port import Port
 from weberlink.telemetry.runtime_directory import open_file
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ from math import ceil, inf, isfinite, nan
 from typing import Any, NamedTuple
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.port import Port
 from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -27,6 +26,7 @@ from weberlink.protocol.states import State
 from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.order import EMERGENCY
+from weberlink.system.port import Port
 from weberlink.system.rows import CartesianRows, ChannelRows
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import Record
@@ -486,6 +486,8 @@ class Side:
             channel.encoder.restart()
         for control in self.port.controls:
             control.resume(self.endpoint.peer_credit)
+        if self._leads:  # the scheme has forgotten a model that the peer may hold for known
+            self.endpoint.request_full_state()
         self.port.restart()
 
     def _let_go(self) -> None:

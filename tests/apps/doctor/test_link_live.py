@@ -13,7 +13,7 @@ from tests.system.systems import CONFIGS
 
 pytestmark = pytest.mark.realtime
 PROGRAM = (sys.executable, "-m", "weberlink")
-FAULTS = ("link.emulate={delay_ms: 20, loss: 0.1, burst: 3}", "link.silence_ms=2000")
+FAULTS = ("link.emulate={delay_ms: 20, loss: 0.1, burst: 3}", "link.silence_ms=2000", "control.scheme=none")
 
 
 def free_port() -> int:
@@ -46,7 +46,7 @@ def test_waiting_slave_is_measured_and_stays_at_rest(tmp_path: Path) -> None:
     assert document["paths"][0]["remote"] == address
     assert document["paths"][0]["dscp"] == 46
     (told,) = (each for each in document["findings"] if each["check"] == "control scheme")
-    assert told["fix"] == "--set control.scheme=tdpa"
+    assert told["fix"] == "--set control.scheme=bounded"
     at_rest = json.loads(summary.read_text())
     assert at_rest["position"]["packets"] == at_rest["force"]["packets"] == 0
 

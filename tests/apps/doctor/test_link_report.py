@@ -33,8 +33,10 @@ def measured(faults: Emulation, *paths: PathFacts) -> LinkTrial:
     return LinkTrial(*json.loads(sent), samples.silences, [path._asdict() for path in paths], "in real time: yes")
 
 
-def report(trial: LinkTrial, way_out: WayOut | None = None, file: Path = LOOPBACK) -> DoctorReport:
-    return judge(load(file, (), [MASTER]), way_out, trial)
+def report(
+    trial: LinkTrial, way_out: WayOut | None = None, file: Path = LOOPBACK, overrides: tuple[str, ...] = ()
+) -> DoctorReport:
+    return judge(load(file, overrides, [MASTER]), way_out, trial)
 
 
 def shown(found: DoctorReport) -> list[str]:
@@ -45,11 +47,12 @@ def shown(found: DoctorReport) -> list[str]:
 
 def test_report_fits_a_terminal_and_lines_can_be_copied() -> None:
     faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
-    found = report(measured(faults, PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)))
+    path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
+    found = report(measured(faults, path), overrides=("control.scheme=none", "link.playout_ms=5"))
     text = shown(found)
     assert max(map(len, text)) <= 80
     lines = [line.strip() for line in text if "->" in line]
-    assert "-> --set control.scheme=tdpa" in lines
+    assert {"-> --set control.scheme=bounded", "-> --set link.playout_ms=0"} <= set(lines)
     assert any(line.startswith("-> --set link.silence_ms=") for line in lines)
     assert any("relayed by lab over wifi" in line for line in text)
     assert "class of service 0; the file asks for 46" in " ".join(" ".join(text).split())

@@ -55,7 +55,6 @@ def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
         "bank": list(force),
         "position_bank": list(channels(system)[0].bank),
         **({} if torque is None else {"torque_bank": list(torque)}),
-        "schemes": ["none", "tdpa", "mmt", "auto"],
         "changes": ["weber"],
     }
 

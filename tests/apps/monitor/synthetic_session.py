@@ -14,7 +14,7 @@ WEBER = 0.1
 SENT_EVERY = 20
 """Rows between two updates."""
 ENGAGED = 4
-CHANGES = ["weber", "predictor", "scheme"]
+CHANGES = ["weber", "predictor"]
 BANK = ["zoh", "linear", "plane", "sphere"]
 SCENE: list[Message] = [
     {"shape": "plane", "point_m": [0, 0, 0], "normal": [0, 0, 1]},
@@ -46,7 +46,6 @@ def description(side: str, changes: list[str] | None = None) -> Message:
         "rate_hz": 1000,
         "system": {},
         "bank": BANK,
-        "schemes": ["none", "tdpa", "mmt", "auto"],
         "changes": CHANGES if changes is None else changes,
     }
 
@@ -72,8 +71,8 @@ def hello(**other: Any) -> Message:
         "scene": SCENE,
         "changes": CHANGES,
         "predictors": [*BANK, "hybrid"],
-        "schemes": ["none", "tdpa", "mmt", "auto"],
-        "settings": {"weber": WEBER, "predictor": "hybrid", "scheme": "none"},
+        "settings": {"weber": WEBER, "predictor": "hybrid"},
+        "scheme": "bounded",
         "generation": 0,
         "rate_hz": 1000,
         "states": {str(state.value): state.name.lower() for state in State},
@@ -145,7 +144,7 @@ def _row(side: str, k: int) -> Message:
         "raw": vector if side == "slave" else position,
         "output": tuple(f * (1.0 + 0.04 * sin(40.0 * (t - late))) for f in vector) if side == "master" else position,
         "bound": WEBER * force,
-        "tank": 0.002,
+        "energy": 0.002,
         "surface": (0.0, 0.0, CENTRE_Z),
         "surface_size": RADIUS,
         "surface_stiffness": STIFFNESS,

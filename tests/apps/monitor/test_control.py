@@ -24,7 +24,7 @@ class Daemon:
         path = folder / f"weberlink-{session}-{side}.ring"
         self.ring = RingWriter.create(path, side=side, rate_hz=1000.0, capacity=64)
         write(self.ring, records(20, first=0))
-        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda *_: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
         self.is_halted = False
         self.control = ControlSocket(path, self)
         self.control.open(asyncio.get_running_loop())

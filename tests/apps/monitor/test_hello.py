@@ -22,7 +22,7 @@ def test_greeting_has_scene_settings_and_choices() -> None:
         "carve": [],
     }
     assert told["predictors"] == ["zoh", "linear", "plane", "sphere", "hybrid"]
-    assert told["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+    assert told["settings"] == {"weber": 0.1, "predictor": "hybrid"}
     assert (told["rate_hz"], told["readonly"]) == (1000.0, False)
     assert told["states"]["4"] == "engaged" and told["faults"]["1"] == "silence"
     assert set(told["sides"]) == {"master", "slave"} and told["present"] == ["master", "slave"]

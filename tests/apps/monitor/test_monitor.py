@@ -202,7 +202,7 @@ def test_greeting_describes_the_session(watched: Watched) -> None:
     assert hello["sides"]["slave"]["side"] == "slave"
     assert description["file"].endswith("loopback.yaml")
     assert [shape["shape"] for shape in hello["scene"]] == ["plane", "sphere"]
-    assert hello["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+    assert hello["settings"] == {"weber": 0.1, "predictor": "hybrid"}
 
 
 @pytest.mark.realtime

@@ -16,7 +16,7 @@ from tests.apps.monitor.scripted_visit import unasked, visit
 UNKNOWN = "\N{EN DASH}"
 PANELS = ["force", "felt", "position", "packets", "delay", "ticks", "energy", "timeline"]
 PANELS_OF_SIX = ["force", "torque", "position", "orientation", "felt", "packets", "delay", "ticks", "timeline"]
-SETTINGS = {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+SETTINGS = {"weber": 0.1, "predictor": "hybrid"}
 REPORT: Message = {
     "duration_s": 6.0,
     "ticks": {
@@ -316,7 +316,7 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
 )
 def test_disabled_controls_say_why(page: Browser, server: ScriptedServer, other: Message, reason: str) -> None:
     visit(page, server, session.hello(**other), *told())
-    for name in ("weber", "predictor", "scheme"):
+    for name in ("weber", "predictor"):
         assert page.run("return document.getElementById(arguments[0]).disabled", name)
         assert reason in page.run("return document.getElementById(arguments[0]).title", f"control-{name}")
     assert reason in page.text("answer")

@@ -98,7 +98,7 @@ def test_recorded_part_of_a_session_replays_with_its_figures(tmp_path: Path) -> 
     with Monitor(tmp_path, "--replay", path) as monitor:
         messages = asyncio.run(replay(monitor.url, "touch"))
     figures = next(message for message in messages if message.get("ended"))["figures"]
-    for name in ("duration_s", "ticks", "force", "position", "link", "control", "energy"):
+    for name in ("duration_s", "ticks", "force", "position", "link", "energy"):
         assert_same(figures[name], report[name], name)
     events = [event for message in messages if message["type"] == "events" for event in message["events"]]
     (mark,) = (event for event in events if event["text"] == "mark: first touch")

@@ -55,12 +55,12 @@ def test_rows_per_second_are_limited() -> None:
 def test_unknown_values_are_null_in_json() -> None:
     rows = records(3)
     rows["position"] = [[0.1, 0.2, 0.3]] * 3
-    rows["tank"] = [0.5, np.nan, np.inf]
+    rows["energy"] = [0.5, np.nan, np.inf]
     told = json.loads(json.dumps(samples_message("master", rows, 9.5), allow_nan=False))
     assert told["t"] == [0.5, 0.501, 0.502]
     assert told["columns"]["position"] == [[0.1] * 3, [0.2] * 3, [0.3] * 3]
     assert told["columns"]["rtt_us"] == [None] * 3
-    assert told["columns"]["tank"] == [0.5, None, None]
+    assert told["columns"]["energy"] == [0.5, None, None]
     assert told["columns"]["state"] == [4, 4, 4]
 
 

@@ -8,9 +8,10 @@ import pytest
 
 from tests.system.processes import PATIENT, ROOT, Program
 from weberlink.studies.stability.cells import SystemCell
-from weberlink.studies.stability.command import judge, overrides
+from weberlink.studies.stability.command import configuration, judge, overrides
 from weberlink.studies.stability.script import timing
 from weberlink.studies.stability.verdict import CellObserver
+from weberlink.system.composition.link import account
 from weberlink.telemetry.recording.reader import read_recording
 
 
@@ -18,7 +19,7 @@ from weberlink.telemetry.recording.reader import read_recording
 @pytest.mark.hunt
 def test_a_rigid_wall_is_felt_as_in_virtual_time(tmp_path: Path) -> None:
     """1e5 N/m, 50 ms each way."""
-    cell = SystemCell("live", "mmt", stiffness_n_m=1e5, round_trip_s=0.1)
+    cell = SystemCell("live", stiffness_n_m=1e5, round_trip_s=0.1)
     when, path = timing(cell), tmp_path / "live.mcap"
     sets = [text for override in overrides(cell, when) for text in ("--set", override)]
     with Program("loopback", ROOT / "configs/loopback.yaml", *sets, *PATIENT, "--record", path) as program:
@@ -33,10 +34,13 @@ def test_a_rigid_wall_is_felt_as_in_virtual_time(tmp_path: Path) -> None:
     observer = CellObserver()
     observer.add(master, slave)
     # The script begins when the device opens, up to 0.1 s before the first record.
-    live, virtual = observer.verdict(cell, replace(when, release=when.release - 0.1), None), judge(cell)
+    bound = account(configuration(cell, when).system)
+    live = observer.verdict(cell, replace(when, release=when.release - 0.1), bound, None)
+    virtual = judge(cell)
     assert live.state == virtual.state == "settled"
     for name in ("felt_share", "pressed_share"):
         ours, theirs = getattr(live, name), getattr(virtual, name)
         assert ours == pytest.approx(theirs, abs=0.1)
     assert live.felt_share > 0.85
-    assert live.energy_out_j <= live.energy_paid_j
+    assert live.bound_share is not None
+    assert live.bound_share <= 1.0

@@ -6,16 +6,18 @@ from math import exp, pi, sin
 import numpy as np
 import pytest
 
+from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.studies.stability.cells import SystemCell
 from weberlink.studies.stability.script import timing
-from weberlink.studies.stability.verdict import CellObserver, CellVerdict, line_share
+from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import DESCRIPTION
 
 CELL = SystemCell("a")
 WHEN = timing(CELL)
+ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, power=0.1)
 IDEAL = 0.015 * 300.0 * 500.0 / (300.0 + 500.0)
 """Force [N] of a hand of 300 N/m that means to be 15 mm deep in a wall of 500 N/m."""
 
@@ -39,7 +41,7 @@ def judge(master: Records, slave: Records, failure: str | None = None, cell: Sys
     observer = CellObserver()
     for begin in range(0, len(master), 700):
         observer.add(master[begin : begin + 700], slave[begin : begin + 700])
-    return observer.verdict(cell, WHEN, failure)
+    return observer.verdict(cell, WHEN, ACCOUNT, failure)
 
 
 def test_a_steady_force_has_settled() -> None:
@@ -47,7 +49,7 @@ def test_a_steady_force_has_settled() -> None:
     assert verdict.state == "settled"
     assert verdict.bounded
     assert verdict.peak_force_n == verdict.peak_contact_n == 3.0
-    assert verdict.felt_share == verdict.least_felt_share == verdict.pressed_share == pytest.approx(3.0 / IDEAL)
+    assert verdict.felt_share == verdict.pressed_share == pytest.approx(3.0 / IDEAL)
     assert verdict.saturated == ()
     assert verdict.force_reduction == pytest.approx(0.9, abs=0.01)
 
@@ -97,7 +99,7 @@ def test_every_limit_that_is_met_is_named() -> None:
 
 
 def test_energy_counts_from_the_press_on() -> None:
-    """20 mJ paid to drag before it; since then 5 mJ in, 12 mJ out, 3 mJ in: a session-long sum never gets below 0."""
+    """20 mJ in before it; since then 5 mJ in, 12 mJ out, 3 mJ in: a session-long sum never gets below 0."""
     master, slave = records(lambda since: 0.0)
     before = int(WHEN.press / 1e-3)
     steps = np.zeros(len(master))
@@ -109,31 +111,29 @@ def test_energy_counts_from_the_press_on() -> None:
     force[before + 9 : before + 14], force[before + 14 : before + 26] = -1.0, 1.0
     force[before + 26 : before + 29] = -1.0
     master["output"][:, 0] = force
-    verdict = judge(master, slave)
-    assert verdict.energy_paid_j == pytest.approx(0.020)
-    assert verdict.energy_out_j == pytest.approx(0.007)
+    assert judge(master, slave).energy_out_j == pytest.approx(0.007)
 
 
-def test_impulses_and_stiffness_are_compared() -> None:
+def test_impulses_are_compared() -> None:
     master, slave = records(lambda since: 2.0)
     verdict = judge(master, slave)
     assert verdict.impulse_ratio == pytest.approx(2.0 / 3.0)
     assert verdict.tangential_ratio is None
     master["output"][:, 1], slave["raw"][:, 1] = 0.5, 0.8
     assert judge(master, slave, cell=SystemCell("a", friction=0.3)).tangential_ratio == pytest.approx(0.5 / 0.8)
-    # 2 N bend the hand by 2/300 m of its 15 mm.
-    assert verdict.felt_stiffness_n_m == pytest.approx(2.0 / (0.015 - 2.0 / 300.0))
-    assert line_share(CELL, verdict) is None
-    assert line_share(SystemCell("a", round_trip_s=0.1), verdict) == pytest.approx(240.0 / 160.0)
 
 
-def test_a_share_of_the_ticks_has_the_same_scheme() -> None:
-    master, slave = records(lambda since: 3.0)
-    assert judge(master, slave).same_scheme_share is None
-    pressing = np.flatnonzero(master["at"] >= WHEN.press)
-    slave["control"][pressing[: len(pressing) // 4]] = 1
-    verdict = judge(master, slave, cell=SystemCell("a", scheme="auto"))
-    assert verdict.same_scheme_share == pytest.approx(0.75, abs=1e-3)
+def test_a_share_of_the_bound_is_got_out() -> None:
+    """3 mJ are given from 0.2 s on, of 20 mJ and what refill, damping, scene and the work of one tick add."""
+    master, slave = records(lambda since: 0.0)
+    master["position"][201:204, 0] = 1e-3, 2e-3, 3e-3
+    master["position"][204:, 0] = 3e-3
+    master["output"][200:203, 0] = 1.0
+    master["credit"] = 2e-3
+    assert judge(master, slave).bound_kept
+    assert judge(master, slave).bound_share == pytest.approx(3.0 / (20.0 + 2.03 + 3.0 + 2.0 + 1.0))
+    master["output"][:, 0] = -1.0
+    assert judge(master, slave).bound_share == 0.0
 
 
 def test_a_moving_wall_is_not_judged_by_its_swing() -> None:

@@ -99,7 +99,6 @@ class SideCondition:
             return max(0, int(last[counter]) - before) / interval_s
 
         bank = list(described.get("bank", ()))
-        schemes = list(described.get("schemes", ()))
         figures = {
             "tick lateness, largest [us]": self._latest_us,
             "tick work, largest [us]": self._longest_us,
@@ -108,6 +107,7 @@ class SideCondition:
             "updates received [1/s]": per_second("updates_received"),
             "datagrams lost": int(last["datagrams_lost"]),
             "datagrams dropped": int(last["datagrams_dropped"]),
+            "energy account [J]": float(last["energy"]),
             "round trip [ms]": 1e-3 * float(last["rtt_us"]),
             "one way [ms]": 1e-3 * float(last["one_way_us"]),
             "Weber factor": float(last["weber"]),
@@ -117,7 +117,6 @@ class SideCondition:
         names = {
             "state": _name(State, int(last["state"])),
             "predictor": _place(bank, int(last["selected"])),
-            "control scheme": _place(schemes, int(last["control"])),
         }
         return names | {name: f"{value:.6g}" if isfinite(value) else "unknown" for name, value in figures.items()}
 

@@ -1,39 +1,33 @@
 """Settings that a measured link calls for, as findings: its two limits, control scheme, play-out and look-ahead.
 
-Every threshold is one by which a session itself decides (`weberlink.protocol.heartbeat`, `weberlink.control.auto`).
-What both ends must hold alike has to be set on both hosts.
+Every threshold is one by which a session itself decides (`weberlink.protocol.heartbeat`), or by which `check` warns
+(`weberlink.system.advice`). What both ends must hold alike has to be set on both hosts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import ceil
 from typing import NamedTuple
 
 from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.link_figures import LinkFigures
-from weberlink.control.auto import MMT, NONE, ORDER, RISING, TDPA, SchemeChoice
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.timing import LONGEST_RTT
-from weberlink.system.advice import allowed_schemes, fits_a_surface
-from weberlink.system.composition.link import AUTO
-from weberlink.system.configuration import System
+from weberlink.system.advice import Parts, uncontrolled_delay
+from weberlink.system.configuration import Configuration, System
 
 SILENCE_STEP_MS = 10
-LONGEST_PLAYOUT_MS = 100.0
-"""Of `link.playout_ms`."""
-Delays = Sequence[tuple[float, float, float]]
-"""(at, round trip, jitter) [s], in order."""
 
 
-def recommend(figures: LinkFigures, delays: Delays, system: System) -> Iterator[Finding]:
+def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Finding]:
     """Judge the settings of a file by a measurement."""
-    course = scheme_course(delays)
+    system = configuration.system
     yield longest_round_trip(figures, system)
     yield silence(figures, system)
-    yield from scheme(figures, course, system)
-    yield playout(figures, course[-1], system)
-    yield from lookahead(course[-1], system)
+    yield scheme(figures, Parts(configuration))
+    yield playout(figures, system)
+    yield from lookahead(system)
 
 
 # --- the two limits of the link
@@ -109,114 +103,40 @@ def _least_silence(figures: LinkFigures, tick_period: float) -> float:
     return 2.0 * LONGEST_SILENCE
 
 
-# --- control scheme
+# --- control scheme, play-out, look-ahead
 
 
-class _Quality(NamedTuple):
-    rtt: float
-    jitter: float
+def scheme(figures: LinkFigures, parts: Parts) -> Finding:
+    """Whether the control scheme bears the round trip."""
+    check, configured, round_trip = "control scheme", parts.system.control.scheme, figures.rtt_s[1]
+    said = uncontrolled_delay(parts, round_trip)
+    if said is None:
+        return ok(f"control scheme {configured}: round trip {1e3 * round_trip:.1f} ms", check)
+    return advice(f"{said}; on both hosts:", "--set control.scheme=bounded", check)
 
 
-def scheme_course(delays: Delays) -> list[int]:
-    """The schemes that `auto` would go through on this link in free space, as indices of `ORDER`."""
-    choice, course = SchemeChoice(), [TDPA]
-    before = delays[0][0] if delays else 0.0
-    for at, rtt, jitter in delays:
-        chosen = choice.follow(course[-1], _Quality(rtt, jitter), at - before, touches=False, in_debt=False)
-        before = at
-        if chosen != course[-1]:
-            course.append(chosen)
-    return course
-
-
-def scheme(figures: LinkFigures, course: Sequence[int], system: System) -> Iterator[Finding]:
-    """Whether the control scheme suits the delay, for which `auto` went through those of `course`."""
-    check, configured = "control scheme", system.control.scheme
-    fitting, allowed = ORDER[course[-1]], allowed_schemes(system)
-    wanted = next(name for name in reversed(ORDER[: course[-1] + 1]) if name in allowed)
-    why = _why(figures, course)
-    is_changing = len(course) > 2
-    if wanted != fitting:
-        why += f", which calls for {fitting}; but with {_what_limits(system)} there is only {' or '.join(allowed)}"
-    if configured not in ORDER or (is_changing and AUTO not in allowed):
-        yield ok(f"control scheme {configured}; auto would now choose {fitting}: {why}", check)
-    elif is_changing:
-        yield advice(
-            f"control scheme {configured}, but the delay changes: {why}; on both hosts:",
-            "--set control.scheme=auto",
-            check,
-        )
-    elif configured == wanted:
-        yield ok(f"control scheme {configured}: {why}", check)
-    else:
-        found = f"control scheme {configured}, but {wanted} suits: {why}; on both hosts:"
-        yield advice(found, f"--set control.scheme={wanted}", check)
-    if wanted == ORDER[MMT] and not fits_a_surface(system):
-        found = f"{system.codec.force.predictor} fits no surface, which mmt needs; on both hosts:"
-        yield advice(found, "--set codec.force.predictor=hybrid", "predictor")
-
-
-def _what_limits(system: System) -> str:
-    return "codec.joints" if system.codec.joints is not None else "codec.rotation"
-
-
-def _why(figures: LinkFigures, course: Sequence[int]) -> str:
-    trip, jitter = 1e3 * figures.rtt_s[1], 1e3 * figures.jitter_s[0]
-    limits = f"{1e3 * RISING[NONE]:g} ms (none) and {1e3 * RISING[TDPA]:g} ms (tdpa)"
-    text = f"round trip {trip:.1f} ms, jitter {jitter:.1f} ms; the limits are {limits}"
-    return text if len(course) <= 2 else f"{text}; auto went {', '.join(ORDER[each] for each in course)}"
-
-
-# --- play-out and look-ahead
-
-
-def playout(figures: LinkFigures, fitting: int, system: System) -> Finding:
-    """How long samples must wait so that 99 % of the jitter is not felt, and whether that pays.
-
-    Args:
-        fitting: the scheme for this link, as an index of `ORDER`.
-    """
+def playout(figures: LinkFigures, system: System) -> Finding:
+    """What share of the jitter samples wait for; that costs more than it hides (docs/anywhere/bad-links.md)."""
     check, configured = "play-out", system.link.playout_ms
     late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
     found = f"play-out {configured:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"
-    needed = float(ceil(late_ms))
-    if late_ms < 1e3 * system.tick_period:
-        found += ", less than a tick"
-        return advice(found, "--set link.playout_ms=0", check) if configured > 0.0 else ok(found, check)
-    if configured >= needed:
+    if configured == 0.0:
         return ok(found, check)
-    delay = figures.rtt_s[0] + 2e-3 * needed
-    after = sum(delay > limit for limit in RISING)
-    if fitting == NONE:
-        return ok(f"{found}; with none, play-out is one more delay, and nothing controls it", check)
-    if fitting == MMT:
-        return ok(f"{found}; the local model of mmt hides that", check)
-    if needed > LONGEST_PLAYOUT_MS or after > fitting:
-        return ok(f"{found}; to hide that would make a delay of {1e3 * delay:.0f} ms, for {ORDER[after]}", check)
-    found += f"; hidden, the delay is {1e3 * delay:.0f} ms, still for {ORDER[fitting]}"
-    return advice(found, f"--set link.playout_ms={needed:g}", check)
+    return advice(f"{found}; it adds more to the error of the force than it hides", "--set link.playout_ms=0", check)
 
 
-def lookahead(fitting: int, system: System) -> Iterator[Finding]:
-    """Whether the look-ahead of the file suits the scheme for this link (docs/prediction.md)."""
-    check = "look-ahead"
+def lookahead(system: System) -> Iterator[Finding]:
+    """Whether the look-ahead of the file suits its control scheme (docs/prediction.md)."""
+    check, uncontrolled = "look-ahead", system.control.scheme == "none"
     if system.codec.joints is not None:
         return
     used = {name: getattr(system.codec, name).lookahead_ms for name in ("force", "position")}
-    needless = [
-        name for name, ms in used.items() if ms > 0.0 and (fitting == NONE or (fitting, name) == (MMT, "force"))
-    ]
-    for name in needless:
-        found = f"look-ahead of {name} {used[name]:g} ms: {_LOOKAHEAD_NOTES[fitting]}; on both hosts:"
-        yield advice(found, f"--set codec.{name}.lookahead_ms=0", check)
-    if not needless:
-        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items() if ms > 0.0) or "0 ms"
-        yield ok(f"look-ahead {text}: {_LOOKAHEAD_NOTES[fitting]}", check)
-
-
-_LOOKAHEAD_NOTES = (
-    "with none it is one more delay, and nothing controls it",
-    "with tdpa, 10 ms save about a third of the few updates of predictor adaptive",
-    "with mmt it saves no updates",
-)
-"""By scheme, in the order of `ORDER`."""
+    used = {name: ms for name, ms in used.items() if ms > 0.0}
+    if uncontrolled:
+        for name, ms in used.items():
+            found = f"look-ahead of {name} {ms:g} ms: one more delay, and nothing controls it; on both hosts:"
+            yield advice(found, f"--set codec.{name}.lookahead_ms=0", check)
+    if not (used and uncontrolled):
+        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items())
+        note = "; it saves some updates, and adds its delay" if used else ""
+        yield ok(f"look-ahead {text or '0 ms'}{note}", check)

@@ -73,7 +73,7 @@ def judge(configuration: Configuration, way_out: WayOut | None, trial: LinkTrial
             if trial.paths:
                 found["path"] = tuple(judge_paths(trial.paths, system.link))
             found["link"] = tuple(describe_link(link, trial.priority))
-            found["settings"] = tuple(recommend(link, samples.delays, system))
+            found["settings"] = tuple(recommend(link, configuration))
     return DoctorReport(Needs.of(configuration, [MASTER]), found, measured)
 
 

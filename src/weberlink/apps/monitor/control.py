@@ -59,7 +59,7 @@ class SessionControl:
     async def change_named(self, name: str | None, request: dict[str, Any]) -> Answer:
         """The same for a session by its name; refused if it does not run on this host."""
         if not request:
-            return refusal("nothing to change; name weber, predictor, scheme, delay_ms, jitter_ms or loss")
+            return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to change")
@@ -98,9 +98,9 @@ class SessionControl:
             self.links[session.name] = link
             self._link_changed(session)
 
-    async def inherit(self, former: str | None, name: str, *, first: Mapping[str, Any]) -> None:
-        """Apply the settings of a former session, or the `first` ones, to a new session once it accepts them."""
-        kept = dict(first) if former is None else self._in_force(former)
+    async def inherit(self, former: str, name: str) -> None:
+        """Apply the settings of a former session to a new session once it accepts them."""
+        kept = self._in_force(former)
         answer = refusal("it did not begin")
         for _ in range(INHERIT_TIMES):
             await asyncio.sleep(INHERIT_AGAIN_S)

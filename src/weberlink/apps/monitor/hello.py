@@ -5,7 +5,6 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.slave.scenes.height_field import bumps, read_heights
 from weberlink.system.configuration import MASTER, SLAVE
@@ -46,8 +45,8 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
         "changes": changes,
         "predictors": _predictors(any_),
-        "schemes": list(any_.get("schemes", SCHEMES)),
         "settings": _settings(system),
+        "scheme": system.get("control", {}).get("scheme"),
         "generation": 0,
         "link": _link(system),
         "drivable": workspace is not None,
@@ -96,11 +95,7 @@ def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as configured; the daemon knows later changes."""
     codec = system.get("codec", {})
     force = (codec.get("joints") or {}).get("torque") or codec.get("force", {})
-    return {
-        "weber": force.get("weber"),
-        "predictor": force.get("predictor"),
-        "scheme": system.get("control", {}).get("scheme"),
-    }
+    return {"weber": force.get("weber"), "predictor": force.get("predictor")}
 
 
 def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -1,7 +1,7 @@
 """The session that the page starts: `weberlink loopback` in a child process, one at a time.
 
 A scene is a set of overrides of one file. Another scene is another session: the settings that a visitor made (Weber
-factor, predictor, scheme, delay, loss) are applied to it again once it runs.
+factor, predictor, delay, loss) are applied to it again once it runs.
 """
 
 import asyncio
@@ -42,7 +42,6 @@ class VisitOrder:
         scenes: by name; empty if the file has one scene only.
         scene: the first one.
         duration_s: how long sessions may run in all; None until it is interrupted.
-        settings: live changes that are made to the first session once it runs.
     """
 
     file: str
@@ -50,7 +49,6 @@ class VisitOrder:
     scenes: Mapping[str, SceneChoice] = field(default_factory=dict)
     scene: str | None = None
     duration_s: float | None = None
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,7 @@ class SessionKeeper:
         order: what to run.
         tell: called with lines for the user.
         announce: called with a `keeper` message at every change.
-        inherit: called with the names of the former session (None if there was none) and of the new one, to apply the
-            settings of the former one, or those of the order.
+        inherit: called with the names of the former session and of the new one, to apply the settings of the former.
         program: command that runs `weberlink`.
     """
 
@@ -130,7 +127,7 @@ class SessionKeeper:
         order: VisitOrder,
         tell: Callable[[str], None],
         announce: Callable[[dict[str, Any]], None],
-        inherit: Callable[[str | None, str], Awaitable[None]],
+        inherit: Callable[[str, str], Awaitable[None]],
         program: Sequence[str] = (*python("-c", _PROGRAM, str(os.getpid())),),
     ) -> None:
         self._order = order
@@ -199,7 +196,7 @@ class SessionKeeper:
             child = self._child = await self._launch(scene)
             self.started.append(child.name)
             self._watching = self._task(self._watch(child))
-            if former is not None or self._order.settings:
+            if former is not None:
                 self._task(self._inherit(former, child.name))
 
     def note_running(self, name: str) -> None:

@@ -49,7 +49,7 @@ GAUGES = {
         1.0,
         "Mean run of the peer's datagrams that were lost; 0 while unknown.",
     ),
-    "tank_joules": ("tank", 1.0, "Energy that passivity control may still spend."),
+    "energy_joules": ("energy", 1.0, "Energy that the display may still give to the hand; 0 without an account."),
 }
 PATH_INFO = ("route", "via", "interface", "remote")
 """Labels of a path."""

@@ -145,8 +145,7 @@ def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> 
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
     announce = partial(watch.tell_all, MessageKind.KEEPER)
-    inherit = partial(watch.control.inherit, first=visit.order.settings)
-    watch.keeper = SessionKeeper(visit.order, say, announce, inherit)
+    watch.keeper = SessionKeeper(visit.order, say, announce, watch.control.inherit)
     return watch.keeper
 
 

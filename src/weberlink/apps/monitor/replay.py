@@ -14,7 +14,6 @@ from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError
 from weberlink.system.scoring.recorded import CONFIGURATION, PIECE_S, RecordedSession, put_together
 from weberlink.system.scoring.session import Records
@@ -92,7 +91,6 @@ def _description(side: str, recording: Recording, session: RecordedSession) -> d
         "system": system if isinstance(system, dict) else {},
         "bank": list(session.bank),
         **({} if session.torque_bank is None else {"torque_bank": list(session.torque_bank)}),
-        "schemes": list(SCHEMES),
         "changes": [],
     }
 

@@ -22,7 +22,7 @@ COLUMNS = {
     "raw": 7,
     "output": 7,
     "bound": 7,
-    "tank": 7,
+    "energy": 7,
     "surface": 7,
     "surface_size": 7,
     "surface_stiffness": 2,

@@ -14,11 +14,13 @@ from weberlink.apps.monitor.history import History
 from weberlink.apps.monitor.rings import Feed, joined
 from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 from weberlink.codec.deadband.contract import Measures
+from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.paths import dscp_words, finding, paths_of, route_words
 from weberlink.system.scoring.arm import ArmLayout, arm_in
+from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.scoring.ways import ways_now
 from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
@@ -112,7 +114,8 @@ class WatchedSession:
         torque_bank = None if torque is None else tuple(torque)
         self.arm = _arm(description)
         """The axes of a session in joint space; None for one in Cartesian space."""
-        self._score = SessionScore(first.rate_hz, bank, torque_bank, self.measures, self.arm)
+        accounts = _accounts(description)
+        self._score = SessionScore(first.rate_hz, bank, torque_bank, self.measures, self.arm, accounts)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
@@ -357,6 +360,14 @@ def _arm(description: Mapping[str, Any]) -> ArmLayout | None:
         return arm_in(description.get("system", {}))
     except ValueError:
         return None
+
+
+def _accounts(description: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
+    """The accounts of a session; none where nothing is known of them."""
+    try:
+        return accounts_in(description.get("system", {}))
+    except ValueError:
+        return ()
 
 
 def _fault(record: Any) -> str | None:

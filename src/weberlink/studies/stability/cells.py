@@ -44,7 +44,7 @@ class SystemCell:
         robot_damping_n_s_m: of `simulated`; None for critical.
         contact: the object; all are touched from above at z = 0.
         friction: coefficient of the object, static and dynamic.
-        free_motion: whether the hand moves in free space before the press; what it then pays fills the tanks.
+        wall_damping_n_s_m: of the object.
         wall_speed_m_s: speed at which the object goes up and down; 0 for one at rest.
         rate_hz: of both sides.
         round_trip_s: constant delay, half of it each way.
@@ -58,7 +58,7 @@ class SystemCell:
     """
 
     slice: str
-    scheme: str = "none"
+    scheme: str = "bounded"
     predictor: str = "hybrid"
     position_predictor: str = "linear"
     stiffness_n_m: float = 500.0
@@ -71,7 +71,7 @@ class SystemCell:
     robot_damping_n_s_m: float | None = None
     contact: Contact = "plane"
     friction: float = 0.0
-    free_motion: bool = True
+    wall_damping_n_s_m: float = 0.0
     wall_speed_m_s: float = 0.0
     rate_hz: float = 1000.0
     round_trip_s: float = 0.0
@@ -114,16 +114,6 @@ class SystemCell:
         return DEPTH / (1.0 / self.wall.hand.static_stiffness + 1.0 / self.displayed_n_m)
 
     @property
-    def passive_line_n_m(self) -> float | None:
-        """Stiffness [N/m] of a passive line of this delay; None without delay.
-
-        b / (RTT / 2): a lossless line that is matched to the damping b of device and hand delivers, at rest, a force of
-        b / delay per displacement of its end (Niemeyer and Slotine, "Stable adaptive teleoperation", IEEE J. Oceanic
-        Eng. 16(1), 1991). A passive scheme that assumes no model of the wall displays no more.
-        """
-        return self.damping_n_s_m / (0.5 * self.round_trip_s) if self.round_trip_s else None
-
-    @property
     def variant(self) -> str:
         """What sets this cell apart in its slice beside scheme, stiffness and round trip, in at most 16 characters."""
         if self.case:
@@ -153,7 +143,7 @@ class SystemCell:
         return bisect(is_stable, *bracket(is_stable, self.damping_n_s_m), 1e-3)
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"ideal_n": self.ideal_n, "passive_line_n_m": self.passive_line_n_m}
+        return asdict(self) | {"ideal_n": self.ideal_n}
 
 
 def lightly_damped(mass_kg: float) -> float:

@@ -15,8 +15,9 @@ from weberlink.studies.stability.cells import SystemCell
 from weberlink.studies.stability.script import HEIGHT, CellTiming, scene, timing
 from weberlink.studies.stability.slices import cells
 from weberlink.studies.stability.survey import WallRow, survey, walls
-from weberlink.studies.stability.verdict import CellObserver, CellVerdict, line_share
+from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.studies.stability.wall import SampledWall
+from weberlink.system.composition.account import account
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
@@ -153,7 +154,9 @@ def _simulate(cell: SystemCell, when: CellTiming) -> CellVerdict:
     observer = CellObserver()
     simulation.run(when.end + 1.0, [observer])
     failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
-    return observer.verdict(cell, when, "; ".join(failures) or None)
+    return observer.verdict(
+        cell, when, account(composed.system.control, composed.system.master.mapping), "; ".join(failures) or None
+    )
 
 
 def _work(task: Task) -> Result:
@@ -169,14 +172,15 @@ def _table(rows: list[WallRow], verdicts: list[Judged], run_time: float, caption
     text = "\n".join(
         (
             "calm: settled, decaying or driven; felt, robot: share of the force on the ideal wall, %",
-            "impulse: felt over pressed; out: J got out since the press",
+            "impulse: felt over pressed; out: J got out since the press; bound: largest",
+            "  share of the account's bound got out since the session began, %",
             "marks: s force limited at operator, sensor or contact; l contact lost",
-            *filter(None, (_about_auto(verdicts), _about_line(verdicts), _about(rows))),
+            *filter(None, (_about_bound(verdicts), _about(rows))),
             f"{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s",
             caption,
         )
     )
-    columns = ("slice", "scheme", "with", "calm", "felt", "robot", "impulse", "out", "marks")
+    columns = ("slice", "scheme", "with", "calm", "felt", "robot", "impulse", "out", "bound", "marks")
     table = plain_table(*columns, left=("scheme", "with"), caption=text, padding=(0, 1, 0, 0))
     groups: dict[tuple[str, str, str], list[CellVerdict]] = {}
     for cell, verdict in verdicts:
@@ -191,6 +195,7 @@ def _table(rows: list[WallRow], verdicts: list[Judged], run_time: float, caption
             _range([verdict.pressed_share for verdict in group], 100.0, ".0f"),
             _range([verdict.impulse_ratio for verdict in group], 1.0, ".2f"),
             _largest([verdict.energy_out_j for verdict in group], ".2g"),
+            "-" if scheme == "none" else _largest([_percent(verdict.bound_share) for verdict in group], ".0f"),
             _marks(group),
         )
     return table
@@ -207,30 +212,11 @@ def _marks(group: list[CellVerdict]) -> str:
     return " ".join(f"{count}{mark}" for mark, count in found.items() if count)
 
 
-def _about_auto(verdicts: list[Judged]) -> str:
-    """What `auto` does where it could do without control."""
-    near = [
-        verdict
-        for cell, verdict in verdicts
-        if cell.slice == "walls" and cell.scheme == "auto" and not cell.round_trip_s and not cell.loss
-    ]
-    if not near:
-        return ""
-    return (
-        f"auto at 0 ms: {_largest([verdict.energy_out_j for verdict in near], '.2g')} J out, both in the same scheme in"
-        f" {_range([verdict.same_scheme_share for verdict in near], 100.0, '.1f')} % of ticks,\n"
-        f"  least force felt while holding {_range([verdict.least_felt_share for verdict in near], 100.0, '.0f')} %"
-    )
-
-
-def _about_line(verdicts: list[Judged]) -> str:
-    """How far `tdpa` is from the passive line of its delay."""
-    shares: dict[float, list[float | None]] = {}
-    for cell, verdict in verdicts:
-        if cell.slice == "walls" and cell.scheme == "tdpa":
-            shares.setdefault(cell.round_trip_s, []).append(line_share(cell, verdict))
-    told = [f"{1e3 * trip:g} ms {_range(each, 100.0, '.0f')}" for trip, each in sorted(shares.items()) if trip]
-    return f"tdpa: stiffness felt in % of a passive line's, b/(RTT/2):\n  {'; '.join(told)}" if told else ""
+def _about_bound(verdicts: list[Judged]) -> str:
+    """In how many systems with an account its bound is kept."""
+    kept = [verdict.bound_kept for cell, verdict in verdicts if cell.scheme != "none"]
+    known = [each for each in kept if each is not None]
+    return f"the account's bound is kept in {sum(known)} of {len(known)}" if known else ""
 
 
 def _about(rows: list[WallRow]) -> str:
@@ -245,6 +231,10 @@ def _about(rows: list[WallRow]) -> str:
         f"walls: limit measured within {100 * worst:.1g} % of the eigenvalues', {low:.2g} to {high:.2g} N/m\n"
         f"active on the passive side of Colgate's bound: {active} of {passive}"
     )
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100.0 * share
 
 
 def _largest(values: list[float | None], form: str) -> str:

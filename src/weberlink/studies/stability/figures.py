@@ -16,7 +16,7 @@ from matplotlib.patches import Patch, Rectangle
 from weberlink.studies.sheet import caption_below, save
 from weberlink.studies.stability.cells import COUPLING_N_M, SystemCell
 from weberlink.studies.stability.survey import WallRow
-from weberlink.studies.stability.verdict import CellVerdict, line_share
+from weberlink.studies.stability.verdict import CellVerdict
 
 Judged = tuple[SystemCell, CellVerdict]
 Quantity = Callable[[SystemCell], float | str]
@@ -201,17 +201,18 @@ def _draw_cell(axes: Axes, x: int, y: int, judged: Judged, mappable: ScalarMappa
         axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, hatch="////", edgecolor="0.55", linewidth=0.0))
     background = {"facecolor": "w", "alpha": 0.6, "edgecolor": "none", "pad": 0.6}
     axes.text(x, y, _figures(cell, verdict), ha="center", va="center", fontsize=size, linespacing=1.1, bbox=background)
-    for met, mark, place in ((bool(verdict.saturated), "^", 0.38), (verdict.state == "lost", "o", -0.38)):
+    exceeds = cell.scheme != "none" and verdict.bound_kept is False
+    marks = ((bool(verdict.saturated), "^", 0.38), (verdict.state == "lost", "o", -0.38), (exceeds, "s", 0.0))
+    for met, mark, place in marks:
         if met:
-            axes.plot(x + place, y + 0.36, mark, color="C0", markersize=0.55 * size, fillstyle="none", clip_on=False)
+            colour = "C3" if mark == "s" else "C0"
+            axes.plot(x + place, y + 0.36, mark, color=colour, markersize=0.55 * size, fillstyle="none", clip_on=False)
 
 
 def _figures(cell: SystemCell, verdict: CellVerdict) -> str:
     lines = []
     if verdict.felt_share is not None and verdict.pressed_share is not None:
         lines = [_percent(verdict.felt_share), _percent(verdict.pressed_share)]
-    if (line := line_share(cell, verdict)) is not None and cell.scheme == "tdpa":
-        lines.append(f"line {_percent(line)}")
     if cell.slice == "contacts" and verdict.impulse_ratio is not None:
         lines.append(f"x {verdict.impulse_ratio:.2f}")
     return "\n".join(lines)
@@ -245,7 +246,7 @@ def _explain(figure: Figure) -> None:
             Line2D([], [], color="C0", linestyle="none", marker="^", fillstyle="none", label="force limited"),
             Line2D([], [], color="C0", linestyle="none", marker="o", fillstyle="none", label="contact lost"),
             Line2D([], [], color="w", label="x: impulse felt over pressed"),
-            Line2D([], [], color="w", label="line: stiffness felt, % of a passive line's"),
+            Line2D([], [], color="C3", linestyle="none", marker="s", fillstyle="none", label="bound exceeded"),
             Line2D([], [], color="C0", linewidth=2.0, label="stability limit without coding and control"),
         ],
         loc="outside upper center",

@@ -9,9 +9,6 @@ from weberlink.studies.stability.cells import DEPTH, SystemCell
 HEIGHT = 0.01
 """Start of the hand above the object [m]."""
 
-STROKE = 0.04
-"""Motion in free space before the press, which fills the tanks of passivity control [m]."""
-
 SWAY_M = 0.0125
 """Amplitude of a moving wall [m], slower than the hand's intended depth so that the contact can last."""
 
@@ -39,18 +36,16 @@ class CellTiming:
 def timing(cell: SystemCell) -> CellTiming:
     """The script of a cell: wait for the session, press, hold, release, tap, wait for the link.
 
-    With control, a free motion comes before the press: what its drag takes fills the tanks. Other objects than a plane,
-    and friction, are explored before the press instead of tapped after it. The hold lasts 0.6 s, four round trips and
-    three periods of the hand, so that two windows of it show whether an oscillation dies out.
+    Other objects than a plane, and friction, are explored before the press instead of tapped after it. The hold lasts
+    0.6 s, four round trips and three periods of the hand, so that two windows of it show whether an oscillation dies
+    out.
     """
     trip = cell.round_trip_s + 2.0 * cell.jitter_s
     period = 2.0 * pi * sqrt(cell.mass_kg / cell.hand_stiffness_n_m)
     lead = 0.3 + 2.5 * trip + (1.5 if cell.loss else 0.0)
     hold = 0.6 + 4.0 * trip + 3.0 * period
     down = 0.4
-    before: list[Step] = [{"motion": "rest", "duration_s": lead}]
-    if cell.free_motion and cell.scheme != "none":
-        before += [_reach(STROKE), _reach(0.0)]
+    wait: Step = {"motion": "rest", "duration_s": lead}
     exploration = _exploration(cell)
     press = {
         "motion": "press", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
@@ -61,9 +56,9 @@ def timing(cell: SystemCell) -> CellTiming:
         "frequency_hz": 2.0, "count": 1, "approach_s": 0.01,
     }  # fmt: skip
     after = [] if exploration or cell.wall_speed_m_s else [tap]
-    first = sum(map(_length, before)) + (0.0 if exploration else 0.01)
-    hold_at = sum(map(_length, (*before, *exploration))) + 0.01 + down
-    steps = (*before, *exploration, press, *after, {"motion": "rest", "duration_s": 0.2 + trip})
+    first = lead + (0.0 if exploration else 0.01)
+    hold_at = sum(map(_length, (wait, *exploration))) + 0.01 + down
+    steps = (wait, *exploration, press, *after, {"motion": "rest", "duration_s": 0.2 + trip})
     return CellTiming(first, hold_at, hold_at + hold, sum(map(_length, steps)), steps)
 
 
@@ -75,6 +70,8 @@ def scene(cell: SystemCell) -> list[dict[str, Any]]:
         "box": {"shape": "box", "center_m": [0.0, 0.0, -EDGE_M], "size_m": [2.0 * EDGE_M] * 3},
     }
     thing = shapes[cell.contact] | {"stiffness_n_m": cell.stiffness_n_m}
+    if cell.wall_damping_n_s_m:
+        thing["damping_n_s_m"] = cell.wall_damping_n_s_m
     if cell.friction:
         thing["friction"] = {"static": cell.friction, "dynamic": cell.friction}
     if cell.wall_speed_m_s:  # a triangle of 4 f a m/s

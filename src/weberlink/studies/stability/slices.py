@@ -29,8 +29,10 @@ CONTACTS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("box", {"contact": "box"}),
     ("friction 0.3", {"friction": 0.3}),
     ("friction 0.5", {"friction": 0.5}),
+    ("damping 1 N s/m", {"wall_damping_n_s_m": 1.0}),
+    ("damping 3 N s/m", {"wall_damping_n_s_m": 3.0}),
+    ("both, hybrid", {"friction": 0.3, "wall_damping_n_s_m": 1.0, "predictor": "hybrid"}),
     ("moving, 0.1 m/s", {"wall_speed_m_s": 0.1}),
-    ("no free motion", {"free_motion": False}),
 )
 
 FAR: dict[str, Any] = {"round_trip_s": 0.1}
@@ -62,36 +64,29 @@ def cells(seed: int, *, full: bool) -> list[SystemCell]:
 
 
 def _telling() -> Iterator[SystemCell]:
-    soft_and_rigid, rigid = (500.0, 1e7), (1e7,)
+    rigid = (1e7,)
     yield from _walls("none", POINT, WALLS, (0.0, 0.02, 0.1))
-    yield from _walls("mmt", POINT, WALLS, TRIPS)
-    yield from _walls("auto", POINT, WALLS, (0.0, 0.1, 1.0))
-    yield from _walls("tdpa", POINT, soft_and_rigid, TRIPS)
-    for scheme in ("mmt", "auto"):
-        yield from _walls(scheme, POINT, soft_and_rigid, (0.0, 0.7), **BAD_LINK)
-    yield from _walls("mmt", MASSES, rigid, (0.0, 0.1, 0.7))
-    yield from _walls("auto", MASSES, rigid, (0.0, 0.7))
-    yield from _hands(("mmt",), rigid, (0.0, 0.1))
-    yield from _contacts(("mmt",), (1e4,), (0.0, 0.1, 0.7))
-    yield from _extremes(("mmt",))
+    yield from _walls("bounded", POINT, WALLS, TRIPS)
+    yield from _walls("bounded", POINT, (500.0, 1e7), (0.0, 0.7), **BAD_LINK)
+    yield from _walls("bounded", MASSES, rigid, (0.0, 0.1, 0.7))
+    yield from _hands(rigid, (0.0, 0.1))
+    yield from _contacts((1e4,), (0.0, 0.1, 0.7))
+    yield from _extremes(("bounded",))
 
 
 def _every() -> Iterator[SystemCell]:
     yield from _walls("none", POINT, _decades(10.0, 1e7, 2), ALL_TRIPS, predictor="zoh")
     yield from _walls("none", POINT, _decades(10.0, 1e7, 2), ALL_TRIPS)
-    for scheme in ("mmt", "auto"):
-        yield from _walls(scheme, POINT + MASSES, (500.0, *_decades(1e3, 1e7, 1)), ALL_TRIPS)
-        yield from _walls(scheme, POINT + MASSES, (500.0, *_decades(1e3, 1e7, 1)), ALL_TRIPS, **BAD_LINK)
-    yield from _walls("tdpa", POINT, (100.0, 500.0, *_decades(1e3, 1e7, 1)), ALL_TRIPS)
-    yield from _hands(("mmt", "auto", "tdpa"), (500.0, 1e3, 1500.0, 2e3, 1e4, 1e7), ALL_TRIPS)
-    yield from _contacts(("mmt", "auto", "tdpa"), (500.0, 1e4, 1e6), (0.0, 0.02, 0.1, 0.7))
-    yield from _extremes(("none", "tdpa", "mmt", "auto"))
+    yield from _walls("bounded", POINT + MASSES, (100.0, 500.0, *_decades(1e3, 1e7, 1)), ALL_TRIPS)
+    yield from _walls("bounded", POINT + MASSES, (500.0, *_decades(1e3, 1e7, 1)), ALL_TRIPS, **BAD_LINK)
+    yield from _hands((500.0, 1e3, 1500.0, 2e3, 1e4, 1e7), ALL_TRIPS)
+    yield from _contacts((500.0, 1e4, 1e6), (0.0, 0.02, 0.1, 0.7))
+    yield from _extremes(("none", "bounded"))
     yield from _rate((100.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0), _decades(100.0, 1e5, 2))
     yield from _masses(_decades(0.001, 10.0, 2), _decades(0.05, 50.0, 2))
-    for scheme in ("tdpa", "mmt", "auto"):
-        yield from _loss(scheme, (0.0, 0.002, 0.01, 0.05), (0.0, 0.02, 0.1, 0.3), (0.0, 0.02, 0.1, 0.3, 0.7, 1.0))
-        yield from _other_hands(scheme)
-    yield from _weber("mmt", (0.0, 0.025, 0.05, 0.1, 0.2, 0.3, 0.5), (0.0, 0.02, 0.1, 0.3, 1.0))
+    yield from _loss((0.0, 0.002, 0.01, 0.05), (0.0, 0.02, 0.1, 0.3), (0.0, 0.02, 0.1, 0.3, 0.7, 1.0))
+    yield from _other_hands()
+    yield from _weber((0.0, 0.025, 0.05, 0.1, 0.2, 0.3, 0.5), (0.0, 0.02, 0.1, 0.3, 1.0))
 
 
 def _walls(
@@ -101,20 +96,18 @@ def _walls(
         yield SystemCell("walls", scheme, stiffness_n_m=stiffness, round_trip_s=trip, **robot, **others)
 
 
-def _hands(schemes: tuple[str, ...], stiffnesses: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
+def _hands(stiffnesses: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
     grips: tuple[Any, ...] = ("firm", "pinch", "fingertip")
     for grip, stiffness in product(grips, stiffnesses):
         yield replace(_uncoded("hands"), grip=grip, stiffness_n_m=stiffness)
-    for scheme, trip, grip, stiffness in product(schemes, trips, grips, stiffnesses):
-        yield SystemCell("hands", scheme, grip=grip, stiffness_n_m=stiffness, round_trip_s=trip)
+    for trip, grip, stiffness in product(trips, grips, stiffnesses):
+        yield SystemCell("hands", grip=grip, stiffness_n_m=stiffness, round_trip_s=trip)
 
 
-def _contacts(
-    schemes: tuple[str, ...], stiffnesses: tuple[float, ...], trips: tuple[float, ...]
-) -> Iterator[SystemCell]:
-    for scheme, stiffness, (case, contact), trip in product(schemes, stiffnesses, CONTACTS, trips):
+def _contacts(stiffnesses: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
+    for stiffness, (case, contact), trip in product(stiffnesses, CONTACTS, trips):
         # Friction and motion of an object are in the models of this predictor alone.
-        cell = SystemCell("contacts", scheme, "surface", case=case, **contact)
+        cell = SystemCell("contacts", case=case, **{"predictor": "surface"} | contact)
         yield replace(cell, stiffness_n_m=stiffness, round_trip_s=trip)
 
 
@@ -138,24 +131,22 @@ def _rate(rates: tuple[float, ...], stiffnesses: list[float]) -> Iterator[System
         yield replace(_uncoded("rates"), rate_hz=rate, stiffness_n_m=stiffness)
 
 
-def _loss(
-    scheme: str, jitters: tuple[float, ...], losses: tuple[float, ...], trips: tuple[float, ...]
-) -> Iterator[SystemCell]:
+def _loss(jitters: tuple[float, ...], losses: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
     for jitter, loss, trip in product(jitters, losses, trips):
-        yield SystemCell("loss", scheme, round_trip_s=trip, jitter_s=jitter, loss=loss)
+        yield SystemCell("loss", round_trip_s=trip, jitter_s=jitter, loss=loss)
 
 
-def _other_hands(scheme: str) -> Iterator[SystemCell]:
+def _other_hands() -> Iterator[SystemCell]:
     """Other hands and rates with a delayed, lossy link under control."""
     hands = product((0.001, 0.03, 1.0, 10.0), (0.5, 8.0, 50.0))
     for (mass, damping), rate, stiffness in product(hands, (100.0, 1000.0, 4000.0), (500.0, 1e7)):
-        cell = SystemCell("far hands", scheme, round_trip_s=0.1, jitter_s=0.01, loss=0.1)
+        cell = SystemCell("far hands", round_trip_s=0.1, jitter_s=0.01, loss=0.1)
         yield replace(cell, mass_kg=mass, damping_n_s_m=damping, rate_hz=rate, stiffness_n_m=stiffness)
 
 
-def _weber(scheme: str, webers: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
+def _weber(webers: tuple[float, ...], trips: tuple[float, ...]) -> Iterator[SystemCell]:
     for weber, trip in product(webers, trips):
-        yield SystemCell("weber", scheme, weber=weber, round_trip_s=trip)
+        yield SystemCell("weber", weber=weber, round_trip_s=trip)
 
 
 def _decades(first: float, last: float, each: int) -> list[float]:

@@ -6,8 +6,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
-from weberlink.studies.stability.cells import CONTACT_LIMIT_N, DEPTH, SENSOR_RANGE_N, SystemCell
+from weberlink.studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, SystemCell
 from weberlink.studies.stability.script import CellTiming
 from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
@@ -53,8 +54,8 @@ class CellVerdict:
     state: Phase
     energy_out_j: float | None = None
     """Largest energy that the operator got out of the port since the press began, beyond what was paid in since."""
-    energy_paid_j: float | None = None
-    """Energy that the operator had paid in when the press began: to drag, for example; negative if it was got out."""
+    bound_share: float | None = None
+    """Largest share of the bound of the account that was got out, as `bound_share` has it; above 1 it is not kept."""
     link_generated_j: float | None = None
     """Largest energy that came out of the two ports together beyond what went in, while both sides were engaged and
     neither was in a ramp: of device, link and control, without the wall."""
@@ -70,12 +71,8 @@ class CellVerdict:
     """Mean force on the robot in the second half of the hold, along z."""
     felt_share: float | None = None
     """The first of these over the force on the ideal local wall."""
-    least_felt_share: float | None = None
-    """The same of the smallest force on the operator in either half."""
     pressed_share: float | None = None
     """Mean force on the robot in the second half of the hold, over that on the ideal local wall."""
-    felt_stiffness_n_m: float | None = None
-    """Stiffness of the wall that would yield the steady force at rest; None if it is more than a rigid wall would."""
     saturated: tuple[str, ...] = ()
     """Limits met in either half: "operator", the force limiter; "sensor", its range; "contact", the press limit."""
     settle_s: float | None = None
@@ -86,8 +83,6 @@ class CellVerdict:
     run. All contacts begin and end within it on both sides, so none is shifted in time, whatever the delay."""
     tangential_ratio: float | None = None
     """The same of the horizontal components, for a plane with friction."""
-    same_scheme_share: float | None = None
-    """Share of the ticks from the press on in which both sides use the same scheme; of `auto`."""
     force_reduction: float | None = None
     """Reduction of force updates relative to one per tick."""
     failure: str | None = None
@@ -96,8 +91,13 @@ class CellVerdict:
     def bounded(self) -> bool:
         return self.state in ("settled", "decaying", "driven")
 
+    @property
+    def bound_kept(self) -> bool | None:
+        """Whether no more energy came out than the account allows; None for a cell that failed."""
+        return None if self.bound_share is None else self.bound_share <= 1.0
+
     def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"bounded": self.bounded}
+        return asdict(self) | {"bounded": self.bounded, "bound_kept": self.bound_kept}
 
 
 class CellObserver:
@@ -112,12 +112,15 @@ class CellObserver:
         self._masters.append(master)
         self._slaves.append(slave)
 
-    def verdict(self, cell: SystemCell, when: CellTiming, failure: str | None) -> CellVerdict:
+    def verdict(
+        self, cell: SystemCell, when: CellTiming, account: AccountParameters, failure: str | None
+    ) -> CellVerdict:
         """Judge a finished run.
 
         Args:
             cell: its parameters.
             when: the times of its script.
+            account: what bounds the energy out of the hand.
             failure: reason of an early end.
         """
         master, slave = np.concatenate(self._masters), np.concatenate(self._slaves)
@@ -131,7 +134,7 @@ class CellObserver:
         holding, pressing = early | late, at >= when.press
         steady, pressed = float(felt[late].mean()), float(wall[late].mean())
         deadband = max(cell.weber * abs(steady), cell.floor_n)
-        out, paid, made = _energy(master, slave, pressing)
+        out, made = _energy(master, slave, pressing)
         ideal = cell.ideal_n
 
         def share(force: float) -> float | None:
@@ -140,7 +143,7 @@ class CellObserver:
         return CellVerdict(
             state=_state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any())),
             energy_out_j=None if cell.wall_speed_m_s else out,
-            energy_paid_j=paid,
+            bound_share=bound_share(master, account),
             link_generated_j=made,
             peak_force_n=float(_lengths(master["output"]).max()),
             peak_contact_n=float(_lengths(slave["raw"]).max()),
@@ -148,16 +151,13 @@ class CellObserver:
             steady_force_n=steady,
             wall_force_n=pressed,
             felt_share=share(steady),
-            least_felt_share=share(float(felt[holding].min())),
             pressed_share=share(pressed),
-            felt_stiffness_n_m=_stiffness(cell, steady),
             saturated=_saturated(master[holding], slave[holding]),
             settle_s=settling_time(at, felt, when, steady, max(deadband, SHARE * abs(steady))),
             impulse_ratio=_ratio(_lengths(master["output"][pressing]), _lengths(slave["raw"][pressing])),
             tangential_ratio=_ratio(
                 _lengths(master["output"][pressing, :2]), _lengths(slave["raw"][pressing, :2])
             ) if cell.friction and cell.contact == "plane" else None,
-            same_scheme_share=_agreement(master[pressing], slave[pressing]) if cell.scheme == "auto" else None,
             force_reduction=_reduction(slave),
         )  # fmt: skip
 
@@ -171,10 +171,21 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
     return last - when.press if last < when.release - 0.1 * (when.release - when.hold) else None
 
 
-def line_share(cell: SystemCell, verdict: CellVerdict) -> float | None:
-    """Stiffness felt over that of the wall displayed or of a passive line of this delay, whichever is less."""
-    line, felt = cell.passive_line_n_m, verdict.felt_stiffness_n_m
-    return None if line is None or felt is None else felt / min(line, cell.displayed_n_m)
+def bound_share(master: Records, account: AccountParameters) -> float:
+    """The largest share of the bound in `weberlink.control.account` that the hand got out by any tick, at least 0.
+
+    The bound grows from the first record on, by refill, damping and credit; the work of one tick is the largest of all.
+
+    Args:
+        master: records of the operator's side from the begin of a session, shape (n,), n > 1.
+        account: in the frame of these records.
+    """
+    ways, elapsed = np.diff(master["position"], axis=0), np.diff(master["at"])
+    given = (master["output"][:-1] * ways).sum(axis=1)
+    gained = account.refill * elapsed + account.damping * (ways * ways).sum(axis=1) / elapsed
+    credit = np.maximum.accumulate(master["credit"])[1:]  # forgotten with the session
+    allowed = account.allowance + np.cumsum(gained) + credit + max(0.0, given.max())
+    return max(0.0, float((np.cumsum(given) / allowed).max()))
 
 
 def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clipped: bool) -> Phase:
@@ -195,21 +206,14 @@ def _faintest(cell: SystemCell) -> float:
     return floor if cell.ideal_n is None or cell.ideal_n > floor else -np.inf
 
 
-def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tuple[float, float, float]:
-    """Energy out since the press, paid before, and generated by the link [J]."""
+def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tuple[float, float]:
+    """Energy out since the press, and generated by the link [J]."""
     given = PortWork("output", "position", held=True).add(master)
     taken = PortWork("raw", "output", held=False).add(slave)
     since = given[pressing]
     link = LinkEnergy()
     link.add(given, taken, in_session(master) & in_session(slave))
-    return max(0.0, float(since[0] - since.min())), float(since[0]), max(0.0, -link.least)
-
-
-def _stiffness(cell: SystemCell, steady: float) -> float | None:
-    if cell.ideal_n is None:
-        return None
-    way = DEPTH - steady / cell.wall.hand.static_stiffness
-    return max(0.0, steady) / way if way > 0.0 else None
+    return max(0.0, float(since[0] - since.min())), max(0.0, -link.least)
 
 
 def _saturated(master: Records, slave: Records) -> tuple[str, ...]:
@@ -229,10 +233,6 @@ def _lengths(vectors: Floats) -> Floats:
 def _ratio(felt: Floats, pressed: Floats) -> float | None:
     """Of two integrals over the same ticks; None if the robot touched next to nothing."""
     return float(felt.sum() / pressed.sum()) if pressed.max() > FAINTEST_N else None
-
-
-def _agreement(master: Records, slave: Records) -> float:
-    return float((master["control"] == slave["control"]).mean())
 
 
 def _interruption(pressing: Records) -> str | None:

@@ -19,5 +19,5 @@ def account(control: ControlSettings, mapping: MappingSettings | None, *, turns:
         allowance=energy * control.allowance_j,
         refill=energy * control.refill_w,
         damping=control.damping_n_s_m / (scale * force_scale),
-        power=energy * control.power_w,
+        rise=control.rise_n_s / force_scale,
     )

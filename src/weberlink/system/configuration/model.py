@@ -460,8 +460,9 @@ class ControlSettings(Settings):
     """Power with which the allowance returns [W]."""
     damping_n_s_m: float = Field(default=1.0, ge=0, le=100)
     """Damping that every hand has at least [N s/m]: what it takes from the motion may be given back."""
-    power_w: float = Field(default=0.1, gt=0, le=1000)
-    """Power with which a contact may spend the allowance [W]: a wall that is felt late rises, and does not kick."""
+    rise_n_s: float = Field(default=160.0, gt=0, le=1e6)
+    """Rise of a force that the hand has not pressed in itself [N/s]: a wall that is felt late rises, and does not
+    kick."""
     live_changes: bool = True
     """Whether Weber factor, predictor (of a hybrid's bank), and delay, jitter and loss (with `link.emulate`) may be
     changed in a session."""

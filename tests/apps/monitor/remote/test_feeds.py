@@ -93,7 +93,6 @@ def test_feed_is_drained_after_its_last_record() -> None:
         ("at", 0.0),
         ("position", np.inf),
         ("selected", 4),
-        ("control", 200),
         ("fault", max(Fault) + 1),
         ("state", 0),
         ("state", 7),

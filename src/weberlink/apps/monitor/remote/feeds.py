@@ -8,7 +8,6 @@ import numpy as np
 
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
 from weberlink.apps.monitor.rings import joined
-from weberlink.control.table import SCHEMES
 from weberlink.protocol.sealed_stream import StreamError
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import LATEST_S, Records
@@ -90,7 +89,6 @@ class RemoteSide:
             and all(np.isfinite(records[name]).all() for name in FINITE)
             and (records["selected"] < self._bank).all()
             and (records["rotation_selected"] < self._torque_bank).all()
-            and (records["control"] < len(SCHEMES)).all()
             and (records["fault"] <= max(Fault)).all()
             and ((records["state"] >= 1) & (records["state"] <= len(State))).all()
         )

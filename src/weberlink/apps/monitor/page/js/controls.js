@@ -3,7 +3,7 @@
 import { show } from "./format.js";
 
 const by = (id) => document.getElementById(id);
-const AGREED = ["weber", "predictor", "scheme"]; // by both ends
+const AGREED = ["weber", "predictor"]; // by both ends
 const LINK = ["delay_ms", "loss"]; // of the emulated network
 const NAMES = [...AGREED, ...LINK];
 const percent = (value) => `${Math.round(1000 * value) / 10} %`;
@@ -25,7 +25,6 @@ export class Controls {
     const settings = { ...wanted, ...hello?.link };
     by("link").hidden = !hello?.link;
     fill(by("predictor"), hello?.predictors ?? [], settings.predictor, reset);
-    fill(by("scheme"), hello?.schemes ?? [], settings.scheme, reset);
     for (const name in SLIDERS) {
       if (typeof settings[name] !== "number" || name in this.waiting) continue;
       if (reset || document.activeElement !== by(name)) by(name).value = settings[name];

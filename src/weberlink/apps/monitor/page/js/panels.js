@@ -252,21 +252,16 @@ export const PANELS = [
   },
   {
     name: "energy",
-    title: "Energy tanks",
+    title: "Energy account",
     unit: "mJ",
     help:
-      "Energy that each side may still spend. The passivity controller brakes when a tank is empty, which keeps a " +
-      "delayed link stable. Without such a control scheme there is no tank.",
+      "Energy that the display may still give to the hand. What is displayed shrinks as it runs out, which keeps a " +
+      "delayed link stable.",
     empty: "no samples yet",
-    sources: () =>
-      ["master", "slave"].map((side) => ({
-        ring: side,
-        series: [{ name: side, colour: side, width: 1.75, of: column("tank", 1e3), unit: "mJ" }],
-      })),
-    quietNote: (store, value) =>
-      value === 0 && ["none", "mmt"].includes(store.settings.scheme)
-        ? `no tank: the control scheme is ${store.settings.scheme}`
-        : "",
+    sources: () => [
+      { ring: "master", series: [{ name: "left", colour: "master", width: 1.75, of: column("energy", 1e3), unit: "mJ" }] },
+    ],
+    quietNote: (store) => (store.hello?.scheme === "none" ? "no account: the control scheme is none" : ""),
     range: () => upward(1),
     axis: (v) => `${v} mJ`,
   },
