@@ -70,6 +70,7 @@ class Account:
             supplied: by the scene, beyond what it took [J].
         """
         self.energy += supplied - given
+        self._reserve += supplied  # credit comes in lumps
         if self._taken > 0.0:
             back = min(self._taken, RETURN * elapsed)
             self._taken -= back

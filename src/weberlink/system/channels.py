@@ -21,8 +21,8 @@ class Unreached:
     """Notices a contact that the operator feels by a model, and that the robot does not reach.
 
     The encoder compares what the robot feels with the model where the robot is, and the operator's end evaluates the
-    same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip, its
-    workspace, want of energy) is where the model states nothing, so that a force would last on the hand which nothing
+    same model where the hand is. Both agree as long as the robot follows. One that is held back (by a trip or its
+    workspace) is where the model states nothing, so that a force would last on the hand which nothing
     touches. From then on what the robot feels is coded for the place to which it is led: that takes the model back.
 
     Args:
