@@ -69,12 +69,12 @@ class Account:
             elapsed: duration [s].
             supplied: by the scene, beyond what it took [J].
         """
-        self.energy += supplied - given
-        self._reserve += supplied  # credit comes in lumps
         if self._taken > 0.0:
             back = min(self._taken, RETURN * elapsed)
             self._taken -= back
-            self.energy += back
+            supplied += back
+        self.energy += supplied - given
+        self._reserve += supplied  # it comes in lumps
         full = self._allowance - self._taken
         if self.energy < full and elapsed > 0.0:
             self.energy = min(full, self.energy + self._refill * elapsed + self._damping * moved / elapsed)

@@ -17,7 +17,7 @@ from weberlink.telemetry.record import DESCRIPTION
 
 CELL = SystemCell("a")
 WHEN = timing(CELL)
-ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, power=0.1)
+ACCOUNT = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
 IDEAL = 0.015 * 300.0 * 500.0 / (300.0 + 500.0)
 """Force [N] of a hand of 300 N/m that means to be 15 mm deep in a wall of 500 N/m."""
 

@@ -19,7 +19,7 @@ from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.simulate import simulate
 
-OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, power=0.1)
+OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
 TICK = 1.0 / RATE
 
 
@@ -120,7 +120,7 @@ def test_accounts_are_those_of_the_configuration() -> None:
     assert of(file="rotation.yaml")[1].damping == pytest.approx(HANDLE**2)
     assert [each.damping for each in of(file="arms.yaml")] == pytest.approx([LEVER**2])
     mapped = of("master.mapping={scale: 2, force_scale: 4}")[0]
-    assert mapped == AccountParameters(allowance=0.01, refill=0.005, damping=0.125, power=0.05)
+    assert mapped == AccountParameters(allowance=0.01, refill=0.005, damping=0.125, rise=40.0)
 
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "delay.yaml", "rotation.yaml"])
