@@ -141,10 +141,10 @@ class FollowerPort:
         self,
         values: Sequence[Joints | None],
         now: float,
-        elapsed: float,
+        elapsed: float,  # noqa: ARG002
         step: float,
         *,
-        engaged: bool,  # noqa: ARG002
+        engaged: bool,
     ) -> None:
         wanted = self._wanted(values) if engaged and not self._is_overloaded else None
         if wanted is None:
