@@ -69,7 +69,7 @@ def test_report_tells_the_bound_of_the_energy_and_the_error_without_the_delay() 
     summary["energy"] = {"generated_j": 0.0481, "dissipated_j": 0.0123, "bound_j": 0.1145, "bound_share": 0.42}
     summary["force"] |= {"error_rms": 0.7, "aligned_rms": 0.21, "aligned_lag_s": 0.052}
     lines = shown(summary)
-    assert "energy at the hand: 48.1 mJ out, 42 % of the bound, 114 mJ; 12.3 mJ dissipated" in lines
+    assert "energy at the hand: 48.1 mJ out, 114 mJ allowed (42 % used); 12.3 mJ dissipated" in lines
     assert "felt error 0.700 N RMS; 0.210 N with the delay removed (52 ms)" in lines
     summary["energy"] |= {"bound_j": None, "bound_share": None}
     summary["force"]["aligned_rms"] = None

@@ -152,8 +152,8 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
     "bound": (
         DEGRADED,
-        {"energy.bound_share": 1.25, "energy.bound_j": 0.06},
-        "75.0 mJ came out at the hand, where its bound was 60.0 mJ",
+        {"energy.bound_share": 1.25},
+        "125 % of the energy that may come out at the hand came out",
     ),
     "loss": (DEGRADED, {"link.lost": 500}, "20.0 % of datagrams lost"),
 }

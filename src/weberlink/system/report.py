@@ -235,7 +235,7 @@ def _energy(energy: dict[str, Any]) -> Iterator[str]:
         return
     out, left = (millijoules(energy[key]) for key in ("generated_j", "dissipated_j"))
     share, bound = energy["bound_share"], energy["bound_j"]
-    part = "" if share is None else f", {_percent(share, 0)} of the bound, {millijoules(bound)}"
+    part = "" if share is None else f", {millijoules(bound)} allowed ({_percent(share, 0)} used)"
     yield f"energy at the hand: {out} out{part}; {left} dissipated"
 
 

@@ -265,8 +265,7 @@ def _energy(energy: Mapping[str, Any]) -> Iterator[Cause]:
     """Whether the accounts held."""
     share = energy.get("bound_share")
     if share is not None and share > 1.0:
-        bound = energy["bound_j"]
-        text = f"{millijoules(share * bound)} came out at the hand, where its bound was {millijoules(bound)}"
+        text = f"{_percent(share, 0)} of the energy that may come out at the hand came out"
         yield Cause(DEGRADED, "bound", text)
 
 

@@ -32,7 +32,7 @@ class EnergyBound:
 
     Attributes:
         share: the largest one so far, 0 or more; above 1 the bound was broken.
-        allowed: energy allowed at the time of that share, or now while nothing came out [J].
+        allowed: energy allowed until now [J]; it grows with time and motion.
     """
 
     def __init__(self, accounts: Sequence[AccountParameters]) -> None:
@@ -78,11 +78,8 @@ class EnergyBound:
         self._largest = largest[:, -1:]
         allowed = granted + largest.sum(axis=0)
         shares = np.divide(-given, allowed, out=np.zeros_like(given), where=(given < 0.0) & (allowed > 0.0))
-        index = int(np.argmax(shares))
-        if shares[index] > self.share:
-            self.share, self.allowed = float(shares[index]), float(allowed[index])
-        elif self.share == 0.0:
-            self.allowed = float(allowed[-1])
+        self.share = max(self.share, float(shares.max()))
+        self.allowed = float(allowed[-1])
 
 
 def accounts_in(dump: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
