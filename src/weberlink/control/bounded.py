@@ -112,9 +112,9 @@ class BoundedMaster:
     def command(self, position: Vector) -> Vector:
         n, goal = self._contact.normal, ZERO
         if n is not None:
-            lack = dot(n, subtract(self._stated, self._held))
-            if lack > 0.0:
-                goal = scale(n, min(FARTHEST, lack / self.stiffness))
+            stated, lack = dot(n, self._stated), dot(n, subtract(self._stated, self._held))
+            if 0.0 < lack <= stated:  # a share of the depth: whatever the fit of the stiffness, not out of the contact
+                goal = scale(n, min(FARTHEST, lack / self.stiffness, lack / stated * self._contact.depth(position)))
         back = self._back
         if goal != back:
             most = (LEAVE if dot(goal, goal) > dot(back, back) else BACK) * self._elapsed

@@ -68,6 +68,10 @@ class FeltContact:
         self._sampled: Vector = ZERO
         self._place: float | None = None
 
+    def depth(self, position: Vector) -> float:
+        """How deep a position is in the wall [m]; 0 outside, and without one."""
+        return 0.0 if self.normal is None else max(0.0, self._offset - dot(self.normal, position))
+
     def refute(self) -> None:
         """Let go of the wall."""
         self.normal = None
