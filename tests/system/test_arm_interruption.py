@@ -150,7 +150,7 @@ def test_released_button_holds_follower_and_removes_torque(file: Path) -> None:
     assert {largest(of(step.master, "output")) for step in released} == {0.0}
     assert {of(step.slave, "output") for step in released} == {of(released[0].slave, "output")}
     assert {step.master.ramping for step in released} == {step.slave.ramping for step in released} == {RELEASED}
-    assert largest(of(run[-1].master, "output")) > 0.1
+    assert largest(of(run[-1].master, "output")) > 0.3  # the account returns within what the hand presses
 
 
 class Overloaded(MujocoArm):

@@ -137,13 +137,30 @@ def test_handle_taken_again_goes_on_without_a_jump() -> None:
     assert lengths(course.slave["output"][-1:] - (0.05, -0.05, 0.0)).max() < 1e-3
 
 
-def test_hand_pulled_deep_slides_around_the_dome_and_stays_out() -> None:
+@pytest.mark.parametrize("gap", [0.12, 0.3])
+def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(gap: float) -> None:
+    every = 0.5
+
+    def regripped(time: float) -> tuple[Vector, bool]:
+        return ((0.0, 0.0, 0.03), True) if time < 2.0 else ((0.004, 0.0, -0.005), time < 2.5 or time % every > gap)
+
+    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
+    course = run(regripped, 2.5 + 10.0 * every, BOUNDED, score=score)
+    held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)][2200:]
+    depth = depths(held["position"])
+    assert depth.max() < HAND * REACH / WALL
+    assert np.percentile(depth - lengths(held["output"]) / WALL, 99) < 2e-4, "a deadband of 2.7 N is as deep"
+    assert score.summary()["force"]["violation_fraction"] < RAMP_S / every + 0.01, "the fades alone"
+
+
+@pytest.mark.parametrize("gap", [-1.0, 0.3])
+def test_hand_pulled_deep_slides_around_the_dome_and_stays_out(gap: float) -> None:
     """The spring pulls with its largest force, along the edge of dome and table too, within an account of energy."""
 
     def around(time: float) -> tuple[Vector, bool]:
         if time < 1.5:
             return (0.0, 0.0, 0.03), True
-        return (0.035 * float(np.sin(0.5 * np.pi * time)), 0.0, max(-0.06, 0.15 - 0.08 * time)), True
+        return (0.035 * float(np.sin(0.5 * np.pi * time)), 0.0, max(-0.06, 0.15 - 0.08 * time)), time % 4.0 > gap
 
     score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
     course = run(around, 12.0, BOUNDED, score=score)

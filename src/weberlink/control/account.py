@@ -7,7 +7,7 @@ it took, as measured at the robot, is added (credit). What is displayed is at mo
     |F| <= sqrt(2 k E),
 
 the force at which a spring of the stiffness k of the contact stores E. As the hand is pushed out, the bound falls like
-the force of that spring, so nothing is switched and nothing chatters. In any time t the hand gets at most
+the force of that spring, so nothing is switched. In any time t the hand gets at most
 
     allowance + refill t + damping (integral of v^2 dt) + credit + the work of one tick                            [J]
 

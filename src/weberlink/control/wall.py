@@ -35,6 +35,7 @@ class FeltContact:
         "_apart",
         "_coupling",
         "_found",
+        "_measured",
         "_model",
         "_offset",
         "_place",
@@ -63,14 +64,17 @@ class FeltContact:
         self._surface: WallModel | None = None
         self._model: WallModel | None = None
         self.normal: Vector | None = None
-        self._offset = self._found = 0.0
+        self._offset = self._found = self._measured = 0.0
         self._apart = False
         self._sampled: Vector = ZERO
         self._place: float | None = None
 
     def depth(self, position: Vector) -> float:
-        """How deep a position is in the wall [m]; 0 outside, and without one."""
-        return 0.0 if self.normal is None else max(0.0, self._offset - dot(self.normal, position))
+        """How deep a position is in the wall of the newest sample [m]; 0 outside, and without one.
+
+        Not in the wall of now: a held force carries that along with a robot that yields.
+        """
+        return 0.0 if self.normal is None else max(0.0, self._measured - dot(self.normal, position))
 
     def refute(self) -> None:
         """Let go of the wall."""
@@ -100,7 +104,7 @@ class FeltContact:
                 if along * along > 0.5 * dot(way, way):  # pressed rather than slid
                     self._fit(along, dot(n, subtract(last[0], force)))
             self._apart = abs(dot(n, subtract(position, robot))) > WRONG
-            self._offset = self._found = dot(n, position) + dot(n, force) / self.stiffness
+            self._offset = self._found = self._measured = dot(n, position) + dot(n, force) / self.stiffness
         fits = surface is not None and self.stiffness < SAME * surface.stiffness < SAME * SAME * self.stiffness
         self._surface = surface if fits else None
 

@@ -129,7 +129,7 @@ def test_a_share_of_the_bound_is_got_out() -> None:
     master["position"][201:204, 0] = 1e-3, 2e-3, 3e-3
     master["position"][204:, 0] = 3e-3
     master["output"][200:203, 0] = 1.0
-    master["credit"] = 2e-3
+    master["credit"][1:] = 2e-3
     assert judge(master, slave).bound_kept
     assert judge(master, slave).bound_share == pytest.approx(3.0 / (20.0 + 2.03 + 3.0 + 2.0 + 1.0))
     master["output"][:, 0] = -1.0

@@ -10,6 +10,7 @@ from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, SystemCell
 from weberlink.studies.stability.script import CellTiming
+from weberlink.system.scoring.bound import EnergyBound
 from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
 from weberlink.telemetry.fault import Fault
@@ -172,20 +173,17 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
 
 
 def bound_share(master: Records, account: AccountParameters) -> float:
-    """The largest share of the bound in `weberlink.control.account` that the hand got out by any tick, at least 0.
-
-    The bound grows from the first record on, by refill, damping and credit; the work of one tick is the largest of all.
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
 
     Args:
-        master: records of the operator's side from the begin of a session, shape (n,), n > 1.
+        master: records of the operator's side, shape (n,), n > 1.
         account: in the frame of these records.
     """
-    ways, elapsed = np.diff(master["position"], axis=0), np.diff(master["at"])
-    given = (master["output"][:-1] * ways).sum(axis=1)
-    gained = account.refill * elapsed + account.damping * (ways * ways).sum(axis=1) / elapsed
-    credit = np.maximum.accumulate(master["credit"])[1:]  # forgotten with the session
-    allowed = account.allowance + np.cumsum(gained) + credit + max(0.0, given.max())
-    return max(0.0, float((np.cumsum(given) / allowed).max()))
+    ways = np.diff(master["position"], axis=0)
+    works = -(master["output"][:-1] * ways).sum(axis=1)
+    bound = EnergyBound([account])
+    bound.add(master, [ways], works[np.newaxis], np.zeros(len(works), bool), np.cumsum(works))
+    return bound.share
 
 
 def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clipped: bool) -> Phase:
