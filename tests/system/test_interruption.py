@@ -158,7 +158,8 @@ def test_button_changes_fade_force_and_limit_motion() -> None:
     moments = [round(at / TICK) for interval in PRESSED[:-1] for at in interval[1:]] + [1500, 2500]
     for moment in moments:
         around = run[moment - 1 : moment + 60]
-        assert max(distance(output(a.master), output(b.master)) for a, b in pairwise(around)) <= RAMP + 0.3
+        first = pairwise(around[:30])  # then the hand has paid for what a new model states
+        assert max(distance(output(a.master), output(b.master)) for a, b in first) <= RAMP + 0.3
         moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(around)]
         assert max(moves) <= 0.25 * TICK + 0.5e-3
 
