@@ -97,6 +97,12 @@ def tried(*overrides: str) -> Iterator[tuple[Program, Telemetry, Telemetry]]:
         yield program, master, program.engaged("slave")
 
 
+def is_still(positions: Any) -> bool:
+    """Whether the handle is below the table and has not moved for 0.2 s."""
+    newest = positions[-200:]
+    return len(newest) == 200 and newest[-1, 2] < 0.0 and bool((np.ptp(newest, axis=0) < 5e-5).all())
+
+
 def asked_of(program: Program, side: str, request: dict[str, Any]) -> dict[str, Any]:
     return ask(default_path(f"{program.pid}-{side}"), request, PATIENCE)
 
@@ -114,7 +120,8 @@ def test_visitor_leads_until_an_emergency() -> None:
     with tried() as (program, master, slave):
         pid = daemon_of(program)
         with visitor(pid, PRESSED):
-            until(lambda: distance(tuple(master.last["position"]), (0.05, 0.05, -0.0027)) < 1e-3, "the handle to come")
+            until(lambda: is_still(master.records["position"]), "the handle to come to rest")
+            assert distance(tuple(master.last["position"]), (0.05, 0.05, -0.0027)) < 1e-3
             assert master.last["output"][2] == pytest.approx(HAND_N_M * 0.0273, rel=0.15)
             assert (master.last["buttons"], slave.last["state"]) == (1, ENGAGED)
             began = monotonic()

@@ -22,6 +22,10 @@ from weberlink.telemetry.ring import default_path
 
 ABOVE, PRESSED = (0.03, 0.03, 0.02), (0.03, 0.03, -0.02)
 STEPS = 12
+SILENCE_MS = 100.0
+"""A pointer that has sent nothing for longer has let go."""
+RAMP_TICKS = 51
+"""Ticks in which a released force fades: 50 ms, and the tick of the release."""
 MOVED_M = 50e-6
 """A handle that has moved farther follows its target; it is at rest before."""
 Message = dict[str, Any]
@@ -102,7 +106,8 @@ class Visited:
     latencies_ms: list[float] = field(default_factory=list)
     rows_per_s: float = 0.0
     pressed: dict[str, Any] = field(default_factory=dict)
-    fade_ms: float = 0.0
+    released_ms: float = 0.0
+    fade_ticks: int = 0
     answers: dict[str, Message] = field(default_factory=dict)
     second: Message = field(default_factory=dict)
     emergency_ms: dict[str, float] = field(default_factory=dict)
@@ -161,8 +166,9 @@ async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
         before, aborted = visited.pressed["force"], driver.abort()
         await asyncio.sleep(0.5)
         after = since(master, aborted)
-        pulled = after["at"][force(after) > 0.01 * before]
-        visited.fade_ms = 1e3 * (float(pulled.max(initial=aborted)) - aborted)
+        visited.released_ms = 1e3 * (first(after, after["ramping"] == RELEASED) - aborted)
+        pulled = force(after) > 0.01 * before
+        visited.fade_ticks = int(np.count_nonzero(pulled & (after["ramping"] == RELEASED)))
         assert after["ramping"][-1] == RELEASED
         await watcher.until(lambda: watcher.handle != "taken")
         visited.handles["left"] = [watcher.handle]
@@ -244,7 +250,8 @@ def test_wall_stops_the_handle_and_packets_are_counted(visited: Visited) -> None
 
 @pytest.mark.realtime(alone=True)
 def test_closed_connection_fades_the_force(visited: Visited) -> None:
-    assert visited.fade_ms < 100.0
+    assert visited.released_ms < SILENCE_MS  # the close released it, not the silence of the pointer
+    assert 0 < visited.fade_ticks <= RAMP_TICKS
 
 
 @pytest.mark.realtime(alone=True)
