@@ -73,6 +73,27 @@ def test_stall_of_master_restarts_force_at_zero_and_robot_slowly(scheme: str, se
     assert max(norm(output(step.master)) for step in run[end + 100 :]) > 1.0  # it works again
 
 
+def test_a_pause_of_the_peers_news_fades_the_force_and_takes_no_energy_from_a_hand_that_holds_on() -> None:
+    """As after a burst of losses: the gate bounds the force, and what the hand has put in pays for what comes next."""
+    simulation = system("slave.scene=[{shape: plane, stiffness_n_m: 500}]")
+    list(steps(simulation, BEGIN))
+    endpoint = simulation.master.endpoint
+    paused = False
+    hears, endpoint.is_peer_encoding = endpoint.is_peer_encoding, lambda now: not paused and hears(now)  # type: ignore[method-assign]
+    before = next(steps(simulation, TICK)).master
+    paused = True
+    during = [step.master for step in steps(simulation, 0.1)]
+    paused = False
+    after = [step.master for step in steps(simulation, 0.3)]
+    assert norm(output(before)) > 1.0
+    assert output(during[-1]) == ZERO
+    for a, b in pairwise([during[-1], *after]):
+        assert norm(output(b)) <= norm(output(a)) + RAMP + 0.3
+    assert during[-1].energy > 0.01
+    assert after[1].energy == pytest.approx(during[-1].energy, rel=0.1)
+    assert norm(output(after[-1])) > 2.0
+
+
 @pytest.mark.parametrize("seconds", [0.03, 0.5])
 def test_stall_of_slave_restarts_robot_slowly_and_fades_force_in(seconds: float) -> None:
     built, run = stopped("slave", seconds)

@@ -6,7 +6,7 @@ no account. It follows, presses a contact gently that the operator cannot have a
 gave beyond what it took. See docs/control.md.
 """
 
-from math import hypot
+from math import hypot, sqrt
 
 from weberlink.control.account import Account
 from weberlink.control.contract import CREDIT_STEP, LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
@@ -19,8 +19,9 @@ LATE = 0.01
 FADING = 0.3
 """How much slower than it grew an answered contact counts as a new one again, once it is open: the operator knows the
 wall of the last tap."""
-PRESS = 3.0
-"""Largest force of the robot on a contact that the operator cannot have answered [N]."""
+PRESS = 1.35
+"""Largest force of the robot on a contact that the operator cannot have answered, times the root of the time for which
+that is so [N s^0.5]: the longer the hand pushes on without knowing, the softer."""
 LEAVE = 0.03
 """Speed at which the command leaves the place of the hand, and the robot regains its command [m/s]: on a wall with
 damping a faster one lets the contact chatter."""
@@ -174,7 +175,7 @@ class BoundedSlave:
         a, b, c = x / size, y / size, z / size
         inward = (here[0] - target[0]) * a + (here[1] - target[1]) * b + (here[2] - target[2]) * c
         own = (last[0] - target[0]) * a + (last[1] - target[1]) * b + (last[2] - target[2]) * c
-        if size >= PRESS and self._age < answered:
+        if size >= PRESS / sqrt(answered) and self._age < answered:
             most, self._waits = 0.0, True
         elif self._waits:
             most = max(0.0, own) + LEAVE * elapsed

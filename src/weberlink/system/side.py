@@ -476,16 +476,19 @@ class Side:
         self._encodes, self.engaged = encodes, engaged
         begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
         if (pace.stalled and self._leads) or (begins and not self._is_fresh):
-            self._restart()
+            self._restart(anew=pace.stalled or not encoded)
         if was_engaged and not engaged and not self._leads and not pace.settling:
             self._let_go()
         self._is_fresh = self._is_fresh and not engaged
 
-    def _restart(self) -> None:
+    def _restart(self, *, anew: bool) -> None:
+        """Fade in from zero with complete updates; `anew` also takes what the scheme holds of a contact and its energy:
+        the hand that let go, or stood still in a stall, is elsewhere."""
         for channel in self.outgoing:
             channel.encoder.restart()
-        for control in self.port.controls:
-            control.resume(self.endpoint.peer_credit)
+        if anew:
+            for control in self.port.controls:
+                control.resume(self.endpoint.peer_credit)
         if self._leads:  # the scheme has forgotten a model that the peer may hold for known
             self.endpoint.request_full_state()
         self.port.restart()
