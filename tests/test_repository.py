@@ -40,7 +40,7 @@ def test_command_table_matches_the_program() -> None:
 
 
 def test_links_of_the_documents_lead_to_files() -> None:
-    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("lab/*.md")]:
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("lab/*.md"), *ROOT.glob("tests/**/*.md")]:
         if "_build" in page.parts or page.name == "configuration.md":
             continue
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
