@@ -80,9 +80,9 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
 
-safety: $(DEV)  ## in virtual time: links that fail in one direction, held datagrams, force without a contact: the tables of docs/safety.md
-	mkdir -p docs/safety
-	$(BIN)/python -m tests.safety --out docs/safety/figures
+safety: $(DEV)  ## in virtual time: links that fail in one direction, held datagrams, force without a contact: build/safety.md
+	mkdir -p build
+	$(BIN)/python -m tests.safety --out build/safety
 	$(BIN)/python -m tests.safety.unfounded
 
 model: $(DEV)  ## every state of the models of the protocol: the present one holds, the former one fails, each seeded fault is found

@@ -1,4 +1,4 @@
-"""What a host is set up with is right as far as it can be known without one: units, container, their page."""
+"""What a host is set up with is right as far as it can be known without one: units, container, their pages."""
 
 import json
 import re
@@ -31,7 +31,7 @@ UNITS = ROOT / "configs" / "systemd"
 SIDES = ["weberlink-master@.service", "weberlink-slave@.service"]
 MONITOR = "weberlink-monitor.service"
 PROGRAM = "/opt/weberlink/bin/weberlink"
-PAGE = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
+PAGE = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "operation").glob("*.md")))
 CONTAINER = (ROOT / "Containerfile").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 MEASURES = "PR_SET_MDWE is of Linux 6.3"
@@ -242,7 +242,7 @@ def test_the_container_runs_a_documented_command_as_an_ordinary_user() -> None:
 def test_the_page_names_commands_and_options_that_are_there() -> None:
     known = commands()
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
-    assert {name for name, _ in named} >= {"doctor", "bench", "monitor", "keygen", "devices"}
+    assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "devices", "loopback"}
     for name, rest in named:
         assert name in known, name
         assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)
@@ -250,7 +250,7 @@ def test_the_page_names_commands_and_options_that_are_there() -> None:
 
 def test_files_that_the_page_names_are_there() -> None:
     for target in re.findall(r"\]\(([^)#]+)", PAGE):
-        assert (ROOT / "docs" / target).exists(), target
+        assert (ROOT / "docs" / "operation" / target).exists(), target
     for path in re.findall(r"(?<![\w/])(configs/[\w./*-]+)", PAGE):
         assert list(ROOT.glob(path)), path
 

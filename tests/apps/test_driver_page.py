@@ -1,4 +1,4 @@
-"""The tutorial's driver: its code is installed as another package, and run."""
+"""The driver of docs/how-to/driver.md: its code is installed as another package, and run."""
 
 import os
 import re
@@ -24,7 +24,7 @@ from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
 
-PAGE = (CONFIGS.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")
+PAGE = (CONFIGS.parent / "docs" / "how-to" / "driver.md").read_text(encoding="utf-8")
 SWING_M = 0.02
 YIELDS_M_N = 0.0003
 

@@ -1,4 +1,4 @@
-"""`python -m tests.safety --out docs/safety/figures`: run all cases and held batches; exit 1 if a law is broken."""
+"""`python -m tests.safety --out build/safety`: run all cases and held batches; exit 1 if a law is broken."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""Live sessions under every fault at once, for as long as one likes: `python -m tests.soak` (docs/soak.md).
+"""Live sessions under every fault at once, for as long as one likes: `python -m tests.soak` (README.md beside this file).
 
 The tests beside it are of its parts, and one short run.
 """

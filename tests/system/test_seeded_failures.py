@@ -1,4 +1,4 @@
-"""Failures made on purpose, and what the report says of each: the table in docs/operation.md, row by row."""
+"""Failures made on purpose, and what the report says of each: the table in docs/operation/logs.md, row by row."""
 
 import os
 import re
@@ -35,7 +35,7 @@ from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path, process_started
 
 TIMES = r"(?:once|\d+ times)"
-PAGE = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "operation" / "logs.md").read_text(encoding="utf-8")
 LOOPBACK = CONFIGS / "loopback.yaml"
 CALM = ("--set", "rate_hz=250", "--set", "link.silence_ms=500", "--json", "-")
 """Light enough that several sessions run side by side."""

@@ -1,5 +1,5 @@
 /* Who may drive whom: two masters, two slaves with the same key, and somebody between them who holds no key, but sees, keeps, drops,
- * repeats and redirects every datagram, for as long as it likes. docs/protocol-model.md says what it shows and what it does not.
+ * repeats and redirects every datagram, for as long as it likes. README.md says what it shows and what it does not.
  *
  * There is no time here: an end may fall silent and a session may expire at any moment (link.pml says when they do). A session is known
  * by its slave, its master and the number of the HELLO that it answers: each HELLO has keys of its own, and a slave answers none twice.

@@ -1,5 +1,5 @@
 /* The link of one master and one slave: liveness, age, the agreed round trip, end of a session and fade, over a hostile
- * channel, with processes that stop and go on. docs/protocol-model.md says what it shows and what it does not.
+ * channel, with processes that stop and go on. README.md says what it shows and what it does not.
  *
  * One step is one heartbeat interval. In each step both ends run their timers and send, the channel delivers, and both
  * ends run their timers and their tick. 0 is the master and its direction to the slave, 1 the slave and its direction.

@@ -116,7 +116,7 @@ def scheme(figures: LinkFigures, parts: Parts) -> Finding:
 
 
 def playout(figures: LinkFigures, system: System) -> Finding:
-    """What share of the jitter samples wait for; that costs more than it hides (docs/anywhere/bad-links.md)."""
+    """What share of the jitter samples wait for; that costs more than it hides (docs/anywhere/link.md)."""
     check, configured = "play-out", system.link.playout_ms
     late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
     found = f"play-out {configured:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"

@@ -298,5 +298,5 @@ def check_force_ends(device: "Device | LeaderArm", driver: str, accepted: str | 
     if spec.force_feedback and not ends and accepted != driver:
         raise ConfigurationError(
             f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
-            f"no guardian (see docs/tutorial.md); to accept that, set master.accept_no_watchdog: {driver}"
+            f"no guardian (see docs/how-to/driver.md); to accept that, set master.accept_no_watchdog: {driver}"
         )

@@ -142,7 +142,7 @@ def _part(
     if not (isinstance(getattr(driver, "Options", None), type) and issubclass(driver.Options, BaseModel)):
         raise ConfigurationError(
             f"{'.'.join(where)}.driver: {settings.driver} has no Options, a pydantic model of its options; "
-            "see docs/tutorial.md"
+            "see docs/how-to/driver.md"
         )
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS

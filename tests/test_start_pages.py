@@ -1,0 +1,34 @@
+"""What docs/start/ shows works as it stands there."""
+
+import re
+from pathlib import Path
+
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from weberlink.cli import app
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_scene_of_the_page_is_complete_and_is_touched(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "start" / "scene.md").read_text("utf-8"), re.S)
+    path = tmp_path / "mine.yaml"
+    path.write_text(example, encoding="utf-8")
+    checked = CliRunner().invoke(app, ["check", str(path)])
+    assert checked.exit_code == 0, checked.output
+    assert "warning" not in checked.output
+    ran = CliRunner().invoke(app, ["simulate", str(path), "--duration", "3"])
+    assert ran.exit_code == 0, ran.output
+    assert ran.output.startswith("good")
+
+
+def test_commands_and_options_of_the_pages_are_there() -> None:
+    known = get_command(app).commands  # type: ignore[attr-defined]
+    text = "\n".join(page.read_text("utf-8") for page in sorted((ROOT / "docs" / "start").glob("*.md")))
+    named = re.findall(r"^weberlink ([a-z]+)([^\n#]*)", text, re.M)
+    assert {name for name, _ in named} >= {"keygen", "check", "doctor", "slave", "master", "simulate", "try"}
+    for name, rest in named:
+        assert name in known, name
+        options = {option for parameter in known[name].params for option in parameter.opts}
+        assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= options, (name, rest)
