@@ -15,7 +15,6 @@ from weberlink.studies.curves import Observation
 from weberlink.studies.evaluate.study import EvaluationStudy, rows_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS, Claim
-from weberlink.studies.paper.deviations import ReadingResult, packets_of, results
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
@@ -146,12 +145,6 @@ def run(
             for row in rows
         ]
 
-    def readings(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[ReadingResult]:
-        if not named:
-            return []
-        packets = done(packets_of, [(study, one) for one in named], "readings of the paper")
-        return [] if interruption.noted else results([one.name for one in named], packets)
-
     sessions = [SimulatedSession(*parts, scope.duration_s) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
     felt = done(_feel, sessions, "simulated sessions")
     explored = done(_explore, [(scene, scope.duration_s) for scene in scope.scenes], "explored scenes")
@@ -160,15 +153,11 @@ def run(
     scenes = [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=False)]
     alone = coded(SCENE_STUDY, scenes)
     observed = {RECORDED: recordings, CODED: alone, WHOLE: felt}
-    read = {
-        RECORDED: readings(STUDY, signals),
-        CODED: readings(SCENE_STUDY, scenes),
-    }
     facts = environment()
     caption = footer(facts, SEED)
     if interruption.noted:
         return _partial(observed, caption, {"seed": SEED, "run_time_s": perf_counter() - began, "environment": facts})
-    conditions = [PaperCondition(key, *TEXTS[key], observed[key], read.get(key, ())) for key in TEXTS]
+    conditions = [PaperCondition(key, *TEXTS[key], observed[key]) for key in TEXTS]
     content = {
         "conditions": [_as_json(condition) for condition in conditions],
         "seed": SEED,
@@ -234,7 +223,6 @@ def _as_json(condition: PaperCondition) -> dict[str, Any]:
         "title": condition.title,
         "signals": condition.units,
         "claims": [found.as_json() for found in condition.results],
-        "readings": [found.as_json() for found in condition.readings],
     }
 
 

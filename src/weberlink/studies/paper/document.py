@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
 from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, ClaimResult, measure
-from weberlink.studies.paper.deviations import READINGS, ReadingResult
 
 
 @dataclass(frozen=True)
@@ -17,14 +16,12 @@ class PaperCondition:
         title: a heading.
         text: how the numbers were measured.
         observations: packet rate and RMS error [JND] of each unit, predictor and Weber factor; may be empty.
-        readings: of the paper, measured on the same units; empty if they were not.
     """
 
     key: str
     title: str
     text: str
     observations: Sequence[Observation]
-    readings: Sequence[ReadingResult] = ()
 
     @property
     def results(self) -> list[ClaimResult]:
@@ -50,15 +47,6 @@ that interval saves at least as much as claimed, and *fails* if all of it saves 
 signal, it is *undecided*. Where a predictor never reaches the quality of the reference, at none of its Weber factors,
 there is no saving to average: such signals are counted beside the verdict. The last column of the longer tables names
 them, and those on which the predictor saves nothing.
-"""
-
-
-DEVIATIONS = f"""
-## Readings of the paper
-
-Where the paper can be read in several ways, or this code departs from it, the other reading was measured: its packets
-over those of the code with the same predictor (`hybrid` for the deadband), k = {WEBER:.2f}, as geometric means over
-signals with 95 % intervals. Below 1 the other reading sends less. On motion along one axis normals have one direction.
 """
 
 
@@ -88,7 +76,6 @@ def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence
         yield from _rates(condition)
         if moments is not None:
             yield from _figures(condition)
-    yield from _readings([condition for condition in conditions if condition.readings])
     if moments:
         yield f"\n## Moments\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
         yield from (f"![{MOMENTS[name]}]({name}.png)\n" for name in moments)
@@ -158,17 +145,6 @@ def _figures(condition: PaperCondition) -> Iterator[str]:
         ("quality_over_rate", "Error over packet rate (Fig. 9)"),
     ):
         yield f"![{words}]({condition.key}/{name}.png)\n"
-
-
-def _readings(conditions: Sequence[PaperCondition]) -> Iterator[str]:
-    if not conditions:
-        return
-    yield DEVIATIONS
-    yield "| part | here | other reading | " + " | ".join(condition.title for condition in conditions) + " |"
-    yield "|---|---|---|" + "---|" * len(conditions)
-    for reading, *found in zip(READINGS, *(condition.readings for condition in conditions), strict=True):
-        cells = ["-" if one.band is None else "{:.2f} ({:.2f} to {:.2f})".format(*one.band) for one in found]
-        yield f"| {reading.part} | {reading.here} | {reading.other} | {' | '.join(cells)} |"
 
 
 def _fewer(share: float) -> str:
