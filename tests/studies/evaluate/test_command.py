@@ -320,7 +320,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
-    for name in ("packet_rate", "quality", "quality_over_rate", "force", "model_hybrid"):
+    for name in ("packet_rate", "quality", "quality_over_rate", "force"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
@@ -354,7 +354,6 @@ def test_every_predictor_is_in_the_figure_over_time(tmp_path: Path) -> None:
     metadata, _, body = svg.partition("</metadata>")
     assert "numpy" in metadata
     assert "numpy" not in body
-    assert {path.stem for path in tmp_path.glob("model_*.svg")} == {"model_plane", "model_hybrid"}
     assert not list(tmp_path.glob("*.png"))
 
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.studies.coded_trace import TickWindow
 from weberlink.studies.evaluate.by_source import by_source
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, EvaluationTask, coded_samples, rows_of
 from weberlink.studies.evaluate.table import tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
-from weberlink.studies.moments.moments import TickWindow
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult, how_much

@@ -18,7 +18,6 @@ from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS, Cl
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
@@ -82,7 +81,7 @@ TEXTS = {
 
 
 class PaperScope(NamedTuple):
-    """What is simulated; single moments are drawn of the last scene."""
+    """What is simulated; forces over time are drawn of the last scene."""
 
     scenes: tuple[PaperScene, ...] = SCENES
     webers: tuple[float, ...] = WEBERS
@@ -166,12 +165,11 @@ def run(
     }
 
     def draw(folder: Path) -> None:
-        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - imports matplotlib
+        from weberlink.studies.paper.figures import draw_conditions, draw_forces  # noqa: PLC0415 - imports matplotlib
 
         draw_conditions(conditions, folder, caption)
-        scene = build_scene(_configuration(scope.scenes[-1], "hybrid", WEBER, FLOOR_N))
-        moments = draw_moments(explored[-1], scene, lambda name: SCENE_STUDY.channel(name, WEBER), folder, caption)
-        (folder / PAGE).write_text(document(conditions, caption, moments), encoding="utf-8")
+        draw_forces(explored[-1], lambda name: SCENE_STUDY.channel(name, WEBER), folder / "force", caption)
+        (folder / PAGE).write_text(document(conditions, caption, drawn=True), encoding="utf-8")
 
     return Paper(content, _table(conditions, caption), draw, conditions)
 

@@ -50,20 +50,12 @@ them, and those on which the predictor saves nothing.
 """
 
 
-MOMENTS = {
-    "force": "Force over time with the sends marked (the paper's Figs. 2 and 3)",
-    "plane": "The fitted plane in the scene (Fig. 6)",
-    "sphere": "The fitted sphere in the scene (Fig. 6)",
-}
-"""Titles of the figures of single moments, by file name."""
+def document(conditions: Sequence[PaperCondition], caption: str, *, drawn: bool) -> str:
+    """The whole page; `drawn` says whether its figures are beside it."""
+    return "\n".join(_lines(conditions, caption, drawn=drawn)) + "\n"
 
 
-def document(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> str:
-    """The whole page; `moments` are those of `MOMENTS` that were drawn, None without any figures."""
-    return "\n".join(_lines(conditions, caption, moments)) + "\n"
-
-
-def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> Iterator[str]:
+def _lines(conditions: Sequence[PaperCondition], caption: str, *, drawn: bool) -> Iterator[str]:
     yield HEAD
     yield from _summary(conditions)
     for condition in conditions:
@@ -74,11 +66,11 @@ def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence
             continue
         yield from _claims(condition)
         yield from _rates(condition)
-        if moments is not None:
+        if drawn:
             yield from _figures(condition)
-    if moments:
-        yield f"\n## Moments\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
-        yield from (f"![{MOMENTS[name]}]({name}.png)\n" for name in moments)
+    if drawn:
+        yield f"\n## Forces over time\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
+        yield "![Force over time with the sends marked (the paper's Figs. 2 and 3)](force.png)\n"
     yield f"\n---\n{caption}"
 
 
