@@ -334,31 +334,3 @@ def paper(
     with errors(), progress_bar() as progress:
         result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
     publish(result, json_out, plots)
-
-
-def adaptive(
-    traces: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[TRACE...]", help="Recordings: files, or shipped ones by name; default: all shipped ones."
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
-    workers: Workers = None,
-    json_out: Json = None,
-    docs: Annotated[
-        Path | None,
-        typer.Option(
-            "--docs", metavar="DIR", callback=folder_target, help="Write page and figures (extra: weberlink[plots])."
-        ),
-    ] = None,
-) -> None:
-    """Measure the adaptive predictor against the hybrid.
-
-    Takes seven minutes on two idle cores, or one with --quick. Ctrl-C ends it with the signals so far.
-    """
-    from weberlink.studies.adaptive.command import run  # noqa: PLC0415
-
-    with errors(), progress_bar() as progress:
-        result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
-    publish(result, json_out, docs)
