@@ -317,7 +317,6 @@ def test_evaluate_gives_the_documented_figures() -> None:
         "error_max_jnd": float,
         "noticeable_fraction": float,
         "noticeable_longest_s": float,
-        "clairvoyant_packets": int,
     }
     for row in rows:
         assert {name: type(row[name]) for name in keys} == keys
