@@ -146,7 +146,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
 def precision(
     full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
 ) -> None:
-    """Measure error against run time: integrators and codec.
+    """Measure error against run time of the integrators.
 
     Takes half a minute on two idle cores; with --full many minutes. Ctrl-C ends it with the problems so far.
     """
