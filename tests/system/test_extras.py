@@ -18,7 +18,6 @@ PACKAGES = {
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
     "plots": ("matplotlib",),
-    "dask": ("distributed",),
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),
@@ -49,7 +48,6 @@ PLACES = {
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
     ),
     "plots": ("studies",),
-    "dask": ("studies.cluster",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

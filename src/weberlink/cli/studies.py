@@ -107,10 +107,6 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
     ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
-    ] = None,
     json_out: Json = None,
     plots: Plots = None,
     footer: Footer = True,
@@ -127,7 +123,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     Takes some seconds for a recording of a minute, and minutes for all shipped ones at all Weber factors. Ctrl-C ends
     it with the rows so far.
     """
-    from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
+    from weberlink.studies.evaluate.command import EvaluationError, run  # noqa: PLC0415
 
     try:
         with errors(), progress_bar() as progress:
@@ -135,7 +131,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
                 max_updates=max_updates, units=units, period=(from_, until),
-                workers=EvaluationWorkers(workers, dask), progress=progress,
+                workers=workers, progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)

@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
@@ -39,22 +39,12 @@ def parallel_map(
     Raises:
         BrokenProcessPool: a worker process died.
     """
-    return gather(_as_completed(work, tasks, workers, cost), len(tasks), progress, interruption)
-
-
-def gather(
-    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None
-) -> dict[int, Result]:
-    """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
+    pairs = _as_completed(work, tasks, workers, cost)
     results: dict[int, Result] = {}
     for index, result in (interruption or Interruption()).pieces(pairs):
         results[index] = result
-        progress(len(results), count)
+        progress(len(results), len(tasks))
     return dict(sorted(results.items()))
-
-
-def longest_first(tasks: Sequence[Task], cost: Callable[[Task], float]) -> list[int]:
-    return sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
 
 
 def _as_completed(
@@ -73,7 +63,8 @@ def _as_completed(
         )
     try:
         with _sigint_blocked(), safe_path():  # submitting starts the processes
-            futures = {pool.submit(work, tasks[index]): index for index in longest_first(tasks, cost)}
+            longest_first = sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
+            futures = {pool.submit(work, tasks[index]): index for index in longest_first}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except (KeyboardInterrupt, GeneratorExit):  # what is under way is not wanted any more

@@ -1,4 +1,4 @@
-"""The `evaluate` command: code traces here or on a Dask cluster, and assemble rows, table and figures."""
+"""The `evaluate` command: code traces in processes, and assemble rows, table and figures."""
 
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -32,20 +32,7 @@ WORTH_PROCESSES = 100_000.0
 
 
 class EvaluationError(RuntimeError):
-    """A worker or the cluster was lost before the end. The message is one line."""
-
-
-@dataclass(frozen=True)
-class EvaluationWorkers:
-    """Where the work is done.
-
-    Args:
-        count: processes; 1 for this process alone, None for one per processor if that saves time.
-        dask: address of the scheduler of a cluster; None for this machine.
-    """
-
-    count: int | None = None
-    dask: str | None = None
+    """A worker process died before the end. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +56,7 @@ def run(
     max_updates: float | None = None,
     units: str | None = None,
     period: tuple[float | None, float | None] = (None, None),
-    workers: EvaluationWorkers = EvaluationWorkers(),
+    workers: int | None = None,
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
     """Evaluate every combination, or those that are done when Ctrl-C ends it.
@@ -90,20 +77,16 @@ def run(
         units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
         period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
             None for the second that shows most.
-        workers: where the work is done.
+        workers: processes; 1 for this process alone, None for one per processor if that saves time.
         progress: called after every task.
 
     Raises:
-        ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
+        ConfigurationError: for an argument or a trace that cannot be used; nothing was computed then.
         EvaluationError: a worker died.
     """
     began = perf_counter()
     if plots:
         need("matplotlib", "plots", "--plots")
-    if workers.dask is not None:
-        need("distributed", "dask", "--dask")
-        if workers.count is not None:
-            raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
@@ -149,22 +132,12 @@ def run(
 
 
 def _compute(
-    tasks: Sequence[EvaluationTask], workers: EvaluationWorkers, progress: Progress
+    tasks: Sequence[EvaluationTask], workers: int | None, progress: Progress
 ) -> dict[int, list[EvaluationRow]]:
-    if workers.dask is not None:
-        from weberlink.studies.cluster import LostClusterError, UnavailableClusterError, cluster_map  # noqa: PLC0415 - heavy, an extra
-
-        try:
-            return cluster_map(rows_of, tasks, workers.dask, coded_samples, progress)
-        except UnavailableClusterError as error:
-            raise ConfigurationError(f"--dask: {error}") from None
-        except LostClusterError as error:
-            raise EvaluationError(f"--dask: {error}") from None
-    count = workers.count
-    if count is None and sum(map(coded_samples, tasks)) < WORTH_PROCESSES:
-        count = 1
+    if workers is None and sum(map(coded_samples, tasks)) < WORTH_PROCESSES:
+        workers = 1
     try:
-        return parallel_map(rows_of, tasks, count, coded_samples, progress)
+        return parallel_map(rows_of, tasks, workers, coded_samples, progress)
     except BrokenProcessPool:
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
