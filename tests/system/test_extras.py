@@ -18,6 +18,7 @@ PACKAGES = {
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
     "plots": ("matplotlib",),
+    "dask": ("distributed",),
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),

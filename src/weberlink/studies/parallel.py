@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
@@ -39,11 +39,17 @@ def parallel_map(
     Raises:
         BrokenProcessPool: a worker process died.
     """
-    pairs = _as_completed(work, tasks, workers, cost)
+    return gather(_as_completed(work, tasks, workers, cost), len(tasks), progress, interruption)
+
+
+def gather(
+    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None = None
+) -> dict[int, Result]:
+    """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
     results: dict[int, Result] = {}
     for index, result in (interruption or Interruption()).pieces(pairs):
         results[index] = result
-        progress(len(results), len(tasks))
+        progress(len(results), count)
     return dict(sorted(results.items()))
 
 

@@ -22,9 +22,9 @@ from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.study import (
     EvaluationRow,
     EvaluationStudy,
-    coded_samples,
     evaluate,
     rows_of,
+    seconds,
 )
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.system.scoring.perception import Threshold
@@ -128,13 +128,13 @@ def test_a_row_is_json() -> None:
         assert ("selected" in document) == (found.predictor == "hybrid")
 
 
-# --- tasks
+# --- cases
 
 
 def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
-    tasks = STUDY.tasks(TRACES)
-    assert [coded_samples(task) for task in tasks] == [450.0, 450.0, 600.0, 600.0]
-    rows = STUDY.ordered({index: rows_of(pickle.loads(pickle.dumps(task))) for index, task in enumerate(tasks)})
+    cases = STUDY.cases(TRACES)
+    assert all(seconds(case) == pytest.approx(1e-5 * len(case.trace.trace.time_s)) for case in cases)
+    rows = [row for case in cases for row in rows_of(pickle.loads(pickle.dumps(case)))]
     assert [(row.trace, row.predictor, row.weber) for row in rows] == [
         (trace, predictor, weber)
         for trace in ("wall", "walk")

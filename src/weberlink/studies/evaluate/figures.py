@@ -1,9 +1,7 @@
 """The files of `weberlink evaluate --plots`: curves over the Weber factor, forces over time."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from weberlink.studies.coded_trace import CodedTrace, TickWindow
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
@@ -24,7 +22,7 @@ def draw_study(
     caption: str,
     window: TickWindow | None = None,
 ) -> None:
-    """Write all figures and tables into an existing folder.
+    """Write all figures into an existing folder.
 
     Args:
         study: that gave the rows.
@@ -37,7 +35,6 @@ def draw_study(
     Raises:
         OSError: a file cannot be written.
     """
-    write_rows(rows, folder / "rows.csv")
     observed = [Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd) for row in rows]
     quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
@@ -45,21 +42,6 @@ def draw_study(
     CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
     _draw_force(study, traces[0], weber, folder / "force", caption, window)
-
-
-def write_rows(rows: Sequence[EvaluationRow], path: Path) -> None:
-    """Write all rows as CSV; a cell is empty where a figure does not apply."""
-    flat = [_flat(row) for row in rows]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in flat for key in row)), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(flat)
-
-
-def _flat(row: EvaluationRow) -> dict[str, Any]:
-    document = row.as_json()
-    selected = document.pop("selected", {})
-    return document | {f"selected_{name}": sends for name, sends in selected.items()}
 
 
 def _draw_force(

@@ -1,10 +1,6 @@
-"""The study of `weberlink evaluate`: every trace with every predictor, Weber factor and deadband, one row each.
+"""The cases of `weberlink evaluate`: every trace with every deadband, predictor and Weber factor, one row each."""
 
-A task is one trace at one Weber factor and one deadband with all predictors: they share the trace as plain numbers and
-the perception threshold.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -19,6 +15,8 @@ from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
+SAMPLE_S = 1e-5
+"""Rough run time of a coded sample."""
 
 
 @dataclass(frozen=True)
@@ -115,63 +113,45 @@ class EvaluationStudy:
             lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
-    def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
-        """All tasks: traces outermost, then deadbands, then Weber factors."""
+    def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
+        """All cases: traces outermost, then deadbands, then predictors, then Weber factors."""
         return [
-            (trace, StudyPoint(self, weber, deadband))
+            EvaluationCase(trace, self, predictor, weber, deadband)
             for trace in traces
             for deadband in self.deadbands
+            for predictor in self.predictors
             for weber in self.webers
         ]
 
     def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
         """All rows of one trace, computed here."""
-        return self.ordered({index: rows_of(task) for index, task in enumerate(self.tasks([trace]))})
-
-    def ordered(self, results: Mapping[int, Sequence[EvaluationRow]]) -> list[EvaluationRow]:
-        """All rows: traces outermost, then deadbands, then predictors, then Weber factors.
-
-        Args:
-            results: the rows by the index of their task; some may be missing.
-        """
-        webers = len(self.webers)
-        return [
-            results[first + weber][predictor]
-            for first in sorted({index - index % webers for index in results})
-            for predictor in range(len(self.predictors))
-            for weber in range(webers)
-            if first + weber in results
-        ]
+        return [row for case in self.cases([trace]) for row in rows_of(case)]
 
 
-class StudyPoint(NamedTuple):
-    """A study at one of its Weber factors and deadbands."""
+class EvaluationCase(NamedTuple):
+    """One row to compute."""
 
+    trace: NamedTrace
     study: EvaluationStudy
+    predictor: str
     weber: float
     deadband: str
 
 
-EvaluationTask = tuple[NamedTrace, StudyPoint]
-
-
-def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
-    """The rows of one task, one for each predictor."""
-    (name, trace, source), (study, weber, deadband) = task
+def rows_of(case: EvaluationCase) -> list[EvaluationRow]:
+    """The row of a case."""
+    (name, trace, source), study, predictor, weber, deadband = case
     signal = signal_of(trace)
-    return [
-        evaluate(
-            name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
-            predictor=predictor, weber=weber, deadband=deadband, source=source,
-        )
-        for predictor in study.predictors
-    ]  # fmt: skip
+    channel = study.channel(predictor, weber, deadband, signal.period_s)
+    row = evaluate(
+        name, signal, channel, Threshold(study.jnd), predictor=predictor, weber=weber, deadband=deadband, source=source
+    )
+    return [row]
 
 
-def coded_samples(task: EvaluationTask) -> float:
-    """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace, _), (study, *_) = task
-    return float(len(trace.time_s) * len(study.predictors))
+def seconds(case: EvaluationCase) -> float:
+    """Estimated run time of a case [s]."""
+    return SAMPLE_S * len(case.trace.trace.time_s)
 
 
 def evaluate(

@@ -65,7 +65,7 @@ def _by_source(found: Sequence[SourceFigures], notes: Sequence[str]) -> Table:
     caption = [
         f"geometric means over recordings{f'; {EVERY}: over sources' if several else ''}",
         f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above",
-        "all rows: --json OUT, --plots DIR",
+        "all rows: --json OUT, --csv OUT",
     ]
     table = plain_table(
         *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])

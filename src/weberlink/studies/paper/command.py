@@ -137,7 +137,7 @@ def run(
         return list(parallel_map(work, tasks, workers, progress=tell, interruption=interruption).values())
 
     def coded(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[Observation]:
-        tasks = replace(study, webers=scope.webers).tasks(named)
+        tasks = replace(study, webers=scope.webers).cases(named)
         return [
             Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
             for rows in done(rows_of, tasks, "signals through the codec")
