@@ -103,7 +103,6 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
-	$(BIN)/weberlink adaptive --docs docs/adaptive
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 

@@ -2,7 +2,7 @@
 
 Each candidate of each predictor in the bank runs its own deadband loop, a shadow encoder. Its record is the number of
 its sends with exponential forgetting. The time constant is long, because a few sends do not tell similar candidates
-apart (docs/adaptive/ compares other time constants). The receiver needs none of this: choice and parameters travel in
+apart. The receiver needs none of this: choice and parameters travel in
 the update.
 
 The rule without forgetting, `doubt` and the term `PRESENT` is to follow the leader. If the best of N candidates would

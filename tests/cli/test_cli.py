@@ -317,7 +317,6 @@ def test_evaluate_gives_the_documented_figures() -> None:
         "error_max_jnd": float,
         "noticeable_fraction": float,
         "noticeable_longest_s": float,
-        "clairvoyant_packets": int,
     }
     for row in rows:
         assert {name: type(row[name]) for name in keys} == keys
@@ -328,15 +327,15 @@ def test_evaluate_gives_the_documented_figures() -> None:
     assert packets["hybrid", 0.05] < packets["zoh", 0.05]
 
 
-def test_evaluate_writes_json_and_plots_beside_the_table(tmp_path: Path) -> None:
+def test_evaluate_writes_json_csv_and_plots_beside_the_table(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    out, plots = tmp_path / "out.json", tmp_path / "new" / "plots"
-    result = run("evaluate", OPERATOR, "--predictor", "zoh", "--json", out, "--plots", plots)
+    out, table, plots = tmp_path / "out.json", tmp_path / "out.csv", tmp_path / "new" / "plots"
+    result = run("evaluate", OPERATOR, "--predictor", "zoh", "--json", out, "--csv", table, "--plots", plots)
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.startswith("trace")
     assert len(json.loads(out.read_text())["rows"]) == 1
     assert (plots / "packet_rate.png").read_bytes().startswith(b"\x89PNG")
-    assert (plots / "rows.csv").read_text().startswith("trace,predictor,weber,")
+    assert table.read_text().startswith("trace,predictor,weber,")
 
 
 def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs_it(tmp_path: Path) -> None:

@@ -3,9 +3,9 @@
 import pytest
 
 from tests.codec.law import sends
+from tests.codec.synthetic import synthetic_names, synthetic_signal
 from weberlink.codec import force_channel
 from weberlink.codec.predictors import HYBRID_BANK
-from weberlink.studies.evaluate.synthetic import synthetic_names, synthetic_signal
 
 SECONDS = 2.0
 
@@ -16,8 +16,7 @@ SECONDS = 2.0
 )
 def test_it_sends_no_more_than_the_best_of_the_paper_s_four(name: str, per_s: int) -> None:
     """Within 5 % or five updates."""
-    signal = synthetic_signal(name, 1, SECONDS, 1.0 / per_s)
-    stream = list(zip(map(tuple, signal.force_n.tolist()), map(tuple, signal.position_m.tolist()), strict=True))
+    stream = synthetic_signal(name, 1, SECONDS, 1.0 / per_s)
     adaptive, *four = (
         sends(force_channel(predictor=predictor, tick_period=1.0 / per_s), stream)
         for predictor in ("adaptive", *HYBRID_BANK)

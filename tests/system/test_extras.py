@@ -49,7 +49,6 @@ PLACES = {
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
     ),
     "plots": ("studies",),
-    "dask": ("studies.cluster",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

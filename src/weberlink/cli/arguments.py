@@ -92,6 +92,11 @@ Plots = Annotated[
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that works (extra: weberlink[dask])."),
+]
+Csv = Annotated[Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every row as CSV.")]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 
 

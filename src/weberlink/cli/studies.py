@@ -5,11 +5,13 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import typer
 
 from weberlink.cli.arguments import (
+    Csv,
+    Dask,
     File,
     Full,
     Json,
@@ -17,14 +19,35 @@ from weberlink.cli.arguments import (
     Plots,
     Set,
     Workers,
-    file_target,
     finite,
     folder_target,
 )
 from weberlink.cli.figures import Footer, Format, figures
-from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
+from weberlink.cli.output import Study, attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED, MISCONFIGURED
+
+
+class StudyWithRows(Study, Protocol):
+    """Results of a study command that can be written as CSV."""
+
+    def write_csv(self, path: Path) -> None: ...
+
+
+def publish_rows(
+    study: StudyWithRows,
+    json_out: Path | None,
+    csv_out: Path | None,
+    plots: Path | None,
+    footer: bool,
+    formats: str | None,
+) -> None:
+    """Publish a study, and its rows as CSV; a failure of one does not prevent the others."""
+    problem = None if csv_out is None else attempt(lambda: study.write_csv(csv_out), csv_out)
+    with figures(footer, formats):
+        publish(study, json_out, plots)
+    if problem is not None:
+        fail(problem, FAILED)
 
 
 def info(
@@ -107,11 +130,9 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
     ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
-    ] = None,
+    dask: Dask = None,
     json_out: Json = None,
+    csv_out: Csv = None,
     plots: Plots = None,
     footer: Footer = True,
     format_: Format = None,
@@ -124,10 +145,11 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
 ) -> None:
     """Code recorded signals: packets, error and run time.
 
-    Takes some seconds for a recording of a minute, and minutes for all shipped ones at all Weber factors. Ctrl-C ends
-    it with the rows so far.
+    Takes some seconds for a recording of a minute, and minutes for all shipped ones at all Weber factors. Ctrl-C stops
+    early and reports the finished rows.
     """
-    from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
+    from weberlink.studies.evaluate.command import run  # noqa: PLC0415
+    from weberlink.studies.frame import StudyError  # noqa: PLC0415
 
     try:
         with errors(), progress_bar() as progress:
@@ -135,18 +157,17 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
                 max_updates=max_updates, units=units, period=(from_, until),
-                workers=EvaluationWorkers(workers, dask), progress=progress,
+                workers=workers, dask=dask, progress=progress,
             )  # fmt: skip
-    except EvaluationError as error:
+    except StudyError as error:
         fail(str(error), FAILED)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
+    publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
 def precision(
     full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
 ) -> None:
-    """Measure error against run time: integrators and codec.
+    """Measure error against run time of the integrators.
 
     Takes half a minute on two idle cores; with --full many minutes. Ctrl-C ends it with the problems so far.
     """
@@ -294,9 +315,7 @@ def ratings(
         str | None, typer.Option(metavar="WHOSE", help="people or simulated, where the folder has both.")
     ] = None,
     json_out: Json = None,
-    csv_out: Annotated[
-        Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every rating as CSV.")
-    ] = None,
+    csv_out: Csv = None,
     plots: Plots = None,
     footer: Footer = True,
     format_: Format = None,
@@ -309,11 +328,7 @@ def ratings(
 
     with errors():
         result = run(folder, level=level, only=only, plots=plots is not None)
-    problem = None if csv_out is None else attempt(lambda: result.write_csv(csv_out), csv_out)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
-    if problem is not None:
-        fail(problem, FAILED)
+    publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
 def paper(
@@ -334,31 +349,3 @@ def paper(
     with errors(), progress_bar() as progress:
         result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
     publish(result, json_out, plots)
-
-
-def adaptive(
-    traces: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[TRACE...]", help="Recordings: files, or shipped ones by name; default: all shipped ones."
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
-    workers: Workers = None,
-    json_out: Json = None,
-    docs: Annotated[
-        Path | None,
-        typer.Option(
-            "--docs", metavar="DIR", callback=folder_target, help="Write page and figures (extra: weberlink[plots])."
-        ),
-    ] = None,
-) -> None:
-    """Measure the adaptive predictor against the hybrid.
-
-    Takes seven minutes on two idle cores, or one with --quick. Ctrl-C ends it with the signals so far.
-    """
-    from weberlink.studies.adaptive.command import run  # noqa: PLC0415
-
-    with errors(), progress_bar() as progress:
-        result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
-    publish(result, json_out, docs)

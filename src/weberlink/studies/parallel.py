@@ -43,7 +43,7 @@ def parallel_map(
 
 
 def gather(
-    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None
+    pairs: Iterable[tuple[int, Result]], count: int, progress: Progress, interruption: Interruption | None = None
 ) -> dict[int, Result]:
     """Collect pairs of index and result, `count` in all or fewer if Ctrl-C comes, and sort them by index."""
     results: dict[int, Result] = {}
@@ -51,10 +51,6 @@ def gather(
         results[index] = result
         progress(len(results), count)
     return dict(sorted(results.items()))
-
-
-def longest_first(tasks: Sequence[Task], cost: Callable[[Task], float]) -> list[int]:
-    return sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
 
 
 def _as_completed(
@@ -73,7 +69,8 @@ def _as_completed(
         )
     try:
         with _sigint_blocked(), safe_path():  # submitting starts the processes
-            futures = {pool.submit(work, tasks[index]): index for index in longest_first(tasks, cost)}
+            longest_first = sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
+            futures = {pool.submit(work, tasks[index]): index for index in longest_first}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except (KeyboardInterrupt, GeneratorExit):  # what is under way is not wanted any more

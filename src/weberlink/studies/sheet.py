@@ -113,11 +113,10 @@ def footer_cm(caption: str) -> float:
 
 
 def watermark(axes: Any, mark: str | None) -> None:
-    """Draw the mark, large and faint, behind the content of `axes` (2-D or 3-D)."""
+    """Draw the mark, large and faint, behind the content of `axes`."""
     if mark is None:
         return
-    place = axes.text2D if hasattr(axes, "text2D") else axes.text
-    text = place(
+    text = axes.text(
         0.5, 0.5, mark, transform=axes.transAxes, fontsize=min(40.0, 640.0 / len(mark)), fontweight="bold",
         color=MARK_COLOUR, alpha=0.20, rotation=24, ha="center", va="center", zorder=0.5, parse_math=False,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """Ctrl-C in long work: it ends the piece under way, and keeps all pieces that are done; SIGTERM, where it is alike."""
 
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext
 from threading import current_thread, main_thread
 from types import FrameType
@@ -65,8 +65,3 @@ class Interruption:
         self.noted = True
         if self._working:
             raise KeyboardInterrupt
-
-
-def pieces_of(work: Callable[[], Piece]) -> Iterator[Piece]:
-    """One piece of work, for `Interruption.pieces`."""
-    yield work()

@@ -22,9 +22,9 @@ from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.study import (
     EvaluationRow,
     EvaluationStudy,
-    coded_samples,
     evaluate,
     rows_of,
+    seconds,
 )
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.system.scoring.perception import Threshold
@@ -122,29 +122,19 @@ def test_a_smaller_jnd_finds_more_noticeable_ticks() -> None:
     assert keen.error_rms_n == dull.error_rms_n
 
 
-def test_excess_is_over_the_lower_bound() -> None:
-    (found,) = EvaluationStudy(("zoh",)).rows(TRACES[0])
-    known = replace(found, packets=6, packets_per_s=300.0, clairvoyant_packets=4)
-    assert (known.excess, known.clairvoyant_packets_per_s) == (1.5, 200.0)
-    for unknown in (replace(found, clairvoyant_packets=None), replace(found, packets=0, clairvoyant_packets=0)):
-        assert unknown.excess is None
-        assert "excess" not in unknown.as_json()
-
-
 def test_a_row_is_json() -> None:
     for found in EvaluationStudy().rows(NamedTrace("made", wall(300))):
         document = json.loads(json.dumps(found.as_json(), allow_nan=False))
         assert ("selected" in document) == (found.predictor == "hybrid")
-        assert document.get("excess") == found.excess
 
 
-# --- tasks
+# --- cases
 
 
 def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
-    tasks = STUDY.tasks(TRACES)
-    assert [coded_samples(task) for task in tasks] == [450.0, 450.0, 600.0, 600.0]
-    rows = STUDY.ordered({index: rows_of(pickle.loads(pickle.dumps(task))) for index, task in enumerate(tasks)})
+    cases = STUDY.cases(TRACES)
+    assert all(seconds(case) == pytest.approx(1e-5 * len(case.trace.trace.time_s)) for case in cases)
+    rows = [row for case in cases for row in rows_of(pickle.loads(pickle.dumps(case)))]
     assert [(row.trace, row.predictor, row.weber) for row in rows] == [
         (trace, predictor, weber)
         for trace in ("wall", "walk")
@@ -217,5 +207,3 @@ def test_shipped_trace_stays_within_the_deadband() -> None:
         assert 0 < coarse.packets < fine.packets
         assert fine.samples == len(own.time_s)
         assert max(fine.error_max_deadbands, coarse.error_max_deadbands) <= 1.0
-        assert fine.clairvoyant_packets is not None
-        assert fine.clairvoyant_packets <= fine.packets

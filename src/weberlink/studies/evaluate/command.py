@@ -1,58 +1,78 @@
-"""The `evaluate` command: code traces here or on a Dask cluster, and assemble rows, table and figures."""
+"""The `evaluate` command: recorded signals through the codec."""
 
 from collections.abc import Sequence
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
+from rich.console import RenderableType
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.studies.coded_trace import TickWindow
 from weberlink.studies.evaluate.by_source import by_source
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, EvaluationTask, coded_samples, rows_of
+from weberlink.studies.evaluate.study import EvaluationCase, EvaluationRow, EvaluationStudy, rows_of, seconds
 from weberlink.studies.evaluate.table import tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
-from weberlink.studies.moments.moments import TickWindow
+from weberlink.studies.frame import FrameResult, Study, check_resources
 from weberlink.studies.paper.claims import WEBERS
-from weberlink.studies.parallel import Progress, parallel_map
-from weberlink.studies.result import StudyResult, how_much
+from weberlink.studies.parallel import Progress
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
-from weberlink.system.environment import environment, footer
 
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below the noise of any sensor, and no range."""
 PAPER = "paper"
-WORTH_PROCESSES = 100_000.0
-"""Number of coded samples above which starting other processes saves time."""
-
-
-class EvaluationError(RuntimeError):
-    """A worker or the cluster was lost before the end. The message is one line."""
 
 
 @dataclass(frozen=True)
-class EvaluationWorkers:
-    """Where the work is done.
+class EvaluationOptions:
+    """What is evaluated.
 
     Args:
-        count: processes; 1 for this process alone, None for one per processor if that saves time.
-        dask: address of the scheduler of a cluster; None for this machine.
+        study: what varies for every trace, and what is the same for all.
+        traces: the signals; the first is drawn over time.
+        wire: whether `study` quantizes and saturates as on the wire.
+        window: of the first trace that is drawn; None for the second that shows most.
     """
 
-    count: int | None = None
-    dask: str | None = None
+    study: EvaluationStudy
+    traces: Sequence[NamedTrace]
+    wire: bool
+    window: TickWindow | None
 
 
-@dataclass(frozen=True)
-class Evaluation(StudyResult):
-    """The rows of all combinations. `draw` writes the figures, and the rows as CSV."""
+def _cases(options: EvaluationOptions) -> list[EvaluationCase]:
+    return options.study.cases(options.traces)
 
-    rows: list[EvaluationRow]
+
+def _summary(options: EvaluationOptions, rows: Sequence[EvaluationRow]) -> dict[str, Any]:
+    study = options.study
+    return {
+        "floor_n": study.floor,
+        "lookahead_ms": study.lookahead_ms,
+        "jnd": study.jnd,
+        "wire": options.wire,
+        "max_updates_per_s": study.max_updates_per_s,
+        "sources": [figures.as_json() for figures in by_source(rows)],
+    }
+
+
+def _tables(
+    options: EvaluationOptions, rows: Sequence[EvaluationRow], run_time_s: float, caption: str
+) -> RenderableType:
+    return tables_of(rows, options.study.jnd, run_time_s, caption)
+
+
+def _plots(options: EvaluationOptions, rows: Sequence[EvaluationRow], folder: Path, caption: str) -> None:
+    from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
+
+    draw_study(options.study, options.traces, rows, folder, caption, options.window)
+
+
+STUDY = Study("evaluate", _cases, rows_of, _summary, _tables, _plots, seconds)
 
 
 def run(
@@ -69,12 +89,13 @@ def run(
     max_updates: float | None = None,
     units: str | None = None,
     period: tuple[float | None, float | None] = (None, None),
-    workers: EvaluationWorkers = EvaluationWorkers(),
+    workers: int | None = None,
+    dask: str | None = None,
     progress: Progress = lambda *_: None,
-) -> Evaluation:
-    """Evaluate every combination, or those that are done when Ctrl-C ends it.
+) -> FrameResult[EvaluationRow]:
+    """Evaluate every combination, or those that are done when Ctrl-C or SIGTERM comes.
 
-    The rows do not depend on the workers, except for the measured run time.
+    Rows do not depend on where they were computed, except for the measured run time.
 
     Args:
         traces: files, or names of shipped recordings and of their sources; each recording once.
@@ -90,20 +111,13 @@ def run(
         units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
         period: of the first trace that is drawn [s], on its own time; None for its begin and its end, and with both
             None for the second that shows most.
-        workers: where the work is done.
-        progress: called after every task.
+        workers: as of `Study.result`; so are `dask` and `progress`.
 
     Raises:
         ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
-        EvaluationError: a worker died.
+        StudyError: a worker or the cluster was lost.
     """
-    began = perf_counter()
-    if plots:
-        need("matplotlib", "plots", "--plots")
-    if workers.dask is not None:
-        need("distributed", "dask", "--dask")
-        if workers.count is not None:
-            raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
+    check_resources(workers, dask, plots=plots)
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
@@ -120,55 +134,7 @@ def run(
     )
     named = read_traces(traces, None if units is None else units_of(units))
     window = _window(named[0], period) if plots else None
-    tasks = study.tasks(named)
-    results = _compute(tasks, workers, progress)
-    interrupted = how_much(len(results), len(tasks), "tasks")
-    rows = study.ordered(results)
-    run_time, facts = perf_counter() - began, environment()
-    caption = footer(facts)
-    document = {
-        "floor_n": floor,
-        "lookahead_ms": lookahead_ms,
-        "jnd": jnd,
-        "wire": wire,
-        "max_updates_per_s": max_updates,
-        "sources": [one.as_json() for one in by_source(rows)],
-        "rows": [row.as_json() for row in rows],
-        "run_time_s": run_time,
-        "environment": facts,
-    }
-
-    def draw(folder: Path) -> None:
-        from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
-
-        draw_study(study, named, rows, folder, caption, window)
-
-    table = tables_of(rows, jnd, run_time, caption) if rows else caption
-    # A curve over Weber factors needs all of them.
-    return Evaluation(document, table, None if interrupted else draw, rows, interrupted=interrupted)
-
-
-def _compute(
-    tasks: Sequence[EvaluationTask], workers: EvaluationWorkers, progress: Progress
-) -> dict[int, list[EvaluationRow]]:
-    if workers.dask is not None:
-        from weberlink.studies.cluster import LostClusterError, UnavailableClusterError, cluster_map  # noqa: PLC0415 - heavy, an extra
-
-        try:
-            return cluster_map(rows_of, tasks, workers.dask, coded_samples, progress)
-        except UnavailableClusterError as error:
-            raise ConfigurationError(f"--dask: {error}") from None
-        except LostClusterError as error:
-            raise EvaluationError(f"--dask: {error}") from None
-    count = workers.count
-    if count is None and sum(map(coded_samples, tasks)) < WORTH_PROCESSES:
-        count = 1
-    try:
-        return parallel_map(rows_of, tasks, count, coded_samples, progress)
-    except BrokenProcessPool:
-        raise EvaluationError(
-            "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
-        ) from None
+    return STUDY.result(EvaluationOptions(study, named, wire, window), workers=workers, dask=dask, progress=progress)
 
 
 def _window(trace: NamedTrace, period: tuple[float | None, float | None]) -> TickWindow | None:

@@ -1,10 +1,6 @@
-"""The study of `weberlink evaluate`: every trace with every predictor, Weber factor and deadband, one row each.
+"""The cases of `weberlink evaluate`: every trace with every deadband, predictor and Weber factor, one row each."""
 
-A task is one trace at one Weber factor and one deadband with all predictors: they share the trace as plain numbers,
-the perception threshold and most of the work of the clairvoyant bound.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -12,15 +8,15 @@ import numpy as np
 
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
-from weberlink.codec.predictors import HYBRID
 from weberlink.codec.rate import UpdateRate
-from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
+SAMPLE_S = 1e-5
+"""Rough run time of a coded sample."""
 
 
 @dataclass(frozen=True)
@@ -63,27 +59,13 @@ class EvaluationRow:
     deadband: str = ISOTROPIC
     source: str = FILES
     """Of the trace: a source of shipped recordings, or `FILES`."""
-    clairvoyant_packets: int | None = None
-    """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
     widened_fraction: float | None = None
     """Share of ticks in which the bounded rate of updates widened the deadband; None without one."""
     widened_max_n: float | None = None
     """Largest deadband then."""
 
-    @property
-    def excess(self) -> float | None:
-        """Packets over the lower bound; None where that is 0 or unknown."""
-        return self.packets / self.clairvoyant_packets if self.clairvoyant_packets else None
-
-    @property
-    def clairvoyant_packets_per_s(self) -> float | None:
-        if self.clairvoyant_packets is None:
-            return None
-        return self.clairvoyant_packets * self.packets_per_s / self.packets if self.packets else 0.0
-
     def as_json(self) -> dict[str, Any]:
-        values = asdict(self) | {"excess": self.excess}
-        return {key: value for key, value in values.items() if value is not None}
+        return {key: value for key, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -100,8 +82,7 @@ class EvaluationStudy:
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
         lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
-        max_updates_per_s: largest rate of updates; None for no limit. With one, no lower bound is computed: it is that
-            of a deadband that is not widened.
+        max_updates_per_s: largest rate of updates; None for no limit.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -132,68 +113,45 @@ class EvaluationStudy:
             lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
-    def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
-        """All tasks: traces outermost, then deadbands, then Weber factors."""
+    def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
+        """All cases: traces outermost, then deadbands, then predictors, then Weber factors."""
         return [
-            (trace, StudyPoint(self, weber, deadband))
+            EvaluationCase(trace, self, predictor, weber, deadband)
             for trace in traces
             for deadband in self.deadbands
+            for predictor in self.predictors
             for weber in self.webers
         ]
 
     def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
         """All rows of one trace, computed here."""
-        return self.ordered({index: rows_of(task) for index, task in enumerate(self.tasks([trace]))})
-
-    def ordered(self, results: Mapping[int, Sequence[EvaluationRow]]) -> list[EvaluationRow]:
-        """All rows: traces outermost, then deadbands, then predictors, then Weber factors.
-
-        Args:
-            results: the rows by the index of their task; some may be missing.
-        """
-        webers = len(self.webers)
-        return [
-            results[first + weber][predictor]
-            for first in sorted({index - index % webers for index in results})
-            for predictor in range(len(self.predictors))
-            for weber in range(webers)
-            if first + weber in results
-        ]
+        return [row for case in self.cases([trace]) for row in rows_of(case)]
 
 
-class StudyPoint(NamedTuple):
-    """A study at one of its Weber factors and deadbands."""
+class EvaluationCase(NamedTuple):
+    """One row to compute."""
 
+    trace: NamedTrace
     study: EvaluationStudy
+    predictor: str
     weber: float
     deadband: str
 
 
-EvaluationTask = tuple[NamedTrace, StudyPoint]
-
-
-def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
-    """The rows of one task, one for each predictor."""
-    (name, trace, source), (study, weber, deadband) = task
+def rows_of(case: EvaluationCase) -> list[EvaluationRow]:
+    """The row of a case."""
+    (name, trace, source), study, predictor, weber, deadband = case
     signal = signal_of(trace)
-    fewest: Mapping[str, int | None] = {}
-    if study.max_updates_per_s is None:
-        hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
-        fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
-    return [
-        evaluate(
-            name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
-            predictor=predictor, weber=weber, deadband=deadband, source=source,
-            clairvoyant_packets=fewest.get(predictor),
-        )
-        for predictor in study.predictors
-    ]  # fmt: skip
+    channel = study.channel(predictor, weber, deadband, signal.period_s)
+    row = evaluate(
+        name, signal, channel, Threshold(study.jnd), predictor=predictor, weber=weber, deadband=deadband, source=source
+    )
+    return [row]
 
 
-def coded_samples(task: EvaluationTask) -> float:
-    """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace, _), (study, *_) = task
-    return float(len(trace.time_s) * len(study.predictors))
+def seconds(case: EvaluationCase) -> float:
+    """Estimated run time of a case [s]."""
+    return SAMPLE_S * len(case.trace.trace.time_s)
 
 
 def evaluate(
@@ -206,7 +164,6 @@ def evaluate(
     weber: float,
     deadband: str = ISOTROPIC,
     source: str = FILES,
-    clairvoyant_packets: int | None = None,
 ) -> EvaluationRow:
     """Code a signal with a fresh encoder and decoder.
 
@@ -243,7 +200,6 @@ def evaluate(
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         deadband=deadband,
         source=source,
-        clairvoyant_packets=clairvoyant_packets,
         widened_fraction=None if channel.rate is None else float(run.widened.mean()),
         widened_max_n=float(run.bound_n[run.widened].max()) if run.widened.any() else None,
     )

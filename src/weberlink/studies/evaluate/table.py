@@ -13,11 +13,9 @@ FEW = 40
 """Up to this number, every row is printed."""
 NAME_WIDTH = 15
 """Of a longer trace name the end is shown, where names differ."""
-LIMIT = "limit"
 
 _FIGURES: dict[str, tuple[Callable[[EvaluationRow], float], str]] = {
     "packets/s": (lambda row: row.packets_per_s, "{:.1f}"),
-    LIMIT: (lambda row: row.clairvoyant_packets_per_s or 0.0, "{:.1f}"),
     "RMS JND": (lambda row: row.error_rms_jnd, "{:.3f}"),
     "jump JND": (lambda row: row.jump_p99_jnd or 0.0, "{:.1f}"),
     "noticed": (lambda row: 100.0 * row.noticeable_fraction, "{:.1f} %"),
@@ -48,17 +46,13 @@ def tables_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer
 
 def _single(rows: Sequence[EvaluationRow], jnd: float, notes: Sequence[str]) -> Table:
     shaped = len({row.deadband for row in rows}) > 1
-    limited = all(row.clairvoyant_packets is not None for row in rows)
     heads = [name for name in _HEADS if name != "deadband" or shaped]
-    figures = [name for name in _FIGURES if limited or name != LIMIT]
-    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"]
-    if limited:
-        caption.append("limit: no encoder can send fewer, even knowing the future")
+    caption = f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"
     table = plain_table(
-        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])
+        *heads, *_FIGURES, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([caption, *notes])
     )
     for row in rows:
-        values = (form.format(of(row)) for of, form in (_FIGURES[name] for name in figures))
+        values = (form.format(of(row)) for of, form in _FIGURES.values())
         table.add_row(*(_HEADS[name](row) for name in heads), *values)
     return table
 
@@ -71,7 +65,7 @@ def _by_source(found: Sequence[SourceFigures], notes: Sequence[str]) -> Table:
     caption = [
         f"geometric means over recordings{f'; {EVERY}: over sources' if several else ''}",
         f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above",
-        "all rows: --json OUT, --plots DIR",
+        "all rows: --json OUT, --csv OUT",
     ]
     table = plain_table(
         *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])

@@ -6,7 +6,6 @@ from typing import Any
 
 from weberlink.studies.curves import CurvePoint, Curves, curves
 from weberlink.studies.experiment.answers import StudyRatings
-from weberlink.studies.experiment.prediction import PredictedRating, predictions
 from weberlink.studies.experiment.statistics import Crossing, Friedman, Saving, SignedRank, against, friedman, savings
 
 SEED = 0
@@ -31,7 +30,6 @@ class Analysis:
         level: of the scale, at which packets are compared.
         crossings: packet rate at the level, by predictor.
         savings: packets saved at the level, by base of the comparison and predictor.
-        predicted: rating over each measure of quality; empty unless people rated.
     """
 
     answers: StudyRatings
@@ -42,7 +40,6 @@ class Analysis:
     level: float
     crossings: Mapping[str, Crossing]
     savings: Mapping[str, Mapping[str, Saving]]
-    predicted: Sequence[PredictedRating]
 
     @property
     def mark(self) -> str | None:
@@ -80,7 +77,6 @@ class Analysis:
                     for name, crossing in self.crossings.items()
                 ],
             },
-            "predicted_ratings": [one.as_json() for one in self.predicted],
             "seed": SEED,
         }
 
@@ -105,7 +101,6 @@ def analyse(answers: StudyRatings, level: float) -> Analysis:
         level,
         crossings,
         saved,
-        predictions(answers, seed=SEED),
     )
 
 

@@ -11,7 +11,6 @@ from weberlink.studies.experiment.analysis import EXPLANATION, MARK, SEED, TESTE
 from weberlink.studies.experiment.answers import StudyRatings, Whose, gather
 from weberlink.studies.experiment.ledger import LedgerError
 from weberlink.studies.experiment.plan import HIGHEST, LOWEST
-from weberlink.studies.experiment.prediction import MEASURES, POINTS_JND
 from weberlink.studies.experiment.statistics import Crossing, Reach, Saving
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import ConfigurationError
@@ -101,9 +100,6 @@ def table_of(analysis: Analysis, caption: str) -> Table:
         whole.add_row(_signed_ranks(analysis))
     whole.add_row(Text(f"\npackets per second at a mean rating of {analysis.level:g}", style="bold"))
     whole.add_row(_savings(analysis))
-    if analysis.predicted:
-        whole.add_row(Text("\nrating predicted from a measure of quality, fitted to these ratings", style="bold"))
-        whole.add_row(_predicted(analysis))
     whole.add_row("")
     whole.add_row(Text(caption, style="dim"))
     return whole
@@ -169,15 +165,6 @@ def _savings(analysis: Analysis) -> Table:
             _rate(crossing),
             *("" if mine else share for mine, share in zip(own, shares, strict=True)),
         )
-    return table
-
-
-def _predicted(analysis: Analysis) -> Table:
-    table = plain_table("measure", *(f"at {jnd:g} JND" for jnd in POINTS_JND), "scatter")
-    for one in analysis.predicted:
-        bands = [one.points.get(jnd) for jnd in POINTS_JND]
-        cells = ["-" if band is None else "{:.1f} ({:.1f}-{:.1f})".format(*band) for band in bands]
-        table.add_row(MEASURES[one.measure], *cells, f"{one.scatter:.1f}")
     return table
 
 

@@ -15,11 +15,9 @@ from weberlink.studies.curves import Observation
 from weberlink.studies.evaluate.study import EvaluationStudy, rows_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS, Claim
-from weberlink.studies.paper.deviations import ReadingResult, packets_of, results
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
@@ -83,7 +81,7 @@ TEXTS = {
 
 
 class PaperScope(NamedTuple):
-    """What is simulated; single moments are drawn of the last scene."""
+    """What is simulated; forces over time are drawn of the last scene."""
 
     scenes: tuple[PaperScene, ...] = SCENES
     webers: tuple[float, ...] = WEBERS
@@ -139,18 +137,12 @@ def run(
         return list(parallel_map(work, tasks, workers, progress=tell, interruption=interruption).values())
 
     def coded(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[Observation]:
-        tasks = replace(study, webers=scope.webers).tasks(named)
+        tasks = replace(study, webers=scope.webers).cases(named)
         return [
             Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
             for rows in done(rows_of, tasks, "signals through the codec")
             for row in rows
         ]
-
-    def readings(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[ReadingResult]:
-        if not named:
-            return []
-        packets = done(packets_of, [(study, one) for one in named], "readings of the paper")
-        return [] if interruption.noted else results([one.name for one in named], packets)
 
     sessions = [SimulatedSession(*parts, scope.duration_s) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
     felt = done(_feel, sessions, "simulated sessions")
@@ -160,15 +152,11 @@ def run(
     scenes = [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=False)]
     alone = coded(SCENE_STUDY, scenes)
     observed = {RECORDED: recordings, CODED: alone, WHOLE: felt}
-    read = {
-        RECORDED: readings(STUDY, signals),
-        CODED: readings(SCENE_STUDY, scenes),
-    }
     facts = environment()
     caption = footer(facts, SEED)
     if interruption.noted:
         return _partial(observed, caption, {"seed": SEED, "run_time_s": perf_counter() - began, "environment": facts})
-    conditions = [PaperCondition(key, *TEXTS[key], observed[key], read.get(key, ())) for key in TEXTS]
+    conditions = [PaperCondition(key, *TEXTS[key], observed[key]) for key in TEXTS]
     content = {
         "conditions": [_as_json(condition) for condition in conditions],
         "seed": SEED,
@@ -177,12 +165,11 @@ def run(
     }
 
     def draw(folder: Path) -> None:
-        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - imports matplotlib
+        from weberlink.studies.paper.figures import draw_conditions, draw_forces  # noqa: PLC0415 - imports matplotlib
 
         draw_conditions(conditions, folder, caption)
-        scene = build_scene(_configuration(scope.scenes[-1], "hybrid", WEBER, FLOOR_N))
-        moments = draw_moments(explored[-1], scene, lambda name: SCENE_STUDY.channel(name, WEBER), folder, caption)
-        (folder / PAGE).write_text(document(conditions, caption, moments), encoding="utf-8")
+        draw_forces(explored[-1], lambda name: SCENE_STUDY.channel(name, WEBER), folder / "force", caption)
+        (folder / PAGE).write_text(document(conditions, caption, drawn=True), encoding="utf-8")
 
     return Paper(content, _table(conditions, caption), draw, conditions)
 
@@ -234,7 +221,6 @@ def _as_json(condition: PaperCondition) -> dict[str, Any]:
         "title": condition.title,
         "signals": condition.units,
         "claims": [found.as_json() for found in condition.results],
-        "readings": [found.as_json() for found in condition.readings],
     }
 
 

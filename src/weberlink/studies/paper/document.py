@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
 from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, ClaimResult, measure
-from weberlink.studies.paper.deviations import READINGS, ReadingResult
 
 
 @dataclass(frozen=True)
@@ -17,14 +16,12 @@ class PaperCondition:
         title: a heading.
         text: how the numbers were measured.
         observations: packet rate and RMS error [JND] of each unit, predictor and Weber factor; may be empty.
-        readings: of the paper, measured on the same units; empty if they were not.
     """
 
     key: str
     title: str
     text: str
     observations: Sequence[Observation]
-    readings: Sequence[ReadingResult] = ()
 
     @property
     def results(self) -> list[ClaimResult]:
@@ -53,29 +50,12 @@ them, and those on which the predictor saves nothing.
 """
 
 
-DEVIATIONS = f"""
-## Readings of the paper
-
-Where the paper can be read in several ways, or this code departs from it, the other reading was measured: its packets
-over those of the code with the same predictor (`hybrid` for the deadband), k = {WEBER:.2f}, as geometric means over
-signals with 95 % intervals. Below 1 the other reading sends less. On motion along one axis normals have one direction.
-"""
+def document(conditions: Sequence[PaperCondition], caption: str, *, drawn: bool) -> str:
+    """The whole page; `drawn` says whether its figures are beside it."""
+    return "\n".join(_lines(conditions, caption, drawn=drawn)) + "\n"
 
 
-MOMENTS = {
-    "force": "Force over time with the sends marked (the paper's Figs. 2 and 3)",
-    "plane": "The fitted plane in the scene (Fig. 6)",
-    "sphere": "The fitted sphere in the scene (Fig. 6)",
-}
-"""Titles of the figures of single moments, by file name."""
-
-
-def document(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> str:
-    """The whole page; `moments` are those of `MOMENTS` that were drawn, None without any figures."""
-    return "\n".join(_lines(conditions, caption, moments)) + "\n"
-
-
-def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> Iterator[str]:
+def _lines(conditions: Sequence[PaperCondition], caption: str, *, drawn: bool) -> Iterator[str]:
     yield HEAD
     yield from _summary(conditions)
     for condition in conditions:
@@ -86,12 +66,11 @@ def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence
             continue
         yield from _claims(condition)
         yield from _rates(condition)
-        if moments is not None:
+        if drawn:
             yield from _figures(condition)
-    yield from _readings([condition for condition in conditions if condition.readings])
-    if moments:
-        yield f"\n## Moments\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
-        yield from (f"![{MOMENTS[name]}]({name}.png)\n" for name in moments)
+    if drawn:
+        yield f"\n## Forces over time\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
+        yield "![Force over time with the sends marked (the paper's Figs. 2 and 3)](force.png)\n"
     yield f"\n---\n{caption}"
 
 
@@ -158,17 +137,6 @@ def _figures(condition: PaperCondition) -> Iterator[str]:
         ("quality_over_rate", "Error over packet rate (Fig. 9)"),
     ):
         yield f"![{words}]({condition.key}/{name}.png)\n"
-
-
-def _readings(conditions: Sequence[PaperCondition]) -> Iterator[str]:
-    if not conditions:
-        return
-    yield DEVIATIONS
-    yield "| part | here | other reading | " + " | ".join(condition.title for condition in conditions) + " |"
-    yield "|---|---|---|" + "---|" * len(conditions)
-    for reading, *found in zip(READINGS, *(condition.readings for condition in conditions), strict=True):
-        cells = ["-" if one.band is None else "{:.2f} ({:.2f} to {:.2f})".format(*one.band) for one in found]
-        yield f"| {reading.part} | {reading.here} | {reading.other} | {' | '.join(cells)} |"
 
 
 def _fewer(share: float) -> str:

@@ -187,7 +187,6 @@ def study(
     schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
     chooser: Chooser | None = None,
     progress: Progress = lambda *_: None,
-    interruption: Interruption | None = None,
 ) -> list[ProblemResult]:
     """Run everything, or what is done when Ctrl-C comes.
 
@@ -197,7 +196,6 @@ def study(
         schemes: integrators by name.
         chooser: recommends an integrator; None leaves recommendations out.
         progress: called before each problem, and at the end.
-        interruption: notes Ctrl-C; None for one of its own.
     """
 
     def one_by_one() -> Iterator[ProblemResult]:
@@ -206,7 +204,7 @@ def study(
             yield studied(problem, effort, schemes, chooser)
         progress(len(problems), len(problems), "done")
 
-    return list((interruption or Interruption()).pieces(one_by_one()))
+    return list(Interruption().pieces(one_by_one()))
 
 
 def studied(

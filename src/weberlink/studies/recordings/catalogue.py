@@ -1,4 +1,4 @@
-"""The shipped recordings by source: what they are, where they come from, under which licence, and what they chose."""
+"""The shipped recordings by source: what they are, where they come from and under which licence."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -21,7 +21,6 @@ class Source:
         rate: of the samples, as shipped.
         repository: on github.com.
         licence: SPDX identifier; its text is in `data/`.
-        chose: which constants of the codec were chosen with the help of these recordings; "none" for test data.
     """
 
     name: str
@@ -29,7 +28,6 @@ class Source:
     rate: str
     repository: str
     licence: str
-    chose: str
 
     @property
     def archive(self) -> Path:
@@ -50,7 +48,6 @@ SOURCES = {
             "1 kHz, means of pairs at 2 kHz",
             "Ohara124c41/Haptics-Bilateral_Teleoperation-1DOF_Experiments",
             "MIT",
-            "predictors of adaptive",
         ),
         Source(
             "omega3",
@@ -59,7 +56,6 @@ SOURCES = {
             "1 kHz, interpolated from 500 Hz",
             "xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control",
             "MIT",
-            "predictors of adaptive",
         ),
         Source(
             "ochoa_polish",
@@ -67,7 +63,6 @@ SOURCES = {
             "1 kHz",
             "ochoa92/TOOLING4G",
             "Apache-2.0",
-            "none",
         ),
         Source(
             "panda_comanip",
@@ -76,7 +71,6 @@ SOURCES = {
             "1 kHz with lost samples, 695 Hz on average",
             "AutoLabModena/Panda-Co-Manipulation-Dataset",
             "MIT",
-            "none",
         ),
         Source(
             "stroke_iiwa_teleop",
@@ -84,7 +78,6 @@ SOURCES = {
             "200 Hz",
             "StrokeAIRobotics/Diffusion-Based-Impedance-Learning_T-RO",
             "MIT",
-            "none",
         ),
     )
 }

@@ -8,12 +8,12 @@ import numpy as np
 
 from weberlink.codec import force_channel
 from weberlink.master.trace import Trace, read_trace
-from weberlink.studies.moments.moments import CodedTrace
+from weberlink.studies.coded_trace import CodedTrace
 
 
 @cache
 def own() -> Trace:
-    return read_trace(Path(__file__).parents[3] / "configs" / "traces" / "operator.csv")
+    return read_trace(Path(__file__).parents[2] / "configs" / "traces" / "operator.csv")
 
 
 @cache

@@ -8,8 +8,11 @@ from collections.abc import Callable
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
-from weberlink.studies.evaluate.replay import Array, Signal
+from weberlink.geometry.vector import Vector
+
+Array = NDArray[np.float64]
 
 Random = np.random.Generator
 Times = Array
@@ -26,8 +29,8 @@ def synthetic_names() -> tuple[str, ...]:
     return tuple(SYNTHETIC)
 
 
-def synthetic_signal(name: str, seed: int, duration_s: float = 10.0, period_s: float = 1e-3) -> Signal:
-    """Force and position of a synthetic signal; the same arguments give the same bits.
+def synthetic_signal(name: str, seed: int, duration_s: float, period_s: float) -> list[tuple[Vector, Vector]]:
+    """Force [N] and position [m] of a synthetic signal, tick by tick; the same arguments give the same bits.
 
     Args:
         name: one of `synthetic_names`.
@@ -45,7 +48,9 @@ def synthetic_signal(name: str, seed: int, duration_s: float = 10.0, period_s: f
     direction /= np.linalg.norm(direction)
     position = _hand(time, random)
     force = make(time, duration_s, random)
-    return Signal(np.outer(force, direction) if force.ndim == 1 else force, position, period_s)
+    force = np.outer(force, direction) if force.ndim == 1 else force
+    pairs = zip(force.tolist(), position.tolist(), strict=True)
+    return [((fx, fy, fz), (x, y, z)) for (fx, fy, fz), (x, y, z) in pairs]
 
 
 def _hand(time: Times, random: Random) -> Array:

@@ -1,25 +1,14 @@
 """A signal through the codec tick by tick: against the replay of the evaluation, and the choice of a window."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from tests.studies.moments.shipped import own, pressed, run
+from tests.studies.coded import own, pressed, run
 from weberlink.codec import force_channel
-from weberlink.codec.predictors.model import Hold, Line, ModelKind
-from weberlink.codec.predictors.plane import Plane
-from weberlink.master.trace import Trace
+from weberlink.studies.coded_trace import CodedTrace, TickWindow, interesting_window
 from weberlink.studies.evaluate.replay import replay, signal_of
-from weberlink.studies.moments.moments import CodedTrace, TickWindow, interesting_window, longest
 
 PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
-
-
-@cache
-def fine() -> CodedTrace:
-    """A hybrid with a position step fine enough to tell a sphere from a plane."""
-    return CodedTrace(own(), force_channel(position_step=2e-6))
 
 
 @pytest.mark.parametrize("predictor", PREDICTORS)
@@ -42,56 +31,6 @@ def test_it_sends_exactly_where_the_prediction_leaves_the_deadband(predictor: st
     assert (coded.predicted_n[~coded.sent] == coded.displayed_n[~coded.sent]).all()
     assert np.abs(coded.displayed_n - coded.trace.force_n)[coded.sent].max() <= 0.5e-3 + 1e-12
     assert coded.bound_n == pytest.approx(np.maximum(0.1 * np.linalg.norm(coded.trace.force_n, axis=1), 0.02))
-
-
-def test_fits_are_in_use_from_send_to_send() -> None:
-    channel = force_channel()
-    found, coded = CodedTrace(own(), channel).fits, run("hybrid")
-    sends = np.flatnonzero(coded.sent).tolist()
-    assert [fit.newest.tick for fit in found] == sends
-    assert [fit.until for fit in found] == [*sends[1:], len(coded.trace.time_s)]
-    assert [channel.bank.index(fit.predictor) for fit in found] == coded.selected[sends].tolist()
-    assert {type(fit.model) for fit in found} >= {Hold, Line, Plane}
-    for fit in found:
-        assert fit.newest.value == pytest.approx(coded.trace.force_n[fit.newest.tick], abs=0.5e-3 + 1e-12)
-        if fit.previous is not None:
-            assert fit.previous.tick < fit.newest.tick
-            assert coded.sent[fit.previous.tick]
-        for tick in (fit.newest.tick + 1, fit.until - 1):
-            if fit.newest.tick < tick < fit.until:
-                x, y, z = coded.trace.position_m[tick].tolist()
-                assert fit.model.at(tick, (x, y, z)) == pytest.approx(coded.displayed_n[tick], abs=1e-9)
-
-
-def test_a_signal_that_is_never_sent_has_no_fit() -> None:
-    still = np.zeros((20, 3))
-    assert CodedTrace(Trace(np.arange(20) * 1e-3, still, still, np.empty((0, 2))), force_channel()).fits == []
-
-
-def test_the_fit_at_a_tick() -> None:
-    fit = fine().fits[3]
-    for tick, expected in ((fit.newest.tick, fit), (fit.until - 1, fit), (fit.until, fine().fits[4])):
-        assert fine().fit_at(tick) == expected
-    for tick, message in ((-1, "expected 0 to 6049"), (6050, "expected 0 to"), (0, "no model yet")):
-        with pytest.raises(ValueError, match=f"tick {tick}: .*{message}"):
-            fine().fit_at(tick)
-
-
-def test_the_longest_fits_are_the_parts_of_the_scene() -> None:
-    """The scene is a plane z = 0 with a dome of 25 mm about (-35, 15, -10) mm, all of 500 N/m."""
-    plane, sphere = (longest(fine().fits, kind) for kind in (ModelKind.PLANE, ModelKind.SPHERE))
-    assert plane is not None
-    assert sphere is not None
-    flat, dome = plane.surface, sphere.surface
-    assert flat is not None
-    assert dome is not None
-    assert flat.nearest((0.0, 0.0, 0.0)).normal == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
-    assert flat.stiffness == pytest.approx(500.0, rel=0.01)
-    assert dome.centre == pytest.approx((-0.035, 0.015, -0.010), abs=3e-4)
-    assert dome.radius == pytest.approx(0.025, rel=0.02)
-    assert dome.stiffness == pytest.approx(500.0, rel=0.02)
-    assert longest(fine().fits) in (plane, sphere)
-    assert longest(CodedTrace(own(), force_channel(predictor="zoh")).fits) is None
 
 
 # --- the window
