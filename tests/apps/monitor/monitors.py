@@ -69,11 +69,6 @@ class Monitor:
         """Of the page, once it is served; without the slash at the end."""
         return self.until_said(r"(http://[^ ]+)/ ")
 
-    @property
-    def shares_on(self) -> str:
-        """Where it shares the telemetry of this host."""
-        return self.until_said(r"telemetry of this host on (\S+)")
-
     def kill(self) -> None:
         self._process.kill()
         self._process.wait()

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -158,17 +157,8 @@ def test_read_only_page_never_drives(visit: Visit) -> None:
     assert visit.states() == ["free", "none"]
 
 
-def _remote(visit: Visit) -> None:
-    visit.session.remote = True
-
-
-def _without_ring(visit: Visit) -> None:
+def test_session_without_a_ring_is_not_driven(visit: Visit) -> None:
     visit.feed.ring = None
-
-
-@pytest.mark.parametrize("change", [_remote, _without_ring])
-def test_session_of_another_host_is_not_driven(visit: Visit, change: Callable[[Visit], None]) -> None:
-    change(visit)
     refused = visit.drive(0, ABOVE, True)
     assert refused is not None and refused["state"] == "none" and visit.devices == []
 

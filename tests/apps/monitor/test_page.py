@@ -306,7 +306,6 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
 @pytest.mark.parametrize(
     ("other", "reason"),
     [
-        ({"readonly": True, "remote": True, "changes": []}, "another host"),
         (
             {"readonly": True, "changes": [], "sides": {"master": session.description("master", []), "slave": None}},
             "live_changes",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed, description, records, write
+from tests.apps.monitor.feeds import description, records, write
 from tests.apps.monitor.test_watch import told
 from tests.system.processes import until
 from weberlink.apps.monitor.recording import RecordingDesk, file_name
@@ -214,14 +214,3 @@ def test_page_without_rights_cannot_record(rig: Rig) -> None:
     answer = asyncio.run(rig.watch.requests.answer(guest, request))
     assert answer is not None and not answer["accepted"]
     assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True
-
-
-def test_remote_session_cannot_be_recorded(tmp_path: Path) -> None:
-    watch = SessionWatcher(tmp_path, None, print)
-    RecordingDesk(watch, tmp_path, print)
-    watch.put(WatchedSession("remote", HandFeed("slave"), remote=True))
-    page = Viewer(None, may_change=True)
-    watch.join(page)
-    request = {"type": "record", "do": "start", "token": watch.requests.token}
-    answer = asyncio.run(watch.requests.answer(page, request))
-    assert answer is not None and "of this host" in answer["why"]

@@ -134,14 +134,11 @@ class SessionControl:
     def halted_by(self, name: str | None) -> list[WatchedSession]:
         """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
 
-        A page may name a session that is over while another one runs. One that runs on another host cannot be stopped
-        from here, and its page must say so.
+        A page may name a session that is over while another one runs.
         """
-        named, known = self._running(name), self._sessions.get(name or "")
+        named = self._running(name)
         if named is not None:
             return [named]
-        if known is not None and known.remote:
-            return []
         return [session for session in self._sessions.values() if self._running(session.name) is not None]
 
     async def emergency(self, name: str | None = None) -> Answer:
@@ -155,7 +152,7 @@ class SessionControl:
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
-        return None if session is None or session.ended or session.remote or session.ring is None else session
+        return None if session is None or session.ended or session.ring is None else session
 
     async def _ask_sides(
         self,

@@ -1,10 +1,10 @@
-"""Runs the monitor: web server, watcher of sessions, the link to another host, and the session that pages start."""
+"""Runs the monitor: web server, watcher of sessions, and the session that pages start."""
 
 import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Awaitable, Callable, Coroutine, Sized
+from collections.abc import Awaitable, Callable, Sized
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -13,24 +13,20 @@ from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import uvloop
 from aiohttp import web
 
 from weberlink.apps.monitor import access, address
-from weberlink.apps.monitor.address import MonitorError
 from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrder
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
-from weberlink.apps.monitor.remote.following import Following
-from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.view import View, ViewDesk
 from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
-from weberlink.protocol.sealed_stream import StreamTerms
 
 if TYPE_CHECKING:
     from weberlink.apps.monitor.replay import ReplaySource
@@ -55,12 +51,6 @@ class MonitorSettings:
     """Name of the session to follow; None for all."""
     browse: bool = False
     """Whether to open the page in a browser."""
-    share: tuple[str, int] | None = None
-    """Host and port to share this host's telemetry on."""
-    source: tuple[str, int] | None = None
-    """Host and port that shares its telemetry."""
-    terms: StreamTerms | None = None
-    """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
     recordings: Path = FOLDER
     """Folder of the recordings that pages start."""
     replay: "ReplaySource | None" = None
@@ -124,20 +114,14 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
             say(f"{address.url(listening)} (Ctrl-C ends it)")
         if settings.browse and not webbrowser.open(address.url(listening)):
             say(f"no browser found; open {address.url(listening)} yourself")
-        if settings.share is not None:
-            stack.push_async_callback((await _share(settings)).close)
         watch.look(monotonic())
-        if not watch.sessions and settings.source is None and visit is None:
+        if not watch.sessions and visit is None:
             say("waiting for a daemon; start weberlink loopback")
         if visit is not None and visit.left_s is not None:
             leaving = end_when_left(watch.viewers, visit.left_s, over, say)
             stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
         ended = over.wait() if keeper is None else _visited(keeper, over, watch)
-        running: list[Coroutine[Any, Any, Any]] = [watch.run(), ended]
-        if settings.source is not None:
-            assert settings.terms is not None
-            running.append(Following(settings.terms, settings.source, watch, None, say).run())
-        await first_result(running)
+        await first_result([watch.run(), ended])
     return None if keeper is None else keeper.last
 
 
@@ -185,22 +169,6 @@ def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Await
     from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
 
     return Replay(watch, source).close
-
-
-async def _share(settings: MonitorSettings) -> Sharing:
-    """Start sharing the telemetry of this host."""
-    assert settings.share is not None
-    assert settings.terms is not None
-    sharing = Sharing(settings.terms, None, settings.session, tell)
-    try:
-        host, port = await sharing.open(*settings.share)
-    except OSError as error:
-        where = ":".join(map(str, settings.share))
-        raise MonitorError(
-            f"--share {where}: cannot be served ({error.strerror or error}); choose another address or port"
-        ) from None
-    tell(f"sharing the telemetry of this host on {host}:{port} with holders of the key")
-    return sharing
 
 
 def tell(text: str, program: str = "weberlink monitor") -> None:

@@ -154,7 +154,7 @@ class RecordingDesk:
 
     def _refusal(self, session: WatchedSession) -> str | None:
         """Why a session cannot be recorded; None if it can."""
-        if session.ended or session.remote or session.ring is None or "system" not in session.description:
+        if session.ended or session.ring is None or "system" not in session.description:
             return "only a running session of this host can be recorded"
         try:
             for package in self._needs:

@@ -96,12 +96,10 @@ class WatchedSession:
     Args:
         name: of the session.
         first: feed of the side that was found first.
-        remote: whether the session runs on another host.
     """
 
-    def __init__(self, name: str, first: Feed, *, remote: bool = False) -> None:
+    def __init__(self, name: str, first: Feed) -> None:
         self.name = name
-        self.remote = remote
         self.rate_hz = first.rate_hz
         self.origin = first.began
         """Time 0 of the rows [s], on the clock of the records."""
@@ -270,7 +268,7 @@ class WatchedSession:
 
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
-        told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()}, remote=self.remote)
+        told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()})
         axes = None if self.arm is None else list(self.arm.axes)
         return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 

@@ -83,8 +83,8 @@ class SessionWatcher:
 
     @property
     def newest(self) -> WatchedSession | None:
-        """The session to show by default: running before ended, remote before local, then the one that began last."""
-        ranked = sorted(self.sessions.values(), key=lambda session: (not session.ended, session.remote))
+        """The session to show by default: running before ended, then the one that began last."""
+        ranked = sorted(self.sessions.values(), key=lambda session: not session.ended)
         return ranked[-1] if ranked else None
 
     async def run(self) -> None:
@@ -158,7 +158,6 @@ class SessionWatcher:
                 "sides": list(session.feeds),
                 "live": not session.ended,
                 "newest": session is newest,
-                "remote": session.remote,
                 "rate_hz": session.rate_hz,
                 "file": session.description.get("file"),
             }
@@ -326,7 +325,7 @@ class SessionWatcher:
     def _keep_settings(self, session: WatchedSession) -> None:
         """Ask a daemon for its settings at the beginning, and when its records report a change."""
         count = session.settings_count
-        if session.remote or count is None or count == session.settings_asked_at:
+        if count is None or count == session.settings_asked_at:
             return
         session.settings_asked_at = count
         if session.ring is not None:

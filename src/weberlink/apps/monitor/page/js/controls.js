@@ -62,7 +62,6 @@ export class Controls {
     if (!connected) return "the monitor does not answer";
     if (!hello?.session) return "no session";
     if (ended) return "the session has ended";
-    if (hello.remote) return "read-only: watched from another host";
     const link = LINK.includes(name);
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
     if (hello.readonly && (link || permitted.length))
