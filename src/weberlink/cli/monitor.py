@@ -25,16 +25,12 @@ def monitor(
     recordings: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
     ] = Path("recordings"),
-    replay: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Play a recording on the page; twice for the files of both sides."),
-    ] = None,
     view: Annotated[
         str | None,
         typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
     ] = None,
 ) -> None:
-    """Show running sessions in a browser, or replay a recording.
+    """Show running sessions in a browser.
 
     Until Ctrl-C. The same address has figures for Prometheus.
     """
@@ -61,7 +57,6 @@ def monitor(
         session,
         browse,
         recordings,
-        _replayed(replay) if replay else None,
         None if view is None else _view(view),
     )
     try:
@@ -81,15 +76,3 @@ def _view(text: str) -> Any:
         return parse_view(text)
     except ViewError as error:
         fail(str(error), MISCONFIGURED)
-
-
-def _replayed(paths: list[Path]) -> Any:
-    """What --replay plays."""
-    from weberlink.apps.monitor.program import tell  # noqa: PLC0415
-    from weberlink.system.configuration.extras import need_to_read  # noqa: PLC0415
-
-    with errors():
-        need_to_read(paths, "--replay", before="--replay: ")
-        from weberlink.apps.monitor.replay import read_source  # noqa: PLC0415 - reads with an optional library
-
-        return read_source(paths, tell)

@@ -157,12 +157,6 @@ def test_read_only_page_never_drives(visit: Visit) -> None:
     assert visit.states() == ["free", "none"]
 
 
-def test_session_without_a_ring_is_not_driven(visit: Visit) -> None:
-    visit.feed.ring = None
-    refused = visit.drive(0, ABOVE, True)
-    assert refused is not None and refused["state"] == "none" and visit.devices == []
-
-
 def test_session_with_another_device_is_not_driven(monkeypatch: pytest.MonkeyPatch) -> None:
     visit = Visit(monkeypatch, driver="operator")
     refused = visit.drive(0, ABOVE, True)

@@ -42,9 +42,9 @@ def test_log_keeps_only_the_last_events() -> None:
 
 @pytest.mark.parametrize(
     ("in_order", "level", "words"),
-    [(True, "info", "closed in order"), (False, "alarm", "died"), (None, "info", "no more records")],
+    [(True, "info", "closed in order"), (False, "alarm", "died")],
 )
-def test_end_of_a_side_names_its_reason(in_order: bool | None, level: str, words: str) -> None:
+def test_end_of_a_side_names_its_reason(in_order: bool, level: str, words: str) -> None:
     feed = HandFeed("slave")
     session = WatchedSession("7", feed)
     made = records(1500)

@@ -28,16 +28,19 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
 
 
 def test_page_sees_the_end_that_comes_after_the_last_records() -> None:
-    feed = HandFeed("slave")
-    watch = SessionWatcher(Path("/nonexistent"), None, print)
-    watch.put(WatchedSession("7", feed))
-    viewer = Viewer(None, may_change=True)
-    watch.join(viewer)
-    feed.put(records(20))
-    watch.look(0.0)
-    feed.over = True
-    watch.look(1.0)
-    assert told(viewer)[-1]["ended"]
+    async def run() -> None:
+        feed = HandFeed("slave")
+        watch = SessionWatcher(Path("/nonexistent"), None, print)
+        watch.put(WatchedSession("7", feed))
+        viewer = Viewer(None, may_change=True)
+        watch.join(viewer)
+        feed.put(records(20))
+        watch.look(0.0)
+        feed.over = True
+        watch.look(1.0)
+        assert told(viewer)[-1]["ended"]
+
+    asyncio.run(run())
 
 
 def test_page_follows_to_the_next_session(tmp_path: Path) -> None:

@@ -71,7 +71,6 @@ class SessionControl:
         settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
         answer: Answer = {}
         if settings:
-            assert session.ring is not None
             answer = await ask_daemon(session.ring, settings)
             take_settings(session, answer)
             if answer.get("accepted"):
@@ -152,7 +151,7 @@ class SessionControl:
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
-        return None if session is None or session.ended or session.ring is None else session
+        return None if session is None or session.ended else session
 
     async def _ask_sides(
         self,
@@ -162,7 +161,7 @@ class SessionControl:
         threads: ThreadPoolExecutor | None = None,
     ) -> dict[str, Answer]:
         """The answers of the sides of a session that run on this host; they are asked at the same time."""
-        rings = {side: feed.ring for side, feed in session.feeds.items() if feed.ring is not None and not feed.drained}
+        rings = {side: feed.ring for side, feed in session.feeds.items() if not feed.drained}
         asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
         return dict(zip(rings, await asyncio.gather(*asked), strict=True))
 
@@ -172,7 +171,7 @@ def _without_ended(session: WatchedSession, answers: Mapping[str, Answer]) -> di
     if not any(answer.get("accepted") for answer in answers.values()):
         return dict(answers)
     feeds = session.feeds
-    ended = {side for side in answers if (ring := feeds[side].ring) is not None and not path_beside(ring).exists()}
+    ended = {side for side in answers if not path_beside(feeds[side].ring).exists()}
     return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
 
 

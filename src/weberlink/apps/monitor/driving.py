@@ -68,7 +68,7 @@ class _Handle:
 def pointer_pid(session: WatchedSession | None) -> int | None:
     """Process id of the daemon that takes targets; None if there is none on this host, or it has another device."""
     feed = None if session is None else session.feeds.get(MASTER)
-    if feed is None or feed.drained or feed.ring is None or feed.description is None:
+    if feed is None or feed.drained or feed.description is None:
         return None
     device = feed.description.get("system", {}).get("master", {}).get("device", {})
     pid = feed.description.get("pid")

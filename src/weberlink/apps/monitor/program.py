@@ -4,7 +4,7 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Awaitable, Callable, Sized
+from collections.abc import Callable, Sized
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +13,6 @@ from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
 from time import monotonic
-from typing import TYPE_CHECKING
 
 import uvloop
 from aiohttp import web
@@ -27,9 +26,6 @@ from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
-
-if TYPE_CHECKING:
-    from weberlink.apps.monitor.replay import ReplaySource
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -53,8 +49,6 @@ class MonitorSettings:
     """Whether to open the page in a browser."""
     recordings: Path = FOLDER
     """Folder of the recordings that pages start."""
-    replay: "ReplaySource | None" = None
-    """A recording to show in the place of running sessions."""
     view: View | None = None
     """A picture to show beside the scene."""
 
@@ -90,8 +84,7 @@ def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult 
 async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResult | None:
     over = asyncio.Event()
     say = tell if visit is None else partial(tell, program="weberlink try")
-    only = settings.session if settings.replay is None else settings.replay.name
-    watch = SessionWatcher(None, only, say)
+    watch = SessionWatcher(None, settings.session, say)
     keeper = None if visit is None else _keeper(visit, watch, say)
     _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
@@ -103,8 +96,6 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
     await runner.setup()
     async with AsyncExitStack() as stack:
         stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
-        if settings.replay is not None:
-            stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
         if view is not None:
             stack.push_async_callback(view.close)
@@ -162,13 +153,6 @@ def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:
 
     for number in (SIGINT, SIGTERM, SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, end, number)
-
-
-def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Awaitable[None]]:
-    """Show a recording; returns what ends that."""
-    from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
-
-    return Replay(watch, source).close
 
 
 def tell(text: str, program: str = "weberlink monitor") -> None:

@@ -154,7 +154,7 @@ class RecordingDesk:
 
     def _refusal(self, session: WatchedSession) -> str | None:
         """Why a session cannot be recorded; None if it can."""
-        if session.ended or session.ring is None or "system" not in session.description:
+        if session.ended or "system" not in session.description:
             return "only a running session of this host can be recorded"
         try:
             for package in self._needs:
@@ -178,7 +178,7 @@ class RecordingDesk:
             self._publish(session.name)
             return refusal(why)
         self._failures.pop(session.name, None)
-        rings = {side: str(feed.ring) for side, feed in session.feeds.items() if feed.ring is not None}
+        rings = {side: str(feed.ring) for side, feed in session.feeds.items()}
         began = monotonic()
         recorder = Recorder(facts_of(session.description), rings, path, since=began)
         self._recordings[session.name] = _Recording(recorder, path, began)

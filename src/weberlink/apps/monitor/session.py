@@ -3,7 +3,6 @@
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from time import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,14 +34,6 @@ UNSCORED_S = 1.0
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
 
 
-ENDS = {
-    True: "closed in order",
-    False: "its process died without closing its telemetry",
-    None: "no more records",
-}
-"""How a side ended, by `Feed.in_order`."""
-
-
 class _Shown(NamedTuple):
     """Rows of a message: of a side (the same rows twice), or of the felt error (the master's and the slave's)."""
 
@@ -66,13 +57,6 @@ class _WatchedSide:
         self.paths: list[dict[str, Any]] = []
         """As its description says."""
         self._described: dict[str, Any] | None = None
-        self._wall_offset_s = feed.wall_offset_s
-
-    def wall_offset_s(self, newest_at: float) -> float:
-        """From the clock of the records to the wall clock [s]; estimated by the newest record if it is not known."""
-        if self._wall_offset_s is None:
-            self._wall_offset_s = time() - newest_at
-        return self._wall_offset_s
 
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
@@ -169,9 +153,9 @@ class WatchedSession:
         return next((feed.description for feed in self.feeds.values() if feed.description), {})
 
     @property
-    def ring(self) -> Path | None:
-        """The ring of a daemon on this host; None if there is none."""
-        return next((feed.ring for feed in self.feeds.values() if feed.ring is not None), None)
+    def ring(self) -> Path:
+        """The ring of one of its daemons."""
+        return next(iter(self.feeds.values())).ring
 
     @property
     def ended(self) -> bool:
@@ -231,7 +215,7 @@ class WatchedSession:
         for name, (records, _) in taken.items():
             if len(records):
                 self._unscored[name].append(records)
-                self.log.look(name, records, self._sides[name].wall_offset_s(float(records["at"][-1])))
+                self.log.look(name, records, self._sides[name].feed.wall_offset_s)
         for name, side in sorted(self._sides.items()):
             self.log.take_paths(name, side.paths)
         self._note_ends()
@@ -253,9 +237,9 @@ class WatchedSession:
             side.has_ended = True
             self.log.flush()
             fault = _fault(side.last)
-            outcome = ENDS[side.feed.in_order] + ("" if fault is None else f", with the fault {fault}")
-            in_order = side.feed.in_order is not False and fault is None
-            self.log.end(float(side.last["at"]), name, outcome, in_order=in_order)
+            outcome = "closed in order" if side.feed.in_order else "its process died without closing its telemetry"
+            outcome += "" if fault is None else f", with the fault {fault}"
+            self.log.end(float(side.last["at"]), name, outcome, in_order=side.feed.in_order and fault is None)
 
     def backlog(self) -> list[dict[str, Any]]:
         """Messages with the rows of the last seconds, for a page that opens."""

@@ -207,7 +207,7 @@ class ViewDesk:
     def _robot(session: WatchedSession) -> list[str] | None:
         """Model and pose of the simulated robot of a session on this host; None without one."""
         feed = session.feeds.get("slave")
-        described = None if feed is None or feed.ring is None or session.ended else feed.description
+        described = None if feed is None or session.ended else feed.description
         if described is None:
             return None
         robot = described.get("system", {}).get("slave", {}).get("robot", {})

@@ -38,8 +38,6 @@ class MessageKind(Enum):
     HISTORY = auto()
     RECORDING = auto()
     """State of the recording; only the newest counts."""
-    REPLAY = auto()
-    """State of the replay; only the newest counts."""
 
 
 MOST_BEFORE = {
@@ -61,7 +59,6 @@ MOST_BEFORE = {
     MessageKind.EVENTS: {MessageKind.EVENTS: EVENTS_WAITING - 1},
     MessageKind.HISTORY: {MessageKind.HISTORY: 0},
     MessageKind.RECORDING: {MessageKind.RECORDING: 0},
-    MessageKind.REPLAY: {MessageKind.REPLAY: 0},
 }
 """For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
 

@@ -328,14 +328,13 @@ class SessionWatcher:
         if count is None or count == session.settings_asked_at:
             return
         session.settings_asked_at = count
-        if session.ring is not None:
-            task = asyncio.get_running_loop().create_task(self._ask_settings(session, session.ring))
-            self._asking.add(task)
-            task.add_done_callback(self._asking.discard)
+        task = asyncio.get_running_loop().create_task(self._ask_settings(session))
+        self._asking.add(task)
+        task.add_done_callback(self._asking.discard)
 
-    async def _ask_settings(self, session: WatchedSession, ring: Path) -> None:
+    async def _ask_settings(self, session: WatchedSession) -> None:
         for _ in range(ASK_TIMES):
-            answer = await ask_daemon(ring, {})
+            answer = await ask_daemon(session.ring, {})
             take_settings(session, answer)
             self.control.take_link(session, answer)
             if "settings" in answer or session.ended:

@@ -1,6 +1,5 @@
 """The feed of a watched session whose records the follower has read already."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,9 @@ class FollowedFeed:
         self.rate_hz = source.rate_hz
         self.began = source.began
         self.description: dict[str, Any] | None = source.description
-        self.ring: Path | None = source.ring
-        self.wall_offset_s: float | None = source.wall_offset_s
-        self.in_order: bool | None = None
+        self.ring = source.ring
+        self.wall_offset_s = source.wall_offset_s
+        self.in_order = False
         self.drained = False
         self.written = 0
         self.lost = 0

@@ -55,7 +55,7 @@ class LiveParameters:
     def in_force(self) -> Values:
         """Settings and emulated link in force, or agreed; empty without a session. Blocks until a daemon answers."""
         session = next(iter(self._sessions.values()), None)
-        if session is None or session.ended or session.ring is None:
+        if session is None or session.ended:
             return {}
         return _asked_of(session.ring)
 

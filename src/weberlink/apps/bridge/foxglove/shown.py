@@ -107,7 +107,7 @@ class ShownSession:
 
     def _note(self, feed: RingFeed) -> None:
         self._conditions[feed.side] = SideCondition(feed, monotonic())
-        wall_s = feed.began + (feed.wall_offset_s or 0.0)
+        wall_s = feed.began + feed.wall_offset_s
         self._origins[feed.side] = Origin(feed.side, feed.rate_hz, wall_s, feed.began)
 
     def _show_bodies(self) -> None:
