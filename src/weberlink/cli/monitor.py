@@ -27,7 +27,7 @@ def monitor(
     ] = Path("recordings"),
     view: Annotated[
         str | None,
-        typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
+        typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0 or robot."),
     ] = None,
 ) -> None:
     """Show running sessions in a browser.
