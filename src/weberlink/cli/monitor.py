@@ -16,7 +16,8 @@ def monitor(
         str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
     ] = "127.0.0.1",
     public: Annotated[
-        bool, typer.Option("--public", help="Allow other hosts, without encryption or authentication.")
+        bool,
+        typer.Option("--public", help="Allow other hosts, without encryption; who has the key may change."),
     ] = False,
     session: Annotated[
         str | None, typer.Option(metavar="ID", help="Follow one session, by its launcher's process id; default: all.")
@@ -46,11 +47,9 @@ def monitor(
     if not access.is_loopback(listen):
         if not public:
             fail(
-                f"--listen {listen}: the page is neither encrypted nor authenticated; "
-                "add --public to serve it to other hosts all the same",
-                MISCONFIGURED,
+                f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED
             )
-        tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
+        tell(f"warning: {listen}: not encrypted, and everybody who can reach it sees everything")
     settings = MonitorSettings(
         listen,
         port,

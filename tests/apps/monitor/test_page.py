@@ -310,7 +310,7 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
             {"readonly": True, "changes": [], "sides": {"master": session.description("master", []), "slave": None}},
             "live_changes",
         ),
-        ({"readonly": True}, "only the user who runs the session"),
+        ({"readonly": True}, "the address with the key"),
     ],
 )
 def test_disabled_controls_say_why(page: Browser, server: ScriptedServer, other: Message, reason: str) -> None:

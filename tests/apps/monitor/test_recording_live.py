@@ -45,16 +45,16 @@ class Page:
 
 
 @asynccontextmanager
-async def page(url: str, session: str) -> AsyncIterator[Page]:
+async def page(url: str, key: str, session: str) -> AsyncIterator[Page]:
     async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
         await there(client, url, session)
-        async with client.ws_connect(f"{url}/ws?session={session}") as socket:
+        async with client.ws_connect(f"{url}/ws?session={session}&key={key}") as socket:
             yield Page(socket)
 
 
-async def record(url: str, session: str) -> Message:
+async def record(url: str, key: str, session: str) -> Message:
     """Record about two seconds with a mark; returns the last state of the recording."""
-    async with page(url, session) as shown:
+    async with page(url, key, session) as shown:
         assert (await shown.until("hello"))["records"]
         await shown.until("figures", engaged={"master": True, "slave": True})
         await shown.ask(type="record", do="start", name="../touch")
@@ -72,7 +72,7 @@ async def record(url: str, session: str) -> Message:
 def test_recorded_part_of_a_session_has_its_figures_and_its_mark(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     with Monitor(tmp_path, "--recordings", folder) as monitor, Program("loopback", "--json", "-", *PATIENT) as program:
-        done = asyncio.run(record(monitor.url, str(program.pid)))
+        done = asyncio.run(record(monitor.url, monitor.key, str(program.pid)))
         program.send(signal.SIGTERM)
         status, output, errors = program.finish()
         assert status == 0, errors

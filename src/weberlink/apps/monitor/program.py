@@ -4,14 +4,15 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Callable, Sized
-from contextlib import AsyncExitStack
+from collections.abc import Callable, Iterator, Sized
+from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
+from tempfile import NamedTemporaryFile
 from time import monotonic
 
 import uvloop
@@ -26,6 +27,7 @@ from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
+from weberlink.telemetry.runtime_directory import directory
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -101,10 +103,11 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
             stack.push_async_callback(view.close)
         listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
         await web.SockSite(runner, listening).start()
+        url = address.url(listening, watch.requests.token)
         if visit is None:
-            say(f"{address.url(listening)} (Ctrl-C ends it)")
-        if settings.browse and not webbrowser.open(address.url(listening)):
-            say(f"no browser found; open {address.url(listening)} yourself")
+            say(f"{url} (Ctrl-C ends it)")
+        if settings.browse and not webbrowser.open(stack.enter_context(leading_to(url))):
+            say(f"no browser found; open {url} yourself")
         watch.look(monotonic())
         if not watch.sessions and visit is None:
             say("waiting for a daemon; start weberlink loopback")
@@ -114,6 +117,15 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
         ended = over.wait() if keeper is None else _visited(keeper, over, watch)
         await first_result([watch.run(), ended])
     return None if keeper is None else keeper.last
+
+
+@contextmanager
+def leading_to(url: str) -> Iterator[str]:
+    """Address of a file that leads a browser to a page; its arguments, which every user can read, have no key then."""
+    with NamedTemporaryFile("w", suffix=".html", dir=directory()) as file:
+        file.write(f'<meta http-equiv="refresh" content="0; url={url}">\n')
+        file.flush()
+        yield Path(file.name).as_uri()
 
 
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:

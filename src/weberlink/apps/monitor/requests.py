@@ -13,8 +13,8 @@ Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 
 Urgency = Callable[[dict[str, Any]], bool]
 
-READ_ONLY = "this page is read-only: only the user who runs the session can change settings, on its host"
-UNPROVEN = "this is not the token of this start of the monitor; reload the page"
+READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
+UNPROVEN = "this is not the token of this start of the monitor; open the address that it printed"
 
 
 def always(_request: dict[str, Any]) -> bool:
@@ -35,8 +35,8 @@ class Requests:
     """The types of requests and their handlers.
 
     Attributes:
-        token: of this start of the monitor. Only pages that may change something are told it, and every request that
-            changes something must carry it.
+        token: of this start of the monitor, the key in the address that it prints. A page that was opened without it
+            only looks; every request that changes something must carry it.
     """
 
     def __init__(self) -> None:
