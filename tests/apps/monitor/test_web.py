@@ -18,7 +18,7 @@ from weberlink.apps.monitor import access
 from weberlink.apps.monitor import web as web_module
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import ROWS_WAITING, Viewer
+from weberlink.apps.monitor.viewer import MOST_WAITING, Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_GUESTS, MOST_PAGES, Site
 
@@ -167,7 +167,7 @@ def test_stalled_page_loses_rows_and_delays_nobody() -> None:
                     await asyncio.sleep(0)
                 (viewer,) = watch.viewers
                 assert viewer.lost_rows > 0
-                assert len(viewer) <= ROWS_WAITING + 4
+                assert len(viewer) <= MOST_WAITING["rows"] + 4
             writer.transport.abort()  # not before: the page is still there when the server ends
             assert watch.viewers == []
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from weberlink.apps.monitor.requests import READ_ONLY, Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.system.configuration import MASTER
 
@@ -127,7 +127,7 @@ class Driving:
 
     def tell(self, viewer: Viewer) -> None:
         """Tell a page the state of the handle of its session."""
-        viewer.put(MessageKind.HANDLE, to_json(self._state(viewer)))
+        viewer.put("handle", to_json(self._state(viewer)))
 
     def announce(self, name: str) -> None:
         """Tell all pages of a session the state of its handle."""

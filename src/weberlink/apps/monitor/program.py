@@ -23,7 +23,6 @@ from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrd
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
 from weberlink.apps.monitor.view import View, ViewDesk
-from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
@@ -131,7 +130,7 @@ def leading_to(url: str) -> Iterator[str]:
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
-    announce = partial(watch.tell_all, MessageKind.KEEPER)
+    announce = partial(watch.tell_all, "keeper")
     watch.keeper = SessionKeeper(visit.order, say, announce, watch.control.inherit)
     return watch.keeper
 

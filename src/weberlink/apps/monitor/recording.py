@@ -11,7 +11,7 @@ from typing import Any
 
 from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
@@ -120,7 +120,7 @@ class RecordingDesk:
         return {"records": viewer.may_change and why is None, "records_why": why}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
-        viewer.put(MessageKind.RECORDING, to_json(self._message(session.name)))
+        viewer.put("recording", to_json(self._message(session.name)))
 
     def close(self) -> None:
         """Finish all recordings."""
@@ -220,7 +220,7 @@ class RecordingDesk:
     def _publish(self, name: str) -> None:
         text = to_json(self._message(name))
         for viewer in self._watch.viewers_of(name):
-            viewer.put(MessageKind.RECORDING, text)
+            viewer.put("recording", text)
 
     def _message(self, name: str) -> dict[str, Any]:
         recording, failure = self._recordings.get(name), self._failures.get(name)

@@ -13,7 +13,7 @@ from weberlink.apps.monitor.keeper import SessionKeeper
 from weberlink.apps.monitor.requests import Answer, Requests, always, refusal
 from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
 from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Topic, Viewer, to_json
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
@@ -135,19 +135,19 @@ class SessionWatcher:
         self.viewers.append(viewer)
         self._assign()
         if viewer.watching is None:
-            viewer.put(MessageKind.HELLO, to_json({"type": "hello", "session": None} | self._own_part(viewer)))
+            viewer.greet(to_json({"type": "hello", "session": None} | self._own_part(viewer)))
         if self.keeper is not None:
-            viewer.put(MessageKind.KEEPER, to_json(self.keeper.message))
+            viewer.put("keeper", to_json(self.keeper.message))
 
     def leave(self, viewer: Viewer) -> None:
         self.viewers.remove(viewer)
         self.driving.leave(viewer)
 
-    def tell_all(self, kind: MessageKind, document: dict[str, Any]) -> None:
+    def tell_all(self, topic: Topic, document: dict[str, Any]) -> None:
         """Tell every page."""
         text = to_json(document)
         for viewer in self.viewers:
-            viewer.put(kind, text)
+            viewer.put(topic, text)
 
     def overview(self) -> list[dict[str, Any]]:
         """All sessions, the newest first."""
@@ -230,7 +230,7 @@ class SessionWatcher:
         for message in session.look(show=bool(viewers)):
             text = to_json(message)
             for viewer in viewers:
-                viewer.put(MessageKind.ROWS, text)
+                viewer.put("rows", text)
         self._keep_settings(session)
         if session.ended:
             self._tell(f"session {session.name}: over")
@@ -241,7 +241,7 @@ class SessionWatcher:
         if viewers and (is_figures_time or session.ended):
             text = to_json(session.figures())
             for viewer in viewers:
-                viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, text)
+                viewer.put("final" if session.ended else "figures", text)
 
     def _tell_events(self, session: WatchedSession) -> None:
         events = session.log.since(session.told_events)
@@ -249,7 +249,7 @@ class SessionWatcher:
         if events:
             text = to_json(events_message(session.name, events))
             for viewer in self.viewers_of(session.name):
-                viewer.put(MessageKind.EVENTS, text)
+                viewer.put("events", text)
 
     @staticmethod
     def _tell_history(session: WatchedSession, viewers: list[Viewer]) -> None:
@@ -257,7 +257,7 @@ class SessionWatcher:
         if wanting:
             text = to_json(session.history)
             for viewer in wanting:
-                viewer.put(MessageKind.HISTORY, text)
+                viewer.put("history", text)
 
     async def _subscribe(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any] | None:
         """Begin or end the messages with the history."""
@@ -277,18 +277,18 @@ class SessionWatcher:
             if session is not None and viewer.watching != session.name:
                 self._introduce(viewer, session)
 
-    def _greet(self, viewer: Viewer, session: WatchedSession, kind: MessageKind) -> None:
+    def _greeting(self, viewer: Viewer, session: WatchedSession) -> str:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
         hello |= self._own_part(viewer)
         for part in self._attached:
             hello |= part.hello(session, viewer)
-        viewer.put(kind, to_json(hello))
+        return to_json(hello)
 
     def _greet_all(self, session: WatchedSession) -> None:
         for viewer in self.viewers_of(session.name):
-            self._greet(viewer, session, MessageKind.AGAIN)
+            viewer.put("again", self._greeting(viewer, session))
 
     def _own_part(self, viewer: Viewer) -> dict[str, Any]:
         """The part of a greeting that depends on the page."""
@@ -299,14 +299,14 @@ class SessionWatcher:
         """Switch a page to a session and send its last seconds."""
         viewer.watching = session.name
         self.driving.leave(viewer)
-        self._greet(viewer, session, MessageKind.HELLO)
+        viewer.greet(self._greeting(viewer, session))
         self.driving.tell(viewer)
         for message in session.backlog():
-            viewer.put(MessageKind.ROWS, to_json(message))
+            viewer.put("rows", to_json(message))
         if session.log.events:
-            viewer.put(MessageKind.EVENTS, to_json(events_message(session.name, list(session.log.events))))
+            viewer.put("events", to_json(events_message(session.name, list(session.log.events))))
         self._tell_history(session, [viewer])
-        viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, to_json(session.figures()))
+        viewer.put("final" if session.ended else "figures", to_json(session.figures()))
         for part in self._attached:
             part.introduced(session, viewer)
 

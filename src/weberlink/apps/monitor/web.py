@@ -13,7 +13,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor.requests import UNPROVEN, refusal
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.bounded_json import parse
 
@@ -144,7 +144,7 @@ class Site:
             try:
                 waiting.put_nowait(document)
             except asyncio.QueueFull:
-                viewer.put(MessageKind.ANSWER, to_json(refusal("too many requests at once; this one is dropped")))
+                viewer.answer(to_json(refusal("too many requests at once; this one is dropped")))
 
     async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[object]") -> None:
         while True:
@@ -152,8 +152,12 @@ class Site:
 
     async def _answer(self, viewer: Viewer, document: object) -> None:
         answer = await self._watch.requests.answer(viewer, document)
-        if answer is not None:
-            viewer.put(MessageKind.HANDLE if answer["type"] == "handle" else MessageKind.ANSWER, to_json(answer))
+        if answer is None:
+            return
+        if answer["type"] == "handle":
+            viewer.put("handle", to_json(answer))
+        else:
+            viewer.answer(to_json(answer))
 
     async def _close_sockets(self, _application: web.Application) -> None:
         """Close all WebSockets; a page that does not read is not waited for."""
