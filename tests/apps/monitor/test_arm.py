@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tests.apps import arm_sessions as arms
-from tests.apps.monitor.feeds import HandFeed
-from weberlink.apps.monitor.rows import ARM, CARTESIAN
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
+from weberlink.watching.rows import ARM, CARTESIAN
+from weberlink.watching.session import WatchedSession
 
 TICKS = 2000
 PAGE = Path(str(files("weberlink.apps.monitor") / "page"))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.monitor.feeds import records, write
+from tests.watching.feeds import records, write
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system.control_socket import ControlSocket

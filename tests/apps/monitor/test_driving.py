@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed
+from tests.watching.feeds import HandFeed
 from weberlink.apps.monitor import driving
 from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, REMIND_S, Driving
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.geometry.vector import Vector
+from weberlink.watching.session import WatchedSession
 
 PID = 4711
 ABOVE, BELOW = [0.0, 0.0, 0.03], [0.0, 0.01, -0.02]

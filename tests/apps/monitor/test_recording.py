@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import description, records, write
 from tests.apps.monitor.test_watch import told
 from tests.system.processes import until
+from tests.watching.feeds import description, records, write
 from weberlink.apps.monitor.recording import RecordingDesk, file_name
-from weberlink.apps.monitor.rings import RingFeed
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import RingFeed
+from weberlink.watching.session import WatchedSession
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from aiohttp import web
 
-from tests.apps.monitor.feeds import HandFeed, description
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed, description
 from weberlink.apps.monitor.view import View, ViewDesk, ViewError, parse_view
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
+from weberlink.watching.session import WatchedSession
 
 cv2 = pytest.importorskip("cv2")
 PID = 2**22 + 7

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed, records, write
-from weberlink.apps.monitor.rings import find_rings
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed, records, write
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, SessionWatcher
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import find_rings
+from weberlink.watching.session import WatchedSession
 
 
 def ring(folder: Path, session: int, side: str) -> RingWriter:

@@ -12,15 +12,15 @@ import aiohttp
 import pytest
 from aiohttp import web
 
-from tests.apps.monitor.feeds import HandFeed, records
 from tests.system.processes import PATIENCE
+from tests.watching.feeds import HandFeed, records
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor import web as web_module
 from weberlink.apps.monitor.metrics import exposition
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MOST_WAITING, Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_GUESTS, MOST_PAGES, Site
+from weberlink.watching.session import WatchedSession
 
 Visit = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
 

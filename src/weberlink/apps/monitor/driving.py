@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any, Protocol
 
-from weberlink.apps.monitor.requests import READ_ONLY, Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.requests import READ_ONLY
 from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.system.configuration import MASTER
+from weberlink.watching.control import Answer, refusal
+from weberlink.watching.session import WatchedSession
 
 LEASE_S = 5.0
 """How long a page keeps the handle after it has released it, or fallen silent."""

@@ -9,8 +9,6 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor.requests import Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.configuration import ConfigurationError
@@ -19,6 +17,8 @@ from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
 from weberlink.system.wording import INFO, WARN, Words
 from weberlink.telemetry.recording.marks import shortened
 from weberlink.telemetry.recording.message import COMPLETE
+from weberlink.watching.control import Answer, refusal
+from weberlink.watching.session import WatchedSession
 
 FOLDER = Path("recordings")
 """Where recordings go if nothing else is said."""

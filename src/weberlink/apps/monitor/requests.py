@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from weberlink.apps.monitor.access import new_token
 from weberlink.apps.monitor.viewer import Viewer
+from weberlink.watching.control import Answer, refusal
 
-Answer = dict[str, Any]
 Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 """Answers a request without its `type` and `token`; None for no answer."""
 
@@ -85,8 +85,3 @@ class Requests:
     def _find(self, document: object) -> _Known | None:
         kind = document.get("type") if isinstance(document, dict) else None
         return self._known.get(kind) if isinstance(kind, str) else None
-
-
-def refusal(why: str) -> Answer:
-    """A request that was refused, with the reason."""
-    return {"type": "answer", "accepted": False, "why": why}

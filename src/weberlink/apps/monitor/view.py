@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 from aiohttp import WSCloseCode, web
 
 from weberlink.apps.monitor.frames import BACKENDS, CAMERA, FRAME, PERIOD_S, ROBOT
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.child_process import python
 from weberlink.telemetry.pose import path_of
+from weberlink.watching.session import WatchedSession
 
 MUJOCO = "mujoco"
 """The robot driver that publishes its pose."""

@@ -7,13 +7,13 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.apps.monitor import driving
-from weberlink.apps.monitor.control import SessionControl, ask_daemon, take_settings
-from weberlink.apps.monitor.events import events_message
 from weberlink.apps.monitor.keeper import SessionKeeper
-from weberlink.apps.monitor.requests import Answer, Requests, always, refusal
-from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
-from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.requests import Requests, always
 from weberlink.apps.monitor.viewer import Topic, Viewer, to_json
+from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal, take_settings
+from weberlink.watching.events import events_message
+from weberlink.watching.rings import Feed, RingOpener, find_rings
+from weberlink.watching.session import WatchedSession
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
@@ -71,7 +71,7 @@ class SessionWatcher:
         self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
         self.keeper: SessionKeeper | None = None
         """Of the session that pages may start; None where they may not."""
-        self.requests.add("change", self.control.change)
+        self.requests.add("change", self._change)
         self.requests.add("drive", self.driving.drive, urgent=always)
         self.requests.add("session", self._session, urgent=lambda request: request.get("do") == "emergency")
         self.requests.add("ping", _pong, reads=True, urgent=always)
@@ -163,6 +163,10 @@ class SessionWatcher:
             }
             for session in reversed(self.sessions.values())
         ]
+
+    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Change settings of the session that a page shows."""
+        return await self.control.change(viewer.watching, request)
 
     async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
         """Start or stop a session, or stop it at once."""

@@ -12,10 +12,11 @@ from pathlib import Path
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.requests import UNPROVEN, refusal
+from weberlink.apps.monitor.requests import UNPROVEN
 from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.bounded_json import parse
+from weberlink.watching.control import refusal
 
 LONGEST_MESSAGE = 4096
 """Longest message of a page [bytes]: it only asks for changes."""

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from weberlink.apps.monitor.rings import RingFeed, joined
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.rings import RingFeed, joined
 
 
 class FollowedFeed:
-    """A `weberlink.apps.monitor.rings.Feed` that is handed its records.
+    """A `weberlink.watching.rings.Feed` that is handed its records.
 
     Args:
         source: what the follower reads.

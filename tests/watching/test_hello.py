@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.monitor.feeds import description
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.hello import MOST_HEIGHTS, drawn, hello
+from tests.watching.feeds import description
+from weberlink.watching.hello import MOST_HEIGHTS, drawn, hello
 
 
 def test_greeting_has_scene_settings_and_choices() -> None:

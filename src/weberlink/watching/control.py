@@ -1,4 +1,4 @@
-"""Requests of pages to the daemons: live changes, the emulated link, stop and emergency stop."""
+"""Requests to the daemons: live changes, the emulated link, stop and emergency stop."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -7,10 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from weberlink.apps.monitor.requests import Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import Viewer
 from weberlink.system.control_socket import LiveChangeError, ask, path_beside
+from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
@@ -22,6 +20,13 @@ INHERIT_TIMES = 150
 INHERIT_AGAIN_S = 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
 NO_SESSION = "there is no running session on this host"
+
+Answer = dict[str, Any]
+
+
+def refusal(why: str) -> Answer:
+    """A request that was refused, with the reason."""
+    return {"type": "answer", "accepted": False, "why": why}
 
 
 class SessionControl:
@@ -52,12 +57,11 @@ class SessionControl:
     def close(self) -> None:
         self._emergency.shutdown(wait=False, cancel_futures=True)
 
-    async def change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
-        """Change settings of both sides, or of the emulated link in both directions."""
-        return await self.change_named(viewer.watching, request)
+    async def change(self, name: str | None, request: dict[str, Any]) -> Answer:
+        """Change settings of both sides of a session, or of the emulated link in both directions.
 
-    async def change_named(self, name: str | None, request: dict[str, Any]) -> Answer:
-        """The same for a session by its name; refused if it does not run on this host."""
+        Refused if there is no running session of that name.
+        """
         if not request:
             return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
         session = self._running(name)

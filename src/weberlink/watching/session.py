@@ -1,4 +1,4 @@
-"""A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
+"""A session as who watches it sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
@@ -7,11 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor.events import EventLog
-from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.history import History
-from weberlink.apps.monitor.rings import Feed, joined
-from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 from weberlink.codec.deadband.contract import Measures
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
@@ -26,6 +21,11 @@ from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
 from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.events import EventLog
+from weberlink.watching.hello import hello
+from weberlink.watching.history import History
+from weberlink.watching.rings import Feed, joined
+from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 
 BACKLOG_S = 5.0
 """How far back a page that opens is shown rows."""
