@@ -100,6 +100,8 @@ class Site:
         return web.Response(status=status, text=to_json(answer), content_type="application/json")
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
+        if request.transport is None:  # the client has disconnected
+            raise web.HTTPServiceUnavailable
         may_change = self._watch.requests.proves(request.query.get("key"))
         if self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
             raise web.HTTPServiceUnavailable
