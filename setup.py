@@ -60,7 +60,6 @@ PYTHON = {
     "control/table.py": "a type made of the table",
     "protocol/keys.py": "runs once",
     "protocol/noise.py": "copies objects with copy(), which objects of compiled classes refuse",
-    "protocol/sealed_stream.py": "not in a tick",
     "protocol/security.py": "compiled code takes only classes that inherit from a compiled protocol",
 }
 """What stays Python of those, and why; packages (`__init__.py`) do too, as they hold names and tables only."""

@@ -2,9 +2,7 @@
 
     @needs_root
     def test_...():
-        as_stranger(squat_file, path)                   # runs to its end
-        with Stranger(hold_connections, host, port, 16):   # holds on until the block ends
-            ...
+        as_stranger(squat_file, path)
 
 Each attack takes plain arguments and returns what it got, as JSON. `PermissionError` is an answer: `refused`.
 """
@@ -12,13 +10,11 @@ Each attack takes plain arguments and returns what it got, as JSON. `PermissionE
 import encodings.idna  # noqa: F401 - the other user may not be permitted to read the libraries of Python
 import json
 import os
-import signal
 import socket
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
@@ -31,46 +27,20 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can act as 
 Attack = Callable[..., Any]
 
 
-class Stranger:
-    """A process of another user that attacks, and then holds what it has until the end of the block.
-
-    Args:
-        attack: is called with the arguments.
-        user: id of the user.
-    """
-
-    def __init__(self, attack: Attack, *arguments: Any, user: int = NOBODY) -> None:
-        reading, writing = os.pipe()
-        self._pid = os.fork()
-        if self._pid == 0:
-            _become(user, writing, attack, arguments)
-        os.close(writing)
-        with os.fdopen(reading, "rb") as answer:
-            told = answer.read()
-        self._ended = False
-        document = json.loads(told) if told else {"error": "the attack ended without an answer"}
-        if "error" in document:
-            self.end()
-            raise RuntimeError(document["error"])
-        self.got = document["got"]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.end()
-
-    def end(self) -> None:
-        if not self._ended:
-            self._ended = True
-            os.kill(self._pid, signal.SIGKILL)
-            os.waitpid(self._pid, 0)
-
-
 def as_stranger(attack: Attack, *arguments: Any, user: int = NOBODY) -> Any:
     """Run an attack as another user; returns what it got, or "refused" where it had no permission."""
-    with Stranger(attack, *arguments, user=user) as stranger:
-        return stranger.got
+    reading, writing = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        _become(user, writing, attack, arguments)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as answer:
+        told = answer.read()
+    os.waitpid(pid, 0)
+    document = json.loads(told) if told else {"error": "the attack ended without an answer"}
+    if "error" in document:
+        raise RuntimeError(document["error"])
+    return document["got"]
 
 
 def _become(user: int, writing: int, attack: Attack, arguments: tuple[Any, ...]) -> None:
@@ -86,7 +56,6 @@ def _become(user: int, writing: int, attack: Attack, arguments: tuple[Any, ...])
         got = held if isinstance(held, str | int | bool | list | None) else None
         os.write(writing, json.dumps({"got": got}).encode())
         os.close(writing)
-        signal.pause()
     except BaseException as error:
         with suppress(OSError):
             os.write(writing, json.dumps({"error": repr(error)}).encode())
@@ -133,18 +102,3 @@ def ask_socket(path: str | Path, question: bytes) -> None:
     """Send a question to a socket of another user."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
         connection.sendto(question, str(path))
-
-
-def hold_connections(host: str, port: int, count: int, say: bytes = b"", heard: int = 0) -> Any:
-    """Open TCP connections and keep them: how they were answered, up to so many bytes each."""
-    held = [socket.create_connection((host, port), timeout=10.0) for _ in range(count)]
-    answers = []
-    for each in held:
-        each.sendall(say)
-        answers.append(each.recv(heard).decode("latin-1") if heard else "")
-    _HELD.extend(held)
-    return answers
-
-
-_HELD: list[socket.socket] = []
-"""Open until the process ends."""

@@ -132,7 +132,7 @@ def test_workers_import_nothing_from_the_working_directory() -> None:
 @pytest.mark.usefixtures("executed")
 def test_picture_maker_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
-    from tests.apps.monitor.test_view import test_file_that_is_no_video_is_told as tell  # noqa: PLC0415 - needs an extra
+    from tests.apps.monitor.test_view import test_camera_that_cannot_be_opened_is_told as tell  # noqa: PLC0415 - needs an extra
 
     tell(tmp_path)
 

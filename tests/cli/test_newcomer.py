@@ -271,9 +271,6 @@ TRIALS = {
     "missing recording to evaluate": Trial(
         said("evaluate", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
     ),
-    "missing recording to play": Trial(
-        said("monitor", "--replay", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "cannot be read: No such file"
-    ),
     "missing ledgers without the extra": Trial(
         said("ratings", "{}/none", program=BLOCKED.format("scipy")), 2, "no such folder"
     ),

@@ -58,12 +58,12 @@ def test_usual_port_in_use_gives_way_to_another(taken_port: int) -> None:
     with address.bind("127.0.0.1", taken_port, or_any=True) as listening:
         port = listening.getsockname()[1]
         assert port != taken_port
-        assert address.url(listening) == f"http://127.0.0.1:{port}/"
+        assert address.url(listening, "secret") == f"http://127.0.0.1:{port}/#key=secret"
 
 
 def test_address_for_other_hosts_has_the_key() -> None:
     with address.bind("127.0.0.1", 0) as listening:
-        assert address.public_url(listening, "secret") == f"{address.url(listening)}#key=secret"
+        assert address.public_url(listening, "secret") == address.url(listening, "secret")
     with address.bind("0.0.0.0", 0) as listening:
-        assert address.url(listening).startswith("http://127.0.0.1:")
+        assert address.url(listening, "secret").startswith("http://127.0.0.1:")
         assert "//0.0.0.0" not in address.public_url(listening, "secret")

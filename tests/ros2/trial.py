@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.apps.monitor.rings import RingFeed, RingOpener, find_rings
+from weberlink.watching.rings import RingFeed, RingOpener, find_rings
 
 TOPICS = {
     "/weberlink/hand": "geometry_msgs/msg/PoseStamped",

@@ -36,7 +36,6 @@ PLACES = {
         "apps.ros_export",
         "apps.lerobot_frames",
         "apps.lerobot_export",
-        "apps.monitor.replay",
     ),
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),

@@ -64,7 +64,15 @@ for arguments in json.loads(sys.argv[1]):
         sys.exit(f"{arguments} failed")
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
-OBSERVERS = {"weberlink.cli", "weberlink.apps", "weberlink.studies", "weberlink.system.launcher", "matplotlib", "scipy"}
+OBSERVERS = {
+    "weberlink.cli",
+    "weberlink.apps",
+    "weberlink.studies",
+    "weberlink.watching",
+    "weberlink.system.launcher",
+    "matplotlib",
+    "scipy",
+}
 OTHERS = {
     "aioice",
     "twisted",

@@ -20,7 +20,7 @@ from pathlib import Path
 from weberlink.telemetry.ring import RingWriter
 from tests.strangers import *
 from tests.system.processes import Program, document
-from weberlink.apps.monitor.rings import find_rings
+from weberlink.watching.rings import find_rings
 
 shared = Path("/dev/shm")
 as_stranger(squat_directory, shared / "weberlink-0")

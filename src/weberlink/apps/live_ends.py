@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.apps.monitor.rings import RingFile, find_rings, joined
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.description import read as read_description
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import AXES, JOINTS
 from weberlink.telemetry.ring import RingFormatError
+from weberlink.watching.rings import RingFile, find_rings, joined
 
 STALE_S = 0.5
 """Age of the newest record from which its daemon stands still [s]."""

@@ -16,38 +16,22 @@ def monitor(
         str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
     ] = "127.0.0.1",
     public: Annotated[
-        bool, typer.Option("--public", help="Allow other hosts, without encryption or authentication.")
+        bool,
+        typer.Option("--public", help="Allow other hosts, without encryption; who has the key may change."),
     ] = False,
     session: Annotated[
         str | None, typer.Option(metavar="ID", help="Follow one session, by its launcher's process id; default: all.")
     ] = None,
     browse: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
-    share: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Share the telemetry of this host with another, encrypted."),
-    ] = None,
-    source: Annotated[
-        str | None, typer.Option("--from", metavar="HOST:PORT", help="Show the telemetry that another host shares.")
-    ] = None,
-    key_file: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="KEY", help="Key of --share and --from, made by weberlink keygen; the same on both hosts."
-        ),
-    ] = None,
     recordings: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the recordings that the page starts; made on first use.")
     ] = Path("recordings"),
-    replay: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Play a recording on the page; twice for the files of both sides."),
-    ] = None,
     view: Annotated[
         str | None,
-        typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0, robot, or a video file."),
+        typer.Option(metavar="SOURCE", help="Picture beside the scene: camera:/dev/video0 or robot."),
     ] = None,
 ) -> None:
-    """Show running sessions in a browser, or replay a recording.
+    """Show running sessions in a browser.
 
     Until Ctrl-C. The same address has figures for Prometheus.
     """
@@ -60,27 +44,18 @@ def monitor(
     from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
     from weberlink.apps.monitor.program import MonitorSettings, run, tell  # noqa: PLC0415
 
-    if replay and (source is not None or share is not None):
-        fail("--replay shows a recording: give it without --share and --from", MISCONFIGURED)
-    addresses = _address("--share", share), _address("--from", source)
-    terms = _terms(key_file, needed=share is not None or source is not None)
     if not access.is_loopback(listen):
         if not public:
             fail(
-                f"--listen {listen}: the page is neither encrypted nor authenticated; "
-                "add --public to serve it to other hosts all the same",
-                MISCONFIGURED,
+                f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED
             )
-        tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
+        tell(f"warning: {listen}: not encrypted, and everybody who can reach it sees everything")
     settings = MonitorSettings(
         listen,
         port,
         session,
         browse,
-        *addresses,
-        terms,
         recordings,
-        _replayed(replay) if replay else None,
         None if view is None else _view(view),
     )
     try:
@@ -100,45 +75,3 @@ def _view(text: str) -> Any:
         return parse_view(text)
     except ViewError as error:
         fail(str(error), MISCONFIGURED)
-
-
-def _replayed(paths: list[Path]) -> Any:
-    """What --replay plays."""
-    from weberlink.apps.monitor.program import tell  # noqa: PLC0415
-    from weberlink.system.configuration.extras import need_to_read  # noqa: PLC0415
-
-    with errors():
-        need_to_read(paths, "--replay", before="--replay: ")
-        from weberlink.apps.monitor.replay import read_source  # noqa: PLC0415 - reads with an optional library
-
-        return read_source(paths, tell)
-
-
-def _address(option: str, text: str | None) -> tuple[str, int] | None:
-    from weberlink.system.configuration.model import split_address  # noqa: PLC0415
-
-    if text is None:
-        return None
-    try:
-        return split_address(text)
-    except ValueError as error:
-        fail(f"{option}: {error}", MISCONFIGURED)
-
-
-def _terms(path: Path | None, *, needed: bool) -> Any:
-    """Terms of --share and --from, with the key that they need."""
-    from weberlink.apps.monitor.remote.stream import telemetry_terms  # noqa: PLC0415
-    from weberlink.protocol.keys import KeyFileError, load  # noqa: PLC0415
-    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
-
-    if path is None:
-        if needed:
-            fail("--share and --from need --key-file; make a key with: weberlink keygen KEYFILE", MISCONFIGURED)
-        return None
-    if not needed:
-        fail("--key-file needs --share or --from", MISCONFIGURED)
-    forbid_core_dumps()
-    try:
-        return telemetry_terms(load(path))
-    except KeyFileError as error:
-        fail(f"--key-file: {error}", MISCONFIGURED)

@@ -61,7 +61,7 @@ def visit(
     token = access.new_token()
     # Visitors of other hosts come and go.
     left_s = LEFT_S if duration is None and access.is_loopback(listen) else None
-    _tell(f"open {address.url(listening)} in a browser; drag the blue ball")
+    _tell(f"open {address.url(listening, token)}")
     _tell(_ends(duration, left_s))
     if port is None and listening.getsockname()[1] != MONITOR_PORT:
         _tell(f"port {MONITOR_PORT} is in use, so this page has another one")

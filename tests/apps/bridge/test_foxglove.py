@@ -19,9 +19,9 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from tests.apps import arm_sessions
 from tests.apps.bridge.foxglove_client import FoxgloveClient
-from tests.apps.monitor.feeds import description, records, write
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
+from tests.watching.feeds import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
 from weberlink.apps.bridge.foxglove.bridge import FoxgloveBridge
 from weberlink.system.description import Description

@@ -10,11 +10,10 @@ import pytest
 
 from tests.apps.arm_rings import RANGES, arm_rings
 from tests.apps.arm_sessions import NAMES, SYSTEM
-from tests.apps.monitor.feeds import description, records, write
+from tests.watching.feeds import description, records, write
 from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
 from weberlink.apps.bridge.follow import SessionFollower
 from weberlink.apps.bridge.ros2 import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, Ros2Bridge, wall_offset_s
-from weberlink.apps.monitor.rings import RingFeed
 from weberlink.apps.ros_topics import shown
 from weberlink.ros2.messages import decode
 from weberlink.ros2.names import Qos
@@ -24,6 +23,7 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.recording.message import ENCAPSULATION
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import RingFeed
 
 SESSION = "7"
 

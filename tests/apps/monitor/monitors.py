@@ -66,13 +66,18 @@ class Monitor:
 
     @property
     def url(self) -> str:
-        """Of the page, once it is served; without the slash at the end."""
-        return self.until_said(r"(http://[^ ]+)/ ")
+        """Of the server, once the page is served; without the slash at the end."""
+        return self.until_said(r"(http://[^ /]+)/#")
 
     @property
-    def shares_on(self) -> str:
-        """Where it shares the telemetry of this host."""
-        return self.until_said(r"telemetry of this host on (\S+)")
+    def address(self) -> str:
+        """Of the page with the key, as it is printed."""
+        return self.until_said(r"http://\S+#key=\S+")
+
+    @property
+    def key(self) -> str:
+        """Of who may change something."""
+        return self.address.partition("#key=")[2]
 
     def kill(self) -> None:
         self._process.kill()

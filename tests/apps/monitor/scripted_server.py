@@ -9,7 +9,7 @@ from typing import Any, Self
 from aiohttp import web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.web import Handler, Site
 
 Message = dict[str, Any]
@@ -100,7 +100,7 @@ class ScriptedServer:
 
     def _put(self, viewer: Viewer, messages: Any) -> None:
         for message in messages:
-            viewer.put(MessageKind.ROWS, to_json(message))
+            viewer.put("rows", to_json(message))
 
     def _wait(self, work: Coroutine[Any, Any, None]) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)

@@ -65,7 +65,6 @@ def hello(**other: Any) -> Message:
         "type": "hello",
         "session": "1234",
         "readonly": False,
-        "remote": False,
         "sides": {side: description(side) for side in ("master", "slave")},
         "present": ["master", "slave"],
         "scene": SCENE,

@@ -1,4 +1,4 @@
-"""A session of arms as the monitor tells it: its axes, rows, felt error, packets and history, live and replayed."""
+"""A session of arms as the monitor tells it: its axes, rows, felt error, packets and history."""
 
 import json
 import re
@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from tests.apps import arm_sessions as arms
-from tests.apps.monitor.feeds import HandFeed
-from weberlink.apps.monitor.replay import Playback, read_source
-from weberlink.apps.monitor.rows import ARM, CARTESIAN
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
+from weberlink.watching.rows import ARM, CARTESIAN
+from weberlink.watching.session import WatchedSession
 
 TICKS = 2000
 PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
@@ -99,19 +98,6 @@ def test_history_has_torques_and_all_packets(watched: tuple[WatchedSession, list
     sent = sum(int(of[name].sum()) for of in made.values() for name in ("sent", "gripper_sent"))
     step = columns["t"][1] - columns["t"][0]
     assert sum(columns["packets"]) * step == pytest.approx(sent, rel=0.01)
-
-
-def test_replay_tells_the_same(watched: tuple[WatchedSession, list[dict]], made: dict, tmp_path: Path) -> None:
-    source = read_source([arms.recording(tmp_path / "arms.mcap", made)], print)
-    playback = Playback(source)
-    playback.catch_up(source.duration_s)
-    replayed, live = playback.session, watched[0]
-    assert replayed.hello()["axes"] == live.hello()["axes"]
-    assert replayed.history["columns"] == live.history["columns"]
-    for channel in CHANNELS:
-        told, expected = (each.figures()["figures"][channel] for each in (replayed, live))
-        assert told["packets"] == expected["packets"]
-        assert told["error_rms"] == pytest.approx(expected["error_rms"], rel=1e-9)
 
 
 def test_page_draws_columns_that_are_sent() -> None:

@@ -2,18 +2,17 @@
 
 import asyncio
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed
+from tests.watching.feeds import HandFeed
 from weberlink.apps.monitor import driving
 from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, REMIND_S, Driving
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.geometry.vector import Vector
+from weberlink.watching.session import WatchedSession
 
 PID = 4711
 ABOVE, BELOW = [0.0, 0.0, 0.03], [0.0, 0.01, -0.02]
@@ -156,21 +155,6 @@ def test_read_only_page_never_drives(visit: Visit) -> None:
     visit.pages[1].may_change = False
     visit.driving.announce("7")
     assert visit.states() == ["free", "none"]
-
-
-def _remote(visit: Visit) -> None:
-    visit.session.remote = True
-
-
-def _without_ring(visit: Visit) -> None:
-    visit.feed.ring = None
-
-
-@pytest.mark.parametrize("change", [_remote, _without_ring])
-def test_session_of_another_host_is_not_driven(visit: Visit, change: Callable[[Visit], None]) -> None:
-    change(visit)
-    refused = visit.drive(0, ABOVE, True)
-    assert refused is not None and refused["state"] == "none" and visit.devices == []
 
 
 def test_session_with_another_device_is_not_driven(monkeypatch: pytest.MonkeyPatch) -> None:

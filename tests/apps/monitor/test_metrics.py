@@ -5,12 +5,12 @@ from math import isnan
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.apps.monitor.feeds import HandFeed, description, records
+from tests.watching.feeds import HandFeed, description, records
 from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
+from weberlink.watching.session import WatchedSession
 
 
 def test_metrics_have_names_units_and_labels() -> None:

@@ -1,7 +1,6 @@
-"""A live session watched by monitors: page, metrics and another host show the figures of the report.
+"""A live session watched by monitors: page and metrics show the figures of the report.
 
-One session serves all of these tests: it is watched by two pages, by a second monitor over the authenticated link, and
-by a third with another key.
+One session, watched by two pages, serves all of these tests.
 """
 
 import asyncio
@@ -18,10 +17,8 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENCE, PATIENT, Program, document, free_port
-from tests.system.systems import CONFIGS
+from tests.system.processes import PATIENCE, PATIENT, Program, document
 from weberlink.apps.monitor.metrics import COUNTERS
-from weberlink.protocol.keys import generate
 
 LENGTH_S = 3
 Figures = dict[str, Any]
@@ -36,7 +33,6 @@ class Watched:
     page: list[Figures]
     late: list[Figures]
     """Of a page that opened in the middle."""
-    remote: list[Figures]
     metrics: dict[tuple[Any, ...], float]
     niceness: int
 
@@ -62,15 +58,11 @@ def assert_same(told: Any, expected: Any, path: str = "figures") -> None:
         assert told == expected, path
 
 
-async def collected(
-    client: aiohttp.ClientSession, url: str, session: str, questions: tuple[Figures, ...] = ()
-) -> list[Figures]:
+async def collected(client: aiohttp.ClientSession, url: str, session: str) -> list[Figures]:
     """All that a page is sent, to the end of the session."""
     await there(client, url, session)
     messages: list[Figures] = []
     async with client.ws_connect(f"{url}/ws?session={session}") as page:
-        for question in questions:
-            await page.send_json(question)
         async for message in page:
             messages.append(document(message.data))
             if messages[-1].get("ended"):
@@ -100,47 +92,32 @@ async def metrics(client: aiohttp.ClientSession, url: str, session: str) -> dict
 
 
 @pytest.fixture(scope="module")
-def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("key") / "key"
-    generate(path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def watched(key: Path, tmp_path_factory: pytest.TempPathFactory) -> Watched:
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Watched:
     folder = tmp_path_factory.mktemp("watched")
-    generate(folder / "other")
     out, go = folder / "report.json", folder / "go"
     # Its number is known before it begins, so that everybody is there by then and looks at nothing else.
     held_back = ("sh", "-c", f'while [ ! -e "{go}" ]; do sleep 0.05; done; exec "$@"', "sh")
-    with Program("loopback", "--duration", LENGTH_S, "--json", out, *PATIENT, prefix=held_back) as program:
-        mine = ("--session", program.pid)
-        with (
-            Monitor(folder, *mine) as monitor,
-            Monitor(folder, *mine, "--share", "127.0.0.1:0", "--key-file", key) as sharing,
-            Monitor(folder, "--session", 1, "--from", sharing.shares_on, "--key-file", key) as looking,
-            Monitor(folder, "--session", 1, "--from", sharing.shares_on, "--key-file", folder / "other") as stranger,
-        ):
-            stranger.until_said("--key-file must be")
-            looking.until_said("connected")
-            assert monitor.url
-            go.touch()
-            session = str(program.pid)
+    with (
+        Program("loopback", "--duration", LENGTH_S, "--json", out, *PATIENT, prefix=held_back) as program,
+        Monitor(folder, "--session", program.pid) as monitor,
+    ):
+        assert monitor.url
+        go.touch()
+        session = str(program.pid)
 
-            async def watch() -> tuple[list[Figures], ...]:
-                async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
-                    return await asyncio.gather(
-                        collected(client, monitor.url, session),
-                        late(client, monitor.url, session),
-                        collected(client, looking.url, "remote", ({"type": "change", "weber": 0.2},)),
-                    )
+        async def watch() -> tuple[list[Figures], ...]:
+            async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
+                return await asyncio.gather(
+                    collected(client, monitor.url, session),
+                    late(client, monitor.url, session),
+                )
 
-            page, opened_late, remote = asyncio.run(watch())
-            status, _, errors = program.finish()
-            assert status == 0, errors
-            niceness = os.getpriority(os.PRIO_PROCESS, monitor.pid)
-            exposed = asyncio.run(asked(monitor.url, session))
-    return Watched(session, document(out.read_text()), page, opened_late, remote, exposed, niceness)
+        page, opened_late = asyncio.run(watch())
+        status, _, errors = program.finish()
+        assert status == 0, errors
+        niceness = os.getpriority(os.PRIO_PROCESS, monitor.pid)
+        exposed = asyncio.run(asked(monitor.url, session))
+    return Watched(session, document(out.read_text()), page, opened_late, exposed, niceness)
 
 
 async def late(client: aiohttp.ClientSession, url: str, session: str) -> list[Figures]:
@@ -235,17 +212,6 @@ def test_metrics_equal_the_report(watched: Watched) -> None:
 
 
 @pytest.mark.realtime
-def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
-    last = final(watched.remote)
-    assert last["seen_from_start"]
-    assert_same(last["figures"], {key: watched.report[key] for key in last["figures"]})
-    hello = watched.remote[0]
-    assert hello["remote"] and hello["readonly"] and hello["changes"] == []
-    (answer,) = (message for message in watched.remote if message["type"] == "answer")
-    assert answer["accepted"] is False
-
-
-@pytest.mark.realtime
 def test_monitor_has_lower_priority_than_daemons(watched: Watched) -> None:
     assert watched.niceness >= 5
 
@@ -277,60 +243,8 @@ def taken_port() -> Iterator[int]:
         yield server.getsockname()[1]
 
 
-def test_port_in_use_is_one_line(tmp_path: Path, taken_port: int, key: Path) -> None:
+def test_port_in_use_is_one_line(tmp_path: Path, taken_port: int) -> None:
     with Monitor(tmp_path, "--port", taken_port) as monitor:
         status, said = monitor.finish()
     assert status == 1
     assert said.count("\n") == 1 and f"port {taken_port} is in use" in said and "--port" in said
-    with Monitor(tmp_path, "--share", f"127.0.0.1:{taken_port}", "--key-file", key) as monitor:
-        status, said = monitor.finish()
-    assert status == 1
-    assert f"--share 127.0.0.1:{taken_port}: cannot be served" in said.splitlines()[-1]
-
-
-def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path) -> None:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))  # and nobody listens
-        nobody = f"127.0.0.1:{server.getsockname()[1]}"
-        with Monitor(tmp_path, "--from", nobody, "--key-file", key, "--session", 1) as monitor:
-            monitor.until_said("cannot be reached")
-            assert monitor.url
-            assert monitor.said.count("cannot be reached") == 1
-            monitor.send(signal.SIGTERM)
-            assert monitor.finish()[0] == 0
-
-
-@pytest.mark.realtime
-@pytest.mark.hunt
-def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
-    """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
-    address = f"127.0.0.1:{free_port()}"
-    where = ("--set", f"link.listen={address}", "--set", f"link.slave={address}", *PATIENT)
-    files = tmp_path / "master.mcap", tmp_path / "slave.mcap"
-    with (
-        Program("slave", CONFIGS / "loopback.yaml", *where, "--record", files[1]) as slave,
-        Monitor(tmp_path, "--session", slave.pid, "--share", "127.0.0.1:0", "--key-file", key) as sharing,
-        Monitor(tmp_path, "--session", 1, "--from", sharing.shares_on, "--key-file", key) as looking,
-    ):
-        looking.until_said("connected")
-        with Program(
-            "master", CONFIGS / "loopback.yaml", *where, "--duration", LENGTH_S, "--record", files[0]
-        ) as master:
-            looking.until_said("are one session")
-            joined = asyncio.run(to_the_end(looking.url, "remote-2"))
-            assert master.finish()[0] == 0
-        slave.send(signal.SIGINT)
-        assert slave.finish()[0] == 0
-    with Program("info", *files, "--json", "-") as info:
-        status, output, errors = info.finish()
-    assert status == 0, errors
-    figures, recorded = final(joined)["figures"], document(output)
-    for channel in ("force", "position"):
-        for name in ("error_rms", "error_max", "violation_fraction"):
-            assert figures[channel][name] == pytest.approx(recorded[channel][name], rel=1e-9), (channel, name)
-    assert figures["ticks"]["master"]["count"] == recorded["ticks"]["master"]["count"]
-
-
-async def to_the_end(url: str, session: str) -> list[Figures]:
-    async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
-        return await collected(client, url, session)

@@ -306,12 +306,11 @@ def test_change_request_and_answer_are_shown(page: Browser, server: ScriptedServ
 @pytest.mark.parametrize(
     ("other", "reason"),
     [
-        ({"readonly": True, "remote": True, "changes": []}, "another host"),
         (
             {"readonly": True, "changes": [], "sides": {"master": session.description("master", []), "slave": None}},
             "live_changes",
         ),
-        ({"readonly": True}, "only the user who runs the session"),
+        ({"readonly": True}, "the address with the key"),
     ],
 )
 def test_disabled_controls_say_why(page: Browser, server: ScriptedServer, other: Message, reason: str) -> None:

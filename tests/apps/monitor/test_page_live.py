@@ -50,7 +50,7 @@ def value(report: dict[str, Any], path: str) -> float:
 def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> None:
     out = tmp_path / "report.json"
     with Monitor(tmp_path) as monitor:
-        page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
+        page.open(monitor.address)  # a monitor that is there before the session sees all of it
         # Of six degrees of freedom, which has every figure that there is.
         with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "2", "--json", out, *PATIENT) as program:
             name = str(program.pid)
@@ -89,8 +89,8 @@ def demonstration(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> It
         Program("loopback", *PATIENT) as program,
         Monitor(tmp_path_factory.mktemp("m"), "--session", program.pid) as monitor,
     ):
-        page.open(f"{monitor.url}/")
-        yield program.pid, f"{monitor.url}/"
+        page.open(monitor.address)
+        yield program.pid, monitor.address
 
 
 def test_predicted_surface_is_drawn(page: Browser, demonstration: tuple[int, str]) -> None:

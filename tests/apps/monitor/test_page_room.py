@@ -1,4 +1,4 @@
-"""The page as a control room: emergency stop, alarms, events, recording, replay, view, layouts, accessibility."""
+"""The page as a control room: emergency stop, alarms, events, recording, view, layouts, accessibility."""
 
 import struct
 import threading
@@ -353,25 +353,6 @@ def test_page_says_why_it_cannot_record(page: Browser, server: ScriptedServer) -
     page.wait(lambda: page.run(hidden, "record-why"), "the end of the session")
 
 
-def test_replay_controls_send_requests(page: Browser, server: ScriptedServer) -> None:
-    state: Message = {"type": "replay", "playing": False, "at": 12.0, "speed": 1.0}
-    visit(page, server, hello(replay={"duration_s": 60.0}), *told(), state)
-    page.wait(lambda: page.text("replay-time") == "12.0 of 60.0 s", "the time")
-    page.click("#replay-play")
-    assert asked(page, server, 1) == [{"type": "replay", "do": "play", "speed": 1}]
-    server.say(state | {"playing": True, "at": 12.5})
-    page.wait(lambda: page.text("replay-play") == "Pause", "the replay")
-    page.choose("replay-speed", "5")
-    assert asked(page, server, 2)[1] == {"type": "replay", "do": "play", "speed": 5}
-    page.choose("replay-at", "0.5")
-    page.wait(lambda: server.asked[-1].get("do") == "seek", "the step")
-    assert asked(page, server, 3)[-1] == {"type": "replay", "do": "seek", "at": 0.5, "speed": 5}
-    page.click("#replay-play")
-    page.wait(lambda: asked(page, server, 4)[-1]["do"] == "pause", "the pause")
-    server.say(state | {"at": 0.5}, session.samples("master", 0.0, 0.5))  # a step back: older rows
-    page.wait(lambda: page.number("duration") < 0.6, "the older rows")
-
-
 def test_whole_session_is_drawn_as_history(page: Browser, server: ScriptedServer) -> None:
     visit(page, server, hello(), *told(), figures())
     page.click('[data-window="all"]')
@@ -407,10 +388,10 @@ def test_view_shows_frame_and_its_age(page: Browser, server: ScriptedServer) -> 
 
 
 def test_page_without_token_disables_what_changes(page: Browser, server: ScriptedServer) -> None:
-    other = {"token": None, "readonly": True, "replay": {"duration_s": 60.0}}
+    other = {"token": None, "readonly": True}
     visit(page, server, hello() | other, *told(), figures())
     page.wait(lambda: page.text("engagement") == "master engaged", "the figures")
-    names = ("start", "stop", "record-switch", "mark", "replay-play", "replay-at")
+    names = ("start", "stop", "record-switch", "mark")
     assert all(page.run("return document.getElementById(arguments[0]).disabled", name) for name in names)
     page.run("document.activeElement.blur()")
     assert server.asked == []
@@ -428,7 +409,7 @@ def test_start_help_until_a_session(page: Browser, server: ScriptedServer) -> No
 
 def test_phone_shows_everything_without_scrolling_sideways(page: Browser, server: ScriptedServer) -> None:
     page.size(*PHONE)
-    visit(page, server, hello(replay={"duration_s": 60.0}), *told(), figures(ALARM, LOST))
+    visit(page, server, hello(), *told(), figures(ALARM, LOST))
     page.wait(lambda: LOST["text"] in page.text("alarms"), "the alarms")
     box = (
         "scrollTo(0, arguments[1]); const b = document.getElementById(arguments[0]).getBoundingClientRect();"
@@ -474,7 +455,7 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer, size: tuple[in
     page.size(*size)
     on: Message = {"type": "recording", "state": "on", "path": "a.mcap", "bytes": 4.1e6, "seconds": 12.3, "marks": 2}
     link = {"delay_ms": 20, "jitter_ms": 0, "loss": 0.02}
-    everything = hello(replay={"duration_s": 60.0}, drivable=True, workspace_m=0.06, link=link)
+    everything = hello(drivable=True, workspace_m=0.06, link=link)
     free: Message = {"type": "handle", "state": "free", "why": None}
     visit(page, server, everything, *told(), figures(ALARM, LOST), events("connected"), on, free, anew=True)
     page.wait(lambda: page.text("recording") != "" and LOST["text"] in page.text("alarms"), "all of it")

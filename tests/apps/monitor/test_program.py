@@ -1,9 +1,11 @@
-"""When the monitor's program ends."""
+"""When the monitor's program ends, and how it opens a browser."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
-from weberlink.apps.monitor.program import end_when_left
+from weberlink.apps.monitor.program import end_when_left, leading_to
 
 LIMIT_S, LOOK_S = 0.3, 0.01
 
@@ -65,3 +67,12 @@ def test_page_that_stays_closed_ends_the_visit_with_one_line() -> None:
 
     is_over, said = visit(act)
     assert is_over and len(said) == 1 and f"{LIMIT_S:g} s" in said[0]
+
+
+def test_browser_gets_the_key_from_a_file_of_this_user_alone() -> None:
+    url = "http://127.0.0.1:8724/#key=secret"
+    with leading_to(url) as opened:
+        path = Path(unquote(urlsplit(opened).path))
+        assert "secret" not in opened and f"url={url}" in path.read_text()
+        assert path.stat().st_mode & 0o077 == 0
+    assert not path.exists()

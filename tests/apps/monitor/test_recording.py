@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed, description, records, write
 from tests.apps.monitor.test_watch import told
 from tests.system.processes import until
+from tests.watching.feeds import description, records, write
 from weberlink.apps.monitor.recording import RecordingDesk, file_name
-from weberlink.apps.monitor.rings import RingFeed
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import RingFeed
+from weberlink.watching.session import WatchedSession
 
 
 @pytest.mark.parametrize(
@@ -214,14 +214,3 @@ def test_page_without_rights_cannot_record(rig: Rig) -> None:
     answer = asyncio.run(rig.watch.requests.answer(guest, request))
     assert answer is not None and not answer["accepted"]
     assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True
-
-
-def test_remote_session_cannot_be_recorded(tmp_path: Path) -> None:
-    watch = SessionWatcher(tmp_path, None, print)
-    RecordingDesk(watch, tmp_path, print)
-    watch.put(WatchedSession("remote", HandFeed("slave"), remote=True))
-    page = Viewer(None, may_change=True)
-    watch.join(page)
-    request = {"type": "record", "do": "start", "token": watch.requests.token}
-    answer = asyncio.run(watch.requests.answer(page, request))
-    assert answer is not None and "of this host" in answer["why"]

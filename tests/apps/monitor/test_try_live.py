@@ -53,7 +53,7 @@ def seen(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, A
         regripped = master.records[len(records) :]
         own = page.driver.current_window_handle
         page.driver.switch_to.new_window("tab")
-        page.driver.get(f"{visitor.monitor.url}/")
+        page.driver.get(visitor.monitor.address)
         page.wait(lambda: page.data("handle-state") not in ("", "none"), "who drives")
         second = page.data("handle-state")
         page.driver.switch_to.window(own)

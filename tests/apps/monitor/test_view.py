@@ -1,9 +1,10 @@
-"""The picture beside the scene: a video file, the robot's scene, and what cannot be shown."""
+"""The picture beside the scene: the robot's scene, and what cannot be shown."""
 
 import asyncio
 import struct
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import aiohttp
@@ -11,29 +12,20 @@ import numpy as np
 import pytest
 from aiohttp import web
 
-from tests.apps.monitor.feeds import HandFeed, description
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed, description
 from weberlink.apps.monitor.view import View, ViewDesk, ViewError, parse_view
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
+from weberlink.watching.session import WatchedSession
 
 cv2 = pytest.importorskip("cv2")
 PID = 2**22 + 7
 """Of no process."""
 
 Look = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
-
-
-def video(path: Path) -> Path:
-    """Twenty pictures that become brighter."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 15.0, (64, 48))
-    for number in range(20):
-        writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
-    writer.release()
-    return path
 
 
 def look_at(view: View, look: Look) -> list[str]:
@@ -67,30 +59,19 @@ def picture(message: aiohttp.WSMessage) -> tuple[float, Any]:
     return age, cv2.imdecode(np.frombuffer(message.data[8:], np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_video_comes_as_jpeg_with_its_age(tmp_path: Path) -> None:
-    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
-        async with client.ws_connect(url) as one, client.ws_connect(url) as other:
-            seen = [picture(await one.receive()) for _ in range(5)]
-            assert picture(await other.receive())[1].shape == (48, 64, 3)
-        assert all(0.0 <= age < 30.0 and pixels.shape == (48, 64, 3) for age, pixels in seen)
-        assert len({int(pixels.mean()) for _, pixels in seen}) > 1
-
-    assert look_at(parse_view(str(video(tmp_path / "wall.avi"))), look) == []
-
-
-def test_file_that_is_no_video_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "wall.mp4"
+def test_camera_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "video0"
     path.write_text("nonsense")
 
     async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
         async with client.ws_connect(url) as socket:
             assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
 
-    (line,) = look_at(parse_view(str(path)), look)
-    assert line == f"view: {path}: is no video that can be read"
+    (line,) = look_at(parse_view(f"camera:{path}"), look)
+    assert line.startswith(f"view: camera {path}: cannot be opened")
 
 
-@pytest.mark.parametrize("source", ["camera:/dev/none", "camera:77", "none.mp4", "robots"])
+@pytest.mark.parametrize("source", ["camera:/dev/none", "camera:77", "wall.mp4", "robots"])
 def test_source_that_is_not_there_is_refused(source: str) -> None:
     with pytest.raises(ViewError, match=f"--view {source}: "):
         parse_view(source)
@@ -113,20 +94,23 @@ def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(ViewDesk._robot(session)[0]))
     pose = PoseWriter(path_of(PID), model.nq)
     try:
-        pose.write(1.0, np.zeros(model.nq))
+        pose.write(monotonic(), np.zeros(model.nq))
 
         async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
             watch.put(session)
             viewer = Viewer(None, may_change=False)
             watch.join(viewer)
             assert told(viewer)[0]["view"] == "robot"
-            async with client.ws_connect(f"{url}?session=7") as socket:
+            where = f"{url}?session=7"
+            async with client.ws_connect(where) as socket, client.ws_connect(where) as other:
                 first = await socket.receive()
                 if first.type is not aiohttp.WSMsgType.BINARY:
                     pytest.skip("MuJoCo cannot draw here; make system installs what it needs")
-                pose.write(2.0, np.full(model.nq, 0.4))
+                pose.write(monotonic(), np.full(model.nq, 0.4))
                 second = await socket.receive()
-            before, after = picture(first)[1], picture(second)[1]
+                assert picture(await other.receive())[1].shape == (360, 480, 3)
+            (age, before), (_, after) = picture(first), picture(second)
+            assert 0.0 <= age < 30.0
             assert before.shape == after.shape == (360, 480, 3)
             moved = np.abs(before.astype(int) - after).max(axis=2) > 40
             assert 0.001 < moved.mean() < 0.5

@@ -1,13 +1,15 @@
 """The bounded queue of a page."""
 
 import asyncio
+from typing import get_args
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.apps.monitor.viewer import ANSWERS_WAITING, GREETINGS_WAITING, ROWS_WAITING, MessageKind, Viewer
+from weberlink.apps.monitor.viewer import ANSWERS_WAITING, MOST_WAITING, OUTLIVING, Topic, Viewer
 
-BOUND = ROWS_WAITING + ANSWERS_WAITING + 2 * GREETINGS_WAITING + 4
+TOPICS = get_args(Topic)
+BOUND = sum(MOST_WAITING.get(topic, 1) for topic in TOPICS) + ANSWERS_WAITING
 
 
 def drained(viewer: Viewer) -> list[str]:
@@ -17,65 +19,71 @@ def drained(viewer: Viewer) -> list[str]:
     return taken
 
 
-@given(st.lists(st.sampled_from(list(MessageKind)), max_size=600))
-def test_queue_is_bounded_and_keeps_the_newest(kinds: list[MessageKind]) -> None:
+@given(st.lists(st.sampled_from([*TOPICS, "answer"]), max_size=600))
+def test_queue_is_bounded_and_keeps_the_newest(topics: list[str]) -> None:
     viewer = Viewer(None, may_change=False)
-    for number, kind in enumerate(kinds):
-        viewer.put(kind, f"{kind.name} {number}")
+    for number, topic in enumerate(topics):
+        text = f"{topic} {number}"
+        if topic == "hello":
+            viewer.greet(text)
+        elif topic == "answer":
+            viewer.answer(text)
+        else:
+            viewer.put(topic, text)
         assert len(viewer) <= BOUND
     left = drained(viewer)
     for is_answer in (True, False):
-        numbers = [int(text.split()[1]) for text in left if text.startswith("ANSWER") == is_answer]
+        numbers = [int(text.split()[1]) for text in left if text.startswith("answer") == is_answer]
         assert numbers == sorted(numbers)
-    for kind in (MessageKind.HELLO, MessageKind.AGAIN, MessageKind.ANSWER, MessageKind.FINAL):
-        put = [number for number, each in enumerate(kinds) if each is kind]
-        if put:
-            assert f"{kind.name} {put[-1]}" in left
+    greeted = max((number for number, topic in enumerate(topics) if topic == "hello"), default=-1)
+    for topic in {*TOPICS, "answer"}:
+        put = [number for number, each in enumerate(topics) if each == topic]
+        if put and (topic in (*OUTLIVING, "answer") or put[-1] >= greeted):
+            assert f"{topic} {put[-1]}" in left
+        elif put:
+            assert not any(text.startswith(f"{topic} ") for text in left)
 
 
 def test_slow_page_loses_rows_but_no_figures() -> None:
     viewer = Viewer(None, may_change=False)
-    viewer.put(MessageKind.HELLO, "hello")
+    viewer.greet("hello")
     for number in range(1000):
-        viewer.put(MessageKind.ROWS, f"rows {number}")
+        viewer.put("rows", f"rows {number}")
         if number % 10 == 0:
-            viewer.put(MessageKind.FIGURES, f"figures {number}")
-    viewer.put(MessageKind.FINAL, "final")
+            viewer.put("figures", f"figures {number}")
+    viewer.put("final", "final")
     left = drained(viewer)
     assert left[0] == "hello" and left[-1] == "final"
-    assert left[1:-1] == [f"rows {number}" for number in range(1000 - ROWS_WAITING, 1000)]
-    assert viewer.lost_rows == 1000 - ROWS_WAITING
+    assert [text for text in left if text.startswith("figures")] == ["figures 990"]
+    rows = [text for text in left if text.startswith("rows")]
+    assert rows == [f"rows {number}" for number in range(1000 - MOST_WAITING["rows"], 1000)]
+    assert viewer.lost_rows == 1000 - MOST_WAITING["rows"]
 
 
 def test_final_figures_precede_the_next_greeting() -> None:
     viewer = Viewer(None, may_change=False)
-    for kind, text in (
-        (MessageKind.ROWS, "old"),
-        (MessageKind.FINAL, "final"),
-        (MessageKind.HELLO, "next"),
-        (MessageKind.ROWS, "new"),
-    ):
-        viewer.put(kind, text)
+    viewer.put("rows", "old")
+    viewer.put("final", "final")
+    viewer.greet("next")
+    viewer.put("rows", "new")
     assert drained(viewer) == ["final", "next", "new"]
 
 
 def test_repeated_greeting_keeps_the_rows() -> None:
     viewer = Viewer(None, may_change=False)
-    for kind, text in ((MessageKind.HELLO, "one side"), (MessageKind.ROWS, "rows"), (MessageKind.AGAIN, "both sides")):
-        viewer.put(kind, text)
+    viewer.greet("one side")
+    viewer.put("rows", "rows")
+    viewer.put("again", "both sides")
     assert drained(viewer) == ["one side", "rows", "both sides"]
 
 
 def test_answers_overtake_rows() -> None:
     viewer = Viewer(None, may_change=True)
-    for kind, text in (
-        (MessageKind.ROWS, "rows"),
-        (MessageKind.HANDLE, "taken"),
-        (MessageKind.ANSWER, "stopped"),
-        (MessageKind.ROWS, "more rows"),
-        (MessageKind.HANDLE, "free"),
-    ):
-        viewer.put(kind, text)
+    viewer.put("rows", "rows")
+    viewer.put("handle", "taken")
+    viewer.answer("stopped")
+    viewer.put("rows", "more rows")
+    viewer.put("handle", "free")
     assert drained(viewer) == ["stopped", "rows", "more rows", "free"]
 
 
@@ -85,7 +93,7 @@ def test_new_message_wakes_the_sender() -> None:
         messages = viewer.messages()
         first = asyncio.ensure_future(anext(messages))
         await asyncio.sleep(0)
-        viewer.put(MessageKind.ANSWER, "late")
+        viewer.answer("late")
         return await first
 
     assert asyncio.run(run()) == "late"

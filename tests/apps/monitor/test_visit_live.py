@@ -85,8 +85,8 @@ class Page:
 
 
 @asynccontextmanager
-async def opened(client: aiohttp.ClientSession, url: str) -> AsyncIterator[Page]:
-    socket = await client.ws_connect(f"{url}/ws")
+async def opened(client: aiohttp.ClientSession, monitor: Monitor) -> AsyncIterator[Page]:
+    socket = await client.ws_connect(f"{monitor.url}/ws?key={monitor.key}")
     page = Page(socket)
     listening = asyncio.get_running_loop().create_task(page.listen())
     try:
@@ -139,7 +139,7 @@ async def latency(page: Page, master: Telemetry, side: float) -> float:
 
 
 async def visit(client: aiohttp.ClientSession, monitor: Monitor) -> Visited:
-    async with opened(client, monitor.url) as driver, opened(client, monitor.url) as watcher:
+    async with opened(client, monitor) as driver, opened(client, monitor) as watcher:
         visited = Visited(driver.hello)
         name = driver.hello["session"]
         master, slave = (Telemetry(default_path(f"{name}-{side}")) for side in ("master", "slave"))
@@ -295,7 +295,7 @@ def test_page_that_is_closed_for_a_minute_ends_the_visit(tmp_path: Path) -> None
     async def look(monitor: Monitor) -> float:
         async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
             for _ in range(2):  # the second time within the minute
-                async with opened(client, monitor.url):
+                async with opened(client, monitor):
                     await asyncio.sleep(1.0)
                 await asyncio.sleep(1.0)
         return monotonic()

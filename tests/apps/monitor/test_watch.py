@@ -7,16 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed, description, records, write
-from weberlink.apps.monitor.remote.feeds import RemoteSide
-from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
-from weberlink.apps.monitor.rings import find_rings
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed, records, write
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, SessionWatcher
 from weberlink.telemetry.ring import RingWriter
-
-INTRODUCTION = SideIntroduction("7", "slave", 1000.0, 10.0, description("slave"))
+from weberlink.watching.rings import find_rings
+from weberlink.watching.session import WatchedSession
 
 
 def ring(folder: Path, session: int, side: str) -> RingWriter:
@@ -32,16 +28,19 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
 
 
 def test_page_sees_the_end_that_comes_after_the_last_records() -> None:
-    source = RemoteSide(INTRODUCTION)
-    watch = SessionWatcher(None, "remote", print)
-    watch.put(WatchedSession("remote", source.feed(), remote=True))
-    viewer = Viewer(None, may_change=True)
-    watch.join(viewer)
-    source.push(RecordBlock("slave", 20, 0, records(20)))
-    watch.look(0.0)
-    source.ended = True
-    watch.look(1.0)
-    assert told(viewer)[-1]["ended"]
+    async def run() -> None:
+        feed = HandFeed("slave")
+        watch = SessionWatcher(Path("/nonexistent"), None, print)
+        watch.put(WatchedSession("7", feed))
+        viewer = Viewer(None, may_change=True)
+        watch.join(viewer)
+        feed.put(records(20))
+        watch.look(0.0)
+        feed.over = True
+        watch.look(1.0)
+        assert told(viewer)[-1]["ended"]
+
+    asyncio.run(run())
 
 
 def test_page_follows_to_the_next_session(tmp_path: Path) -> None:

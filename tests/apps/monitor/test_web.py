@@ -12,16 +12,15 @@ import aiohttp
 import pytest
 from aiohttp import web
 
-from tests.apps.monitor.feeds import HandFeed, records
-from tests.strangers import NOBODY, SOMEBODY, Stranger, hold_connections, needs_root
 from tests.system.processes import PATIENCE
+from tests.watching.feeds import HandFeed, records
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor import web as web_module
 from weberlink.apps.monitor.metrics import exposition
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import ROWS_WAITING, Viewer
+from weberlink.apps.monitor.viewer import MOST_WAITING, Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_OF_CLIENT, MOST_PAGES, Site
+from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_GUESTS, MOST_PAGES, Site
+from weberlink.watching.session import WatchedSession
 
 Visit = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
 
@@ -168,45 +167,30 @@ def test_stalled_page_loses_rows_and_delays_nobody() -> None:
                     await asyncio.sleep(0)
                 (viewer,) = watch.viewers
                 assert viewer.lost_rows > 0
-                assert len(viewer) <= ROWS_WAITING + 4
+                assert len(viewer) <= MOST_WAITING["rows"] + 4
             writer.transport.abort()  # not before: the page is still there when the server ends
             assert watch.viewers == []
 
     asyncio.run(run())
 
 
-def test_number_of_pages_is_limited() -> None:
+@pytest.mark.parametrize(("most", "has_key"), [(MOST_PAGES, True), (MOST_GUESTS, False)])
+def test_number_of_pages_is_limited(most: int, has_key: bool) -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
-        pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
+        with_key, without = f"http://{where}/ws?key={watch.requests.token}", f"http://{where}/ws?key=x"
+        full, other = (with_key, without) if has_key else (without, with_key)
+        pages = [await client.ws_connect(full) for _ in range(most)]
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-            await client.ws_connect(f"http://{where}/ws")
+            await client.ws_connect(full)
         assert refused.value.status == 503
+        async with client.ws_connect(other):
+            assert [viewer.may_change for viewer in watch.viewers] == [has_key] * most + [not has_key]
         for page in pages:
             await page.close()
         while watch.viewers:
             await asyncio.sleep(0.01)
-        async with client.ws_connect(f"http://{where}/ws"):
+        async with client.ws_connect(full):
             pass
-
-    visit(visitor)
-
-
-@needs_root
-def test_other_users_take_no_place_of_the_owner() -> None:
-    async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
-        host, port = where.split(":")
-        attack = (hold_connections, host, int(port), 16, upgrade(where), len(b"HTTP/1.1 101"))
-        for user, greeted in ((NOBODY, MOST_OF_CLIENT), (SOMEBODY, MOST_OF_CLIENT)):
-            with await asyncio.to_thread(Stranger, *attack, user=user) as stranger:
-                assert stranger.got.count("HTTP/1.1 101") == greeted
-                assert stranger.got.count("HTTP/1.1 503") == 16 - greeted
-                assert not any(viewer.may_change for viewer in watch.viewers)
-                pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
-                assert sum(viewer.may_change for viewer in watch.viewers) == MOST_PAGES
-                for page in pages:
-                    await page.close()
-            while watch.viewers:
-                await asyncio.sleep(0.01)
 
     visit(visitor)
 
@@ -214,7 +198,7 @@ def test_other_users_take_no_place_of_the_owner() -> None:
 def test_session_and_its_daemons_need_the_token() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
         watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
-        async with client.ws_connect(f"http://{where}/ws") as page:
+        async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
             token = (await heard(page))["token"]
             for proof, why in (({}, "token"), ({"token": "x"}, "token"), ({"token": token}, "no daemon answers")):
                 for asked in (
@@ -267,7 +251,7 @@ def test_emergency_overtakes_a_request_that_waits() -> None:
             return {"accepted": True}
 
         watch.requests.add("slow", slow)
-        async with client.ws_connect(f"http://{where}/ws") as page:
+        async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
             proof = {"token": (await heard(page))["token"]}
             for _ in range(web_module.REQUESTS_WAITING + 1):  # the first is being answered
                 await page.send_json({"type": "slow"} | proof)
@@ -282,20 +266,27 @@ def test_emergency_overtakes_a_request_that_waits() -> None:
     visit(visitor)
 
 
-@needs_root
-def test_only_visitors_with_the_key_may_change() -> None:
-    """A process of another user stands for a visitor from another host."""
+@pytest.mark.parametrize("query", ["", "?key=", "?key=x", "?token=TOKEN", "?key=TOKENx"])
+def test_page_without_the_key_changes_nothing(query: str) -> None:
+    """Also of the user who runs the monitor, and also with the token in its requests."""
 
-    async def visitor(_client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
-        host, port = where.split(":")
-        for key, may_change in ((watch.requests.token, True), ("x", False)):
-            attack = (hold_connections, host, int(port), 1, upgrade(where, f"?key={key}"), len(b"HTTP/1.1 101"))
-            with await asyncio.to_thread(Stranger, *attack, user=NOBODY) as stranger:
-                assert "HTTP/1.1 101" in stranger.got
-                (viewer,) = watch.viewers
-                assert viewer.may_change is may_change
-            while watch.viewers:
-                await asyncio.sleep(0.01)
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
+        token = watch.requests.token
+        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
+        async with client.ws_connect(f"http://{where}/ws{query.replace('TOKEN', token)}") as page:
+            hello = await heard(page)
+            assert hello["readonly"] is True and hello["token"] is None
+            for asked in (
+                {"type": "change", "weber": 0.1},
+                {"type": "drive", "target": [0.0, 0.0, 0.0], "held": True},
+                {"type": "session", "do": "start"},
+                {"type": "session", "do": "stop"},
+                {"type": "session", "do": "emergency"},
+            ):
+                answer = await answered(page, asked | {"token": token})
+                assert answer["accepted"] is False and "read-only" in answer["why"]
+        async with client.get(f"http://{where}/api/emergency?key={token}") as response:
+            assert response.status == 405
 
     visit(visitor)
 

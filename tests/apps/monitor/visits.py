@@ -81,7 +81,7 @@ class Visit:
 def visit(page: Browser, folder: Path, *arguments: object) -> Iterator[Visit]:
     """A session to drive, with its page open and drawn."""
     with Monitor(folder, *arguments, command="try") as monitor:
-        page.open(f"{monitor.url}/")
+        page.open(monitor.address)
         page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
         page.wait(lambda: page.data("state") in ("engaged", "released"), "the session")
         yield Visit(page, monitor)

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed
 from tests.system.systems import configuration, steps
-from weberlink.apps.monitor.rows import FeltErrorPairs, Thinning
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import HandFeed
 from weberlink.apps.recordings import describe
 from weberlink.control.tuning import LiveSettings
 from weberlink.system import description
@@ -19,6 +17,8 @@ from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.simulate import VirtualRecording, build_simulation
 from weberlink.system.simulation import as_array
+from weberlink.watching.rows import FeltErrorPairs, Thinning
+from weberlink.watching.session import WatchedSession
 
 WEBERS = (0.25, 0.05)
 SHAPES = ("cone", "level_crossing")

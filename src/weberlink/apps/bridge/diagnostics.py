@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor.rings import RingFeed
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import Records
 from weberlink.system.wording import ALARM, INFO, WARN, Words, fault_words, words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
+from weberlink.watching.rings import RingFeed
 
 STALE_S = 1.0
 """A side that has written no record for this long stands still [s]."""

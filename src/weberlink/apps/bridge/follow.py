@@ -9,8 +9,8 @@ from threading import Event
 from time import monotonic
 from typing import Any, Protocol
 
-from weberlink.apps.monitor.rings import RingFeed, RingOpener, find_rings
 from weberlink.system.scoring.session import Records
+from weberlink.watching.rings import RingFeed, RingOpener, find_rings
 
 NICENESS = 5
 FIND_S = 0.25

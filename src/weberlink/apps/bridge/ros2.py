@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from weberlink.apps.bridge import follow
 from weberlink.apps.bridge.diagnostics import Level, SideCondition, Status
-from weberlink.apps.monitor.rings import RingFeed
 from weberlink.apps.ros_topics import shown, topics
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
@@ -19,6 +18,7 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.recording.message import Origin
+from weberlink.watching.rings import RingFeed
 
 NAME = "ros2"
 NODE = "weberlink"

@@ -39,19 +39,19 @@ def bind(listen: str, port: int, *, or_any: bool = False) -> socket.socket:
         raise MonitorError(_complaint(error, listen, port)) from None
 
 
-def url(listening: socket.socket) -> str:
-    """What the user of this host opens."""
+def url(listening: socket.socket, key: str) -> str:
+    """What the user of this host opens. A browser sends the part behind # to nobody; the page reads the key."""
     host, port = listening.getsockname()[:2]
     is_any = ip_address(host.partition("%")[0]).is_unspecified  # which a browser cannot open
-    return _url(("::1" if ":" in host else "127.0.0.1") if is_any else host, port)
+    return _url(("::1" if ":" in host else "127.0.0.1") if is_any else host, port, key)
 
 
 def public_url(listening: socket.socket, key: str) -> str:
-    """What users of other hosts open to drive. A browser sends the part behind # to nobody; the page reads the key."""
+    """The same for users of other hosts."""
     host, port = listening.getsockname()[:2]
     if ip_address(host.partition("%")[0]).is_unspecified:
         host = _own_address(listening.family) or socket.gethostname()
-    return f"{_url(host, port)}#key={key}"
+    return _url(host, port, key)
 
 
 def _own_address(family: int) -> str | None:
@@ -64,8 +64,8 @@ def _own_address(family: int) -> str | None:
         return str(probe.getsockname()[0])
 
 
-def _url(host: str, port: int) -> str:
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+def _url(host: str, port: int, key: str) -> str:
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/#key={key}"
 
 
 def _complaint(error: OSError, listen: str, port: int) -> str:

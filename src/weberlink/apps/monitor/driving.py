@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any, Protocol
 
-from weberlink.apps.monitor.requests import READ_ONLY, Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.requests import READ_ONLY
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.system.configuration import MASTER
+from weberlink.watching.control import Answer, refusal
+from weberlink.watching.session import WatchedSession
 
 LEASE_S = 5.0
 """How long a page keeps the handle after it has released it, or fallen silent."""
@@ -67,8 +68,8 @@ class _Handle:
 
 def pointer_pid(session: WatchedSession | None) -> int | None:
     """Process id of the daemon that takes targets; None if there is none on this host, or it has another device."""
-    feed = None if session is None or session.remote else session.feeds.get(MASTER)
-    if feed is None or feed.drained or feed.ring is None or feed.description is None:
+    feed = None if session is None else session.feeds.get(MASTER)
+    if feed is None or feed.drained or feed.description is None:
         return None
     device = feed.description.get("system", {}).get("master", {}).get("device", {})
     pid = feed.description.get("pid")
@@ -127,7 +128,7 @@ class Driving:
 
     def tell(self, viewer: Viewer) -> None:
         """Tell a page the state of the handle of its session."""
-        viewer.put(MessageKind.HANDLE, to_json(self._state(viewer)))
+        viewer.put("handle", to_json(self._state(viewer)))
 
     def announce(self, name: str) -> None:
         """Tell all pages of a session the state of its handle."""

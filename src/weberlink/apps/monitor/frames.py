@@ -1,4 +1,4 @@
-"""The process that makes the pictures of a view: of a camera, of a video file, or of the scene of a simulated robot.
+"""The process that makes the pictures of a view: of a camera, or of the scene of a simulated robot.
 
 It writes frames to standard output: the moment of the picture on the monotonic clock [s] as a little-endian double, the
 length of the JPEG as u32, and the JPEG. It ends with one line on standard error.
@@ -13,8 +13,7 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 FRAME = Struct("<dI")
-CAMERA, VIDEO, ROBOT = "camera", "video", "robot"
-KINDS = (CAMERA, VIDEO, ROBOT)
+CAMERA, ROBOT = "camera", "robot"
 PERIOD_S = 1.0 / 15.0
 """Least time between two frames."""
 SIZE = (360, 480)
@@ -51,29 +50,6 @@ def captured(device: str) -> Iterator[Picture]:
             sent_at = at
             yield Picture(at, camera.retrieve()[1])
     raise RuntimeError(f"camera {device}: gives no more pictures")
-
-
-def played(path: str) -> Iterator[Picture]:
-    """The pictures of a video file at its own pace, again and again.
-
-    Raises:
-        RuntimeError: it cannot be read.
-    """
-    import cv2  # noqa: PLC0415
-
-    while True:
-        video = cv2.VideoCapture(path)
-        rate = video.get(cv2.CAP_PROP_FPS) or 15.0
-        began, number, shown = monotonic(), 0, -1
-        while video.grab():
-            at = began + number / rate
-            if int((at - began) / PERIOD_S) != shown:
-                shown = int((at - began) / PERIOD_S)
-                sleep(max(0.0, at - monotonic()))
-                yield Picture(monotonic(), video.retrieve()[1])
-            number += 1
-        if not number:
-            raise RuntimeError(f"{path}: is no video that can be read")
 
 
 def drawn(model_path: str, pose_path: str) -> Iterator[Picture]:
@@ -114,11 +90,7 @@ def drawn(model_path: str, pose_path: str) -> Iterator[Picture]:
 
 def pictures(kind: str, arguments: list[str]) -> Iterator[Picture]:
     """The pictures of a kind of view."""
-    if kind == CAMERA:
-        return captured(*arguments)
-    if kind == VIDEO:
-        return played(*arguments)
-    return drawn(*arguments)
+    return captured(*arguments) if kind == CAMERA else drawn(*arguments)
 
 
 def main(kind: str, arguments: list[str]) -> int:

@@ -14,10 +14,10 @@ from signal import SIGINT, Signals
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor.requests import Answer, refusal
 from weberlink.child_process import python
 from weberlink.system.order import COMPLETED, FAILED, NOTE
 from weberlink.system.scenes import SceneChoice
+from weberlink.watching.control import Answer, refusal
 
 STOP_LIMIT_S = 20.0
 """Time from the request to stop to a kill; the launcher gives its daemons 15 s."""

@@ -11,10 +11,10 @@ from prometheus_client import CollectorRegistry, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
+from weberlink.watching.session import WatchedSession
 
 Newest = Sequence[tuple[str, str, Any]]
 """Session, side and newest record."""

@@ -1,39 +1,32 @@
-"""Runs the monitor: web server, watcher of sessions, the link to another host, and the session that pages start."""
+"""Runs the monitor: web server, watcher of sessions, and the session that pages start."""
 
 import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Awaitable, Callable, Coroutine, Sized
-from contextlib import AsyncExitStack
+from collections.abc import Callable, Iterator, Sized
+from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, Signals
 from socket import socket
+from tempfile import NamedTemporaryFile
 from time import monotonic
-from typing import TYPE_CHECKING, Any
 
 import uvloop
 from aiohttp import web
 
 from weberlink.apps.monitor import access, address
-from weberlink.apps.monitor.address import MonitorError
 from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrder
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
-from weberlink.apps.monitor.remote.following import Following
-from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.view import View, ViewDesk
-from weberlink.apps.monitor.viewer import MessageKind
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
-from weberlink.protocol.sealed_stream import StreamTerms
-
-if TYPE_CHECKING:
-    from weberlink.apps.monitor.replay import ReplaySource
+from weberlink.telemetry.runtime_directory import directory
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -55,16 +48,8 @@ class MonitorSettings:
     """Name of the session to follow; None for all."""
     browse: bool = False
     """Whether to open the page in a browser."""
-    share: tuple[str, int] | None = None
-    """Host and port to share this host's telemetry on."""
-    source: tuple[str, int] | None = None
-    """Host and port that shares its telemetry."""
-    terms: StreamTerms | None = None
-    """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
     recordings: Path = FOLDER
     """Folder of the recordings that pages start."""
-    replay: "ReplaySource | None" = None
-    """A recording to show in the place of running sessions."""
     view: View | None = None
     """A picture to show beside the scene."""
 
@@ -100,8 +85,7 @@ def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult 
 async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResult | None:
     over = asyncio.Event()
     say = tell if visit is None else partial(tell, program="weberlink try")
-    only = settings.session if settings.replay is None else settings.replay.name
-    watch = SessionWatcher(None, only, say)
+    watch = SessionWatcher(None, settings.session, say)
     keeper = None if visit is None else _keeper(visit, watch, say)
     _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
@@ -113,38 +97,40 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
     await runner.setup()
     async with AsyncExitStack() as stack:
         stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
-        if settings.replay is not None:
-            stack.push_async_callback(_replay(watch, settings.replay))
         stack.push_async_callback(runner.cleanup)
         if view is not None:
             stack.push_async_callback(view.close)
         listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
         await web.SockSite(runner, listening).start()
+        url = address.url(listening, watch.requests.token)
         if visit is None:
-            say(f"{address.url(listening)} (Ctrl-C ends it)")
-        if settings.browse and not webbrowser.open(address.url(listening)):
-            say(f"no browser found; open {address.url(listening)} yourself")
-        if settings.share is not None:
-            stack.push_async_callback((await _share(settings)).close)
+            say(f"{url} (Ctrl-C ends it)")
+        if settings.browse and not webbrowser.open(stack.enter_context(leading_to(url))):
+            say(f"no browser found; open {url} yourself")
         watch.look(monotonic())
-        if not watch.sessions and settings.source is None and visit is None:
+        if not watch.sessions and visit is None:
             say("waiting for a daemon; start weberlink loopback")
         if visit is not None and visit.left_s is not None:
             leaving = end_when_left(watch.viewers, visit.left_s, over, say)
             stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
         ended = over.wait() if keeper is None else _visited(keeper, over, watch)
-        running: list[Coroutine[Any, Any, Any]] = [watch.run(), ended]
-        if settings.source is not None:
-            assert settings.terms is not None
-            running.append(Following(settings.terms, settings.source, watch, None, say).run())
-        await first_result(running)
+        await first_result([watch.run(), ended])
     return None if keeper is None else keeper.last
+
+
+@contextmanager
+def leading_to(url: str) -> Iterator[str]:
+    """Address of a file that leads a browser to a page; its arguments, which every user can read, have no key then."""
+    with NamedTemporaryFile("w", suffix=".html", dir=directory()) as file:
+        file.write(f'<meta http-equiv="refresh" content="0; url={url}">\n')
+        file.flush()
+        yield Path(file.name).as_uri()
 
 
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
     watch.requests.token = visit.token
-    announce = partial(watch.tell_all, MessageKind.KEEPER)
+    announce = partial(watch.tell_all, "keeper")
     watch.keeper = SessionKeeper(visit.order, say, announce, watch.control.inherit)
     return watch.keeper
 
@@ -178,29 +164,6 @@ def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:
 
     for number in (SIGINT, SIGTERM, SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, end, number)
-
-
-def _replay(watch: SessionWatcher, source: "ReplaySource") -> Callable[[], Awaitable[None]]:
-    """Show a recording; returns what ends that."""
-    from weberlink.apps.monitor.replay import Replay  # noqa: PLC0415 - reads with an optional library
-
-    return Replay(watch, source).close
-
-
-async def _share(settings: MonitorSettings) -> Sharing:
-    """Start sharing the telemetry of this host."""
-    assert settings.share is not None
-    assert settings.terms is not None
-    sharing = Sharing(settings.terms, None, settings.session, tell)
-    try:
-        host, port = await sharing.open(*settings.share)
-    except OSError as error:
-        where = ":".join(map(str, settings.share))
-        raise MonitorError(
-            f"--share {where}: cannot be served ({error.strerror or error}); choose another address or port"
-        ) from None
-    tell(f"sharing the telemetry of this host on {host}:{port} with holders of the key")
-    return sharing
 
 
 def tell(text: str, program: str = "weberlink monitor") -> None:

@@ -9,9 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor.requests import Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
@@ -19,6 +17,8 @@ from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
 from weberlink.system.wording import INFO, WARN, Words
 from weberlink.telemetry.recording.marks import shortened
 from weberlink.telemetry.recording.message import COMPLETE
+from weberlink.watching.control import Answer, refusal
+from weberlink.watching.session import WatchedSession
 
 FOLDER = Path("recordings")
 """Where recordings go if nothing else is said."""
@@ -120,7 +120,7 @@ class RecordingDesk:
         return {"records": viewer.may_change and why is None, "records_why": why}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
-        viewer.put(MessageKind.RECORDING, to_json(self._message(session.name)))
+        viewer.put("recording", to_json(self._message(session.name)))
 
     def close(self) -> None:
         """Finish all recordings."""
@@ -154,7 +154,7 @@ class RecordingDesk:
 
     def _refusal(self, session: WatchedSession) -> str | None:
         """Why a session cannot be recorded; None if it can."""
-        if session.ended or session.remote or session.ring is None or "system" not in session.description:
+        if session.ended or "system" not in session.description:
             return "only a running session of this host can be recorded"
         try:
             for package in self._needs:
@@ -178,7 +178,7 @@ class RecordingDesk:
             self._publish(session.name)
             return refusal(why)
         self._failures.pop(session.name, None)
-        rings = {side: str(feed.ring) for side, feed in session.feeds.items() if feed.ring is not None}
+        rings = {side: str(feed.ring) for side, feed in session.feeds.items()}
         began = monotonic()
         recorder = Recorder(facts_of(session.description), rings, path, since=began)
         self._recordings[session.name] = _Recording(recorder, path, began)
@@ -220,7 +220,7 @@ class RecordingDesk:
     def _publish(self, name: str) -> None:
         text = to_json(self._message(name))
         for viewer in self._watch.viewers_of(name):
-            viewer.put(MessageKind.RECORDING, text)
+            viewer.put("recording", text)
 
     def _message(self, name: str) -> dict[str, Any]:
         recording, failure = self._recordings.get(name), self._failures.get(name)

@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 
 from weberlink.apps.monitor.access import new_token
 from weberlink.apps.monitor.viewer import Viewer
+from weberlink.watching.control import Answer, refusal
 
-Answer = dict[str, Any]
 Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 """Answers a request without its `type` and `token`; None for no answer."""
 
 Urgency = Callable[[dict[str, Any]], bool]
 
-READ_ONLY = "this page is read-only: only the user who runs the session can change settings, on its host"
-UNPROVEN = "this is not the token of this start of the monitor; reload the page"
+READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
+UNPROVEN = "this is not the token of this start of the monitor; open the address that it printed"
 
 
 def always(_request: dict[str, Any]) -> bool:
@@ -35,8 +35,8 @@ class Requests:
     """The types of requests and their handlers.
 
     Attributes:
-        token: of this start of the monitor. Only pages that may change something are told it, and every request that
-            changes something must carry it.
+        token: of this start of the monitor, the key in the address that it prints. A page that was opened without it
+            only looks; every request that changes something must carry it.
     """
 
     def __init__(self) -> None:
@@ -85,8 +85,3 @@ class Requests:
     def _find(self, document: object) -> _Known | None:
         kind = document.get("type") if isinstance(document, dict) else None
         return self._known.get(kind) if isinstance(kind, str) else None
-
-
-def refusal(why: str) -> Answer:
-    """A request that was refused, with the reason."""
-    return {"type": "answer", "accepted": False, "why": why}

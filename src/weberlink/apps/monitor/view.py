@@ -1,4 +1,4 @@
-"""A picture beside the scene: frames of a camera, a video file or the robot's simulated scene, over a WebSocket.
+"""A picture beside the scene: frames of a camera or of the robot's simulated scene, over a WebSocket.
 
 A message is the age of the frame when it is sent [s], as a little-endian double, and a JPEG. A slow page skips frames.
 """
@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 from aiohttp import WSCloseCode, web
 
-from weberlink.apps.monitor.frames import BACKENDS, CAMERA, FRAME, PERIOD_S, ROBOT, VIDEO
-from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.frames import BACKENDS, CAMERA, FRAME, PERIOD_S, ROBOT
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.child_process import python
 from weberlink.telemetry.pose import path_of
+from weberlink.watching.session import WatchedSession
 
 MUJOCO = "mujoco"
 """The robot driver that publishes its pose."""
@@ -35,30 +35,28 @@ class ViewError(ValueError):
 
 
 class View(NamedTuple):
-    """What to show: a kind of `weberlink.apps.monitor.frames`, and the camera or the file."""
+    """What to show: a kind of `weberlink.apps.monitor.frames`, and the camera."""
 
     kind: str
     source: str = ""
 
 
 def parse_view(text: str) -> View:
-    """Read the option: `camera:DEVICE`, `robot`, or the path of a video file.
+    """Read the option: `camera:DEVICE` or `robot`.
 
     Raises:
-        ViewError: there is no such camera or file.
+        ViewError: it is neither, or there is no such camera.
     """
     if text == ROBOT:
         return View(ROBOT)
-    if text.startswith(PREFIX):
-        device = text.removeprefix(PREFIX)
-        path = Path(f"/dev/video{device}" if device.isdecimal() else device)
-        if not path.exists():
-            there = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*"))) or "none"
-            raise ViewError(f"--view {text}: there is no {path}; cameras here: {there}")
-        return View(CAMERA, str(path))
-    if not Path(text).is_file():
-        raise ViewError(f"--view {text}: expected camera:DEVICE, robot, or the path of a video file")
-    return View(VIDEO, text)
+    if not text.startswith(PREFIX):
+        raise ViewError(f"--view {text}: expected camera:DEVICE or robot")
+    device = text.removeprefix(PREFIX)
+    path = Path(f"/dev/video{device}" if device.isdecimal() else device)
+    if not path.exists():
+        there = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*"))) or "none"
+        raise ViewError(f"--view {text}: there is no {path}; cameras here: {there}")
+    return View(CAMERA, str(path))
 
 
 class FrameSource:
@@ -207,7 +205,7 @@ class ViewDesk:
     def _robot(session: WatchedSession) -> list[str] | None:
         """Model and pose of the simulated robot of a session on this host; None without one."""
         feed = session.feeds.get("slave")
-        described = None if feed is None or feed.ring is None or session.ended else feed.description
+        described = None if feed is None or session.ended else feed.description
         if described is None:
             return None
         robot = described.get("system", {}).get("slave", {}).get("robot", {})

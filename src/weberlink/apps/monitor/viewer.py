@@ -1,69 +1,25 @@
 """Bounded queue of the messages to one page.
 
-A slow page loses the oldest rows and outdated figures; it loses no greeting and no answer. Answers overtake all
-else.
+Of a state only the newest message waits; rows and events wait in their order, and a slow page loses the oldest ones.
+It loses neither the newest greeting nor an answer. Answers overtake all else.
 """
 
 import asyncio
 import json
 from collections import deque
 from collections.abc import AsyncIterator
-from enum import Enum, auto
-from typing import Any
+from typing import Any, Literal
 
-ROWS_WAITING = 60
-"""Most messages of rows in the queue: about a second of a session."""
+Topic = Literal["hello", "again", "rows", "events", "figures", "final", "history", "handle", "keeper", "recording"]
+"""What a message is about.
+
+`again` greets once more with the same session, `final` are its last figures, `keeper` is the session that pages start.
+"""
+MOST_WAITING: dict[Topic, int] = {"rows": 60, "events": 16}
+"""Most messages that wait, of a topic of which every one counts: 60 of rows are about a second of a session."""
+OUTLIVING: tuple[Topic, ...] = ("final", "keeper")
+"""What still counts once another session is shown."""
 ANSWERS_WAITING = 16
-GREETINGS_WAITING = 4
-EVENTS_WAITING = 16
-
-
-class MessageKind(Enum):
-    """Kinds of messages, by how the queue treats them."""
-
-    HELLO = auto()
-    """The greeting of another session."""
-    AGAIN = auto()
-    """A new greeting of the present session."""
-    ROWS = auto()
-    FIGURES = auto()
-    FINAL = auto()
-    """The last figures of a session."""
-    ANSWER = auto()
-    HANDLE = auto()
-    """Who drives."""
-    KEEPER = auto()
-    """The state of the session that the page starts."""
-    EVENTS = auto()
-    HISTORY = auto()
-    RECORDING = auto()
-    """State of the recording; only the newest counts."""
-    REPLAY = auto()
-    """State of the replay; only the newest counts."""
-
-
-MOST_BEFORE = {
-    MessageKind.HELLO: {
-        MessageKind.ROWS: 0,
-        MessageKind.FIGURES: 0,
-        MessageKind.EVENTS: 0,
-        MessageKind.HISTORY: 0,
-        MessageKind.HELLO: GREETINGS_WAITING - 1,
-        MessageKind.FINAL: GREETINGS_WAITING - 1,
-    },
-    MessageKind.AGAIN: {MessageKind.AGAIN: 0},
-    MessageKind.ROWS: {MessageKind.ROWS: ROWS_WAITING - 1},
-    MessageKind.FIGURES: {MessageKind.FIGURES: 0},
-    MessageKind.FINAL: {MessageKind.FIGURES: 0},
-    MessageKind.ANSWER: {MessageKind.ANSWER: ANSWERS_WAITING - 1},
-    MessageKind.HANDLE: {MessageKind.HANDLE: 0},
-    MessageKind.KEEPER: {MessageKind.KEEPER: 0},
-    MessageKind.EVENTS: {MessageKind.EVENTS: EVENTS_WAITING - 1},
-    MessageKind.HISTORY: {MessageKind.HISTORY: 0},
-    MessageKind.RECORDING: {MessageKind.RECORDING: 0},
-    MessageKind.REPLAY: {MessageKind.REPLAY: 0},
-}
-"""For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
 
 
 def to_json(document: dict[str, Any]) -> str:
@@ -85,32 +41,37 @@ class Viewer:
         """The session of its last greeting."""
         self.wants_history = False
         self.lost_rows = 0
-        self._waiting: deque[tuple[MessageKind, str]] = deque()
-        self._answers: deque[tuple[MessageKind, str]] = deque()
-        self._counts = dict.fromkeys(MessageKind, 0)
+        self._waiting: deque[tuple[Topic, str]] = deque()
+        self._answers: deque[str] = deque(maxlen=ANSWERS_WAITING)
         self._came = asyncio.Event()
 
-    def put(self, kind: MessageKind, text: str) -> None:
-        """Queue a message and drop outdated ones."""
-        queue = self._answers if kind is MessageKind.ANSWER else self._waiting
-        for outdated, most in MOST_BEFORE[kind].items():
-            while self._counts[outdated] > most:
-                queue.remove(next(message for message in queue if message[0] is outdated))
-                self._counts[outdated] -= 1
-                self.lost_rows += outdated is kind is MessageKind.ROWS
-        queue.append((kind, text))
-        self._counts[kind] += 1
+    def greet(self, text: str) -> None:
+        """Queue the greeting of another session; what waits of the one before is dropped, but for its last figures."""
+        self._waiting = deque(message for message in self._waiting if message[0] in OUTLIVING)
+        self.put("hello", text)
+
+    def put(self, topic: Topic, text: str) -> None:
+        """Queue a message in place of the earlier ones of its topic, or of the oldest of them if each counts."""
+        same = [message for message in self._waiting if message[0] == topic]
+        for outdated in same[: max(0, len(same) + 1 - MOST_WAITING.get(topic, 1))]:
+            self._waiting.remove(outdated)
+            self.lost_rows += topic == "rows"
+        self._waiting.append((topic, text))
+        self._came.set()
+
+    def answer(self, text: str) -> None:
+        """Queue an answer before all else."""
+        self._answers.append(text)
         self._came.set()
 
     def take(self) -> str | None:
         """The next message, if there is one."""
-        queue = self._answers or self._waiting
-        if not queue:
-            self._came.clear()
-            return None
-        kind, text = queue.popleft()
-        self._counts[kind] -= 1
-        return text
+        if self._answers:
+            return self._answers.popleft()
+        if self._waiting:
+            return self._waiting.popleft()[1]
+        self._came.clear()
+        return None
 
     async def messages(self) -> AsyncIterator[str]:
         """All messages, without end."""

@@ -7,13 +7,13 @@ from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.apps.monitor import driving
-from weberlink.apps.monitor.control import SessionControl, ask_daemon, take_settings
-from weberlink.apps.monitor.events import events_message
 from weberlink.apps.monitor.keeper import SessionKeeper
-from weberlink.apps.monitor.requests import Answer, Requests, always, refusal
-from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.requests import Requests, always
+from weberlink.apps.monitor.viewer import Topic, Viewer, to_json
+from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal, take_settings
+from weberlink.watching.events import events_message
+from weberlink.watching.rings import Feed, RingOpener, find_rings
+from weberlink.watching.session import WatchedSession
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
@@ -71,7 +71,7 @@ class SessionWatcher:
         self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
         self.keeper: SessionKeeper | None = None
         """Of the session that pages may start; None where they may not."""
-        self.requests.add("change", self.control.change)
+        self.requests.add("change", self._change)
         self.requests.add("drive", self.driving.drive, urgent=always)
         self.requests.add("session", self._session, urgent=lambda request: request.get("do") == "emergency")
         self.requests.add("ping", _pong, reads=True, urgent=always)
@@ -83,8 +83,8 @@ class SessionWatcher:
 
     @property
     def newest(self) -> WatchedSession | None:
-        """The session to show by default: running before ended, remote before local, then the one that began last."""
-        ranked = sorted(self.sessions.values(), key=lambda session: (not session.ended, session.remote))
+        """The session to show by default: running before ended, then the one that began last."""
+        ranked = sorted(self.sessions.values(), key=lambda session: not session.ended)
         return ranked[-1] if ranked else None
 
     async def run(self) -> None:
@@ -135,19 +135,19 @@ class SessionWatcher:
         self.viewers.append(viewer)
         self._assign()
         if viewer.watching is None:
-            viewer.put(MessageKind.HELLO, to_json({"type": "hello", "session": None} | self._own_part(viewer)))
+            viewer.greet(to_json({"type": "hello", "session": None} | self._own_part(viewer)))
         if self.keeper is not None:
-            viewer.put(MessageKind.KEEPER, to_json(self.keeper.message))
+            viewer.put("keeper", to_json(self.keeper.message))
 
     def leave(self, viewer: Viewer) -> None:
         self.viewers.remove(viewer)
         self.driving.leave(viewer)
 
-    def tell_all(self, kind: MessageKind, document: dict[str, Any]) -> None:
+    def tell_all(self, topic: Topic, document: dict[str, Any]) -> None:
         """Tell every page."""
         text = to_json(document)
         for viewer in self.viewers:
-            viewer.put(kind, text)
+            viewer.put(topic, text)
 
     def overview(self) -> list[dict[str, Any]]:
         """All sessions, the newest first."""
@@ -158,12 +158,15 @@ class SessionWatcher:
                 "sides": list(session.feeds),
                 "live": not session.ended,
                 "newest": session is newest,
-                "remote": session.remote,
                 "rate_hz": session.rate_hz,
                 "file": session.description.get("file"),
             }
             for session in reversed(self.sessions.values())
         ]
+
+    async def _change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
+        """Change settings of the session that a page shows."""
+        return await self.control.change(viewer.watching, request)
 
     async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
         """Start or stop a session, or stop it at once."""
@@ -231,7 +234,7 @@ class SessionWatcher:
         for message in session.look(show=bool(viewers)):
             text = to_json(message)
             for viewer in viewers:
-                viewer.put(MessageKind.ROWS, text)
+                viewer.put("rows", text)
         self._keep_settings(session)
         if session.ended:
             self._tell(f"session {session.name}: over")
@@ -242,7 +245,7 @@ class SessionWatcher:
         if viewers and (is_figures_time or session.ended):
             text = to_json(session.figures())
             for viewer in viewers:
-                viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, text)
+                viewer.put("final" if session.ended else "figures", text)
 
     def _tell_events(self, session: WatchedSession) -> None:
         events = session.log.since(session.told_events)
@@ -250,7 +253,7 @@ class SessionWatcher:
         if events:
             text = to_json(events_message(session.name, events))
             for viewer in self.viewers_of(session.name):
-                viewer.put(MessageKind.EVENTS, text)
+                viewer.put("events", text)
 
     @staticmethod
     def _tell_history(session: WatchedSession, viewers: list[Viewer]) -> None:
@@ -258,7 +261,7 @@ class SessionWatcher:
         if wanting:
             text = to_json(session.history)
             for viewer in wanting:
-                viewer.put(MessageKind.HISTORY, text)
+                viewer.put("history", text)
 
     async def _subscribe(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any] | None:
         """Begin or end the messages with the history."""
@@ -278,18 +281,18 @@ class SessionWatcher:
             if session is not None and viewer.watching != session.name:
                 self._introduce(viewer, session)
 
-    def _greet(self, viewer: Viewer, session: WatchedSession, kind: MessageKind) -> None:
+    def _greeting(self, viewer: Viewer, session: WatchedSession) -> str:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
         hello |= self._own_part(viewer)
         for part in self._attached:
             hello |= part.hello(session, viewer)
-        viewer.put(kind, to_json(hello))
+        return to_json(hello)
 
     def _greet_all(self, session: WatchedSession) -> None:
         for viewer in self.viewers_of(session.name):
-            self._greet(viewer, session, MessageKind.AGAIN)
+            viewer.put("again", self._greeting(viewer, session))
 
     def _own_part(self, viewer: Viewer) -> dict[str, Any]:
         """The part of a greeting that depends on the page."""
@@ -300,14 +303,14 @@ class SessionWatcher:
         """Switch a page to a session and send its last seconds."""
         viewer.watching = session.name
         self.driving.leave(viewer)
-        self._greet(viewer, session, MessageKind.HELLO)
+        viewer.greet(self._greeting(viewer, session))
         self.driving.tell(viewer)
         for message in session.backlog():
-            viewer.put(MessageKind.ROWS, to_json(message))
+            viewer.put("rows", to_json(message))
         if session.log.events:
-            viewer.put(MessageKind.EVENTS, to_json(events_message(session.name, list(session.log.events))))
+            viewer.put("events", to_json(events_message(session.name, list(session.log.events))))
         self._tell_history(session, [viewer])
-        viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, to_json(session.figures()))
+        viewer.put("final" if session.ended else "figures", to_json(session.figures()))
         for part in self._attached:
             part.introduced(session, viewer)
 
@@ -326,17 +329,16 @@ class SessionWatcher:
     def _keep_settings(self, session: WatchedSession) -> None:
         """Ask a daemon for its settings at the beginning, and when its records report a change."""
         count = session.settings_count
-        if session.remote or count is None or count == session.settings_asked_at:
+        if count is None or count == session.settings_asked_at:
             return
         session.settings_asked_at = count
-        if session.ring is not None:
-            task = asyncio.get_running_loop().create_task(self._ask_settings(session, session.ring))
-            self._asking.add(task)
-            task.add_done_callback(self._asking.discard)
+        task = asyncio.get_running_loop().create_task(self._ask_settings(session))
+        self._asking.add(task)
+        task.add_done_callback(self._asking.discard)
 
-    async def _ask_settings(self, session: WatchedSession, ring: Path) -> None:
+    async def _ask_settings(self, session: WatchedSession) -> None:
         for _ in range(ASK_TIMES):
-            answer = await ask_daemon(ring, {})
+            answer = await ask_daemon(session.ring, {})
             take_settings(session, answer)
             self.control.take_link(session, answer)
             if "settings" in answer or session.ended:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from collections import Counter
 from collections.abc import Awaitable, Callable, Collection
 from contextlib import suppress
 from http import HTTPStatus
@@ -11,10 +12,11 @@ from pathlib import Path
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.requests import UNPROVEN, refusal
-from weberlink.apps.monitor.viewer import MessageKind, Viewer, to_json
+from weberlink.apps.monitor.requests import UNPROVEN
+from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.bounded_json import parse
+from weberlink.watching.control import refusal
 
 LONGEST_MESSAGE = 4096
 """Longest message of a page [bytes]: it only asks for changes."""
@@ -22,10 +24,9 @@ REQUESTS_WAITING = 16
 """Most requests of a page that wait for an earlier one."""
 PROOF_HEADER = "X-WeberLink-Token"
 MOST_PAGES = 16
-"""Pages of the user of this process; nobody else can take their places."""
-MOST_OTHERS = 12
-MOST_OF_CLIENT = 4
-"""Pages of other users and hosts: in total, and of each."""
+"""Pages with the token; nobody without it can take their places."""
+MOST_GUESTS = 12
+"""Pages without it, which only look."""
 HEARTBEAT_S = 20.0
 GOODBYE_S = 0.5
 """How long a page may take to close its WebSocket."""
@@ -49,8 +50,8 @@ class Site:
         self._exposition = exposition
         self._page = Path(str(files("weberlink.apps.monitor") / "page")).resolve()
         self._sockets: dict[web.WebSocketResponse, asyncio.Transport | None] = {}
-        self._own: set[asyncio.Transport] = set()
-        self._others: access.Admission[asyncio.Transport] = access.Admission(MOST_OTHERS, MOST_OF_CLIENT)
+        self._pages = Counter[bool]()
+        """How many are open, with the token and without."""
 
     def application(self) -> web.Application:
         application = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_MESSAGE)
@@ -99,27 +100,16 @@ class Site:
         return web.Response(status=status, text=to_json(answer), content_type="application/json")
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        transport = request.transport
-        if transport is None:  # the client has disconnected
+        if request.transport is None:  # the client has disconnected
             raise web.HTTPServiceUnavailable
-        user = access.user_of(transport.get_extra_info("peername"), transport.get_extra_info("sockname"))
-        may_change = access.is_own(user) or self._watch.requests.proves(request.query.get("key"))
-        if may_change:
-            if len(self._own) >= MOST_PAGES:
-                raise web.HTTPServiceUnavailable
-            self._own.add(transport)
-        else:
-            client = f"user {user}" if user is not None else access.origin(request.remote or "::")
-            if self._others.count(client) >= MOST_OF_CLIENT:
-                raise web.HTTPServiceUnavailable
-            expelled = self._others.admit(transport, client)
-            if expelled is not None:
-                expelled.abort()
+        may_change = self._watch.requests.proves(request.query.get("key"))
+        if self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
+            raise web.HTTPServiceUnavailable
+        self._pages[may_change] += 1
         try:
             return await self._show(request, may_change=may_change)
         finally:
-            self._own.discard(transport)
-            self._others.leave(transport)
+            self._pages[may_change] -= 1
 
     async def _show(self, request: web.Request, *, may_change: bool) -> web.StreamResponse:
         """Serve a page until it leaves."""
@@ -157,7 +147,7 @@ class Site:
             try:
                 waiting.put_nowait(document)
             except asyncio.QueueFull:
-                viewer.put(MessageKind.ANSWER, to_json(refusal("too many requests at once; this one is dropped")))
+                viewer.answer(to_json(refusal("too many requests at once; this one is dropped")))
 
     async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[object]") -> None:
         while True:
@@ -165,8 +155,12 @@ class Site:
 
     async def _answer(self, viewer: Viewer, document: object) -> None:
         answer = await self._watch.requests.answer(viewer, document)
-        if answer is not None:
-            viewer.put(MessageKind.HANDLE if answer["type"] == "handle" else MessageKind.ANSWER, to_json(answer))
+        if answer is None:
+            return
+        if answer["type"] == "handle":
+            viewer.put("handle", to_json(answer))
+        else:
+            viewer.answer(to_json(answer))
 
     async def _close_sockets(self, _application: web.Application) -> None:
         """Close all WebSockets; a page that does not read is not waited for."""

@@ -23,13 +23,12 @@ def need(package: str, extra: str, asked: str) -> None:
         raise ConfigurationError(f"{asked}: needs {package}; install it with: {install_line(extra)}")
 
 
-def need_to_read(recordings: Iterable[Path], asked: str, before: str = "") -> None:
+def need_to_read(recordings: Iterable[Path], asked: str) -> None:
     """Require what reads recordings, once the files are there: a wrong name is the nearer mistake.
 
     Args:
         recordings: the files.
         asked: as of `need`.
-        before: begins the message about a file.
 
     Raises:
         ConfigurationError: a file is not there, or the package is not installed.
@@ -38,7 +37,5 @@ def need_to_read(recordings: Iterable[Path], asked: str, before: str = "") -> No
         try:
             path.stat()
         except OSError as error:
-            raise ConfigurationError(
-                f"{before}{path}: cannot be read: {error.strerror}; expected a recording"
-            ) from None
+            raise ConfigurationError(f"{path}: cannot be read: {error.strerror}; expected a recording") from None
     need("mcap", "recording", asked)

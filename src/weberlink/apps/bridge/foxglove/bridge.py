@@ -12,8 +12,8 @@ from weberlink.apps.bridge.follow import Tell
 from weberlink.apps.bridge.foxglove.channels import LOG, SCENE, Channels
 from weberlink.apps.bridge.foxglove.parameters import LiveParameters, as_parameters
 from weberlink.apps.bridge.foxglove.shown import ShownSession
-from weberlink.apps.monitor.rings import RingFeed
 from weberlink.system.scoring.session import Records
+from weberlink.watching.rings import RingFeed
 
 NAME = "WeberLink"
 FIGURES_S = 1.0

@@ -8,8 +8,8 @@ from typing import Any
 
 from weberlink.apps.bridge.diagnostics import Level, Status
 from weberlink.apps.bridge.foxglove.primitives import moment
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.system.verdict import FAILURE
+from weberlink.watching.session import WatchedSession
 
 SCHEMA_NAME = "diagnostic_msgs/DiagnosticArray"
 _TEXT = {"type": "string"}

@@ -1,17 +1,16 @@
 """The feed of a watched session whose records the follower has read already."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from weberlink.apps.monitor.rings import RingFeed, joined
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.rings import RingFeed, joined
 
 
 class FollowedFeed:
-    """A `weberlink.apps.monitor.rings.Feed` that is handed its records.
+    """A `weberlink.watching.rings.Feed` that is handed its records.
 
     Args:
         source: what the follower reads.
@@ -23,9 +22,9 @@ class FollowedFeed:
         self.rate_hz = source.rate_hz
         self.began = source.began
         self.description: dict[str, Any] | None = source.description
-        self.ring: Path | None = source.ring
-        self.wall_offset_s: float | None = source.wall_offset_s
-        self.in_order: bool | None = None
+        self.ring = source.ring
+        self.wall_offset_s = source.wall_offset_s
+        self.in_order = False
         self.drained = False
         self.written = 0
         self.lost = 0

@@ -8,10 +8,9 @@ from typing import Any
 
 from foxglove import Parameter
 
-from weberlink.apps.monitor.control import SessionControl
-from weberlink.apps.monitor.requests import Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.system.control_socket import LiveChangeError, ask
+from weberlink.watching.control import Answer, SessionControl, refusal
+from weberlink.watching.session import WatchedSession
 
 NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
 """Parameters that are numbers; a client may send them as integers."""
@@ -55,7 +54,7 @@ class LiveParameters:
     def in_force(self) -> Values:
         """Settings and emulated link in force, or agreed; empty without a session. Blocks until a daemon answers."""
         session = next(iter(self._sessions.values()), None)
-        if session is None or session.ended or session.ring is None:
+        if session is None or session.ended:
             return {}
         return _asked_of(session.ring)
 
@@ -64,7 +63,7 @@ class LiveParameters:
         if not self._allow:
             return refusal(CLOSED)
         request = {name: float(v) if name in NUMBERS and type(v) is int else v for name, v in values.items()}
-        return asyncio.run(self._control.change_named(next(iter(self._sessions), None), request))
+        return asyncio.run(self._control.change(next(iter(self._sessions), None), request))
 
     def changed(self, now: float) -> Values:
         """What has changed since the last call; never blocks."""

@@ -14,15 +14,15 @@ from weberlink.apps.bridge.foxglove.diagnostics import condition, diagnostics
 from weberlink.apps.bridge.foxglove.feed import FollowedFeed
 from weberlink.apps.bridge.foxglove.primitives import moment
 from weberlink.apps.bridge.foxglove.solids import reach_of, scene_update
-from weberlink.apps.monitor.events import SessionEvent
-from weberlink.apps.monitor.rings import RingFeed, joined
-from weberlink.apps.monitor.rows import FeltErrorPairs, Thinning, felt_errors
-from weberlink.apps.monitor.session import WatchedSession
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.wording import ALARM, INFO, WARN
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.message import Origin
+from weberlink.watching.events import SessionEvent
+from weberlink.watching.rings import RingFeed, joined
+from weberlink.watching.rows import FeltErrorPairs, Thinning, felt_errors
+from weberlink.watching.session import WatchedSession
 
 LEVELS = {INFO: LogLevel.Info, WARN: LogLevel.Warning, ALARM: LogLevel.Error}
 
@@ -107,7 +107,7 @@ class ShownSession:
 
     def _note(self, feed: RingFeed) -> None:
         self._conditions[feed.side] = SideCondition(feed, monotonic())
-        wall_s = feed.began + (feed.wall_offset_s or 0.0)
+        wall_s = feed.began + feed.wall_offset_s
         self._origins[feed.side] = Origin(feed.side, feed.rate_hz, wall_s, feed.began)
 
     def _show_bodies(self) -> None:

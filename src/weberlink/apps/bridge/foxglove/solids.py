@@ -48,7 +48,7 @@ def reach_of(scene: Sequence[Shape]) -> float:
 
 
 def scene_update(scene: Sequence[Shape], tool: Sequence[Vector], at_ns: int) -> SceneUpdate:
-    """All solids of a scene as `weberlink.apps.monitor.hello.drawn` lists them, in place of whatever was drawn before.
+    """All solids of a scene as `weberlink.watching.hello.drawn` lists them, in place of whatever was drawn before.
 
     Args:
         scene: shapes.

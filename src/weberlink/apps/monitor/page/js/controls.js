@@ -62,11 +62,10 @@ export class Controls {
     if (!connected) return "the monitor does not answer";
     if (!hello?.session) return "no session";
     if (ended) return "the session has ended";
-    if (hello.remote) return "read-only: watched from another host";
     const link = LINK.includes(name);
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
     if (hello.readonly && (link || permitted.length))
-      return "read-only: only the user who runs the session can change settings";
+      return "read-only: open the address with the key, which weberlink printed";
     if (link || (hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";

@@ -64,7 +64,7 @@ export class Headline {
     const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
     const sides = new Set(states);
     if (sides.has("released")) return ["released", "hold the button to engage"];
-    if (sides.size === 1) return [states[0], `${where}${store.hello.remote ? ", over the network" : ""}`];
+    if (sides.size === 1) return [states[0], where];
     const order = ["silent", "closed", "connecting", "listening", "idle", "engaged"];
     const worst = order.find((state) => sides.has(state)) ?? states[0];
     return [worst, store.present.map((side, k) => `${side} ${states[k]}`).join(", ")];

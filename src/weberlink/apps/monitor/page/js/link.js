@@ -13,7 +13,7 @@ export class Link {
     this.session = null;
     this.socket = null; // the thread
     this.isOpen = false;
-    this.token = null; // of the greeting: a request that changes something is refused without it
+    this.token = null; // of the greeting of a page with the key: a request that changes something is refused without it
   }
 
   // Follows a session; null is the newest.
@@ -42,7 +42,7 @@ export class Link {
 
   #open() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may drive
+    const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may change something
     if (this.session !== null) query.set("session", this.session);
     const socket = new Worker(new URL("socket_thread.js", import.meta.url));
     this.socket = socket;

@@ -14,7 +14,6 @@ import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
 import { Paths } from "./paths.js";
 import { Recording } from "./record.js";
-import { Replay } from "./replay.js";
 import { Room } from "./room.js";
 import { Sessions } from "./sessions.js";
 import { Store } from "./store.js";
@@ -42,7 +41,6 @@ const controls = new Controls(store, ask);
 const sessions = new Sessions(store, (name) => link.follow(name));
 const room = new Room(store, ask);
 const recording = new Recording(store, ask);
-const replay = new Replay(store, ask);
 const events = new EventLog();
 const alarms = new Alarms();
 const paths = new Paths();
@@ -67,11 +65,9 @@ const TAKE = {
     if (to === "change") controls.answer(message);
     else if (to === "session" && !emergency.answer(message)) room.answer(message);
     else if (to === "record") recording.answer(message);
-    else if (to === "replay") replay.answer(message);
   },
   events: (message) => events.take(message.events),
   recording: (message) => recording.take(message),
-  replay: (message) => replay.take(message),
   keeper: (message) => room.take(message),
 };
 
@@ -120,7 +116,7 @@ function renew() {
 function refresh() {
   store.may = connected && link.token !== null;
   controls.refresh(connected);
-  for (const part of [room, recording, replay]) part.refresh();
+  for (const part of [room, recording]) part.refresh();
 }
 
 function subscribe() {

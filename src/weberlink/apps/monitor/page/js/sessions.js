@@ -40,9 +40,9 @@ export class Sessions {
     }
     const { store } = this;
     const current = store.hello?.session ?? "";
-    const items = sessions.map(({ session, file, live, remote }) => [
+    const items = sessions.map(({ session, file, live }) => [
       session,
-      [session, last(file), remote ? "remote" : null, live ? "running" : "ended"].filter(Boolean).join(" · "),
+      [session, last(file), live ? "running" : "ended"].filter(Boolean).join(" · "),
     ]);
     if (current && !items.some(([name]) => name === current))
       items.push([current, [current, last(this.#file()), store.ended ? "ended" : "running"].filter(Boolean).join(" · ")]);

@@ -5,7 +5,6 @@ import { Ring } from "./ring.js";
 const LONGEST_WINDOW_S = 60;
 const ROWS_PER_S = 330; // 250, and the rows that sent an update
 const MOST_OF_HISTORY = 1024; // intervals
-const BACK_S = 0.3; // by which the time of a replay must be behind the newest row to be a step back
 const RATE_SPAN_S = 1;
 const RATE_STEP_S = 0.1;
 const NEAR_S = 1.5; // largest time between a change and the first record with it
@@ -97,9 +96,6 @@ export class Store {
         break;
       case "history":
         this.#recall(message);
-        break;
-      case "replay":
-        if (message.at < this.newest - BACK_S) this.#rewind();
         break;
       case "answer":
         if (message.accepted && message.pending) {

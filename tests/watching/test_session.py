@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import BANK, RATE, HandFeed, description, pieces, records
-from weberlink.apps.monitor.session import BACKLOG_S, WatchedSession
+from tests.watching.feeds import BANK, RATE, HandFeed, description, pieces, records
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
+from weberlink.watching.session import BACKLOG_S, WatchedSession
 
 
 def both() -> tuple[HandFeed, HandFeed, WatchedSession]:

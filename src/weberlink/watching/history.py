@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.apps.monitor.rows import listed
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.session import Records
+from weberlink.watching.rows import listed
 
 MOST_BINS = 600
 FIRST_STEP_S = 0.1

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.apps.monitor.feeds import RATE, HandFeed, pieces, records
-from weberlink.apps.monitor.history import FIRST_STEP_S, MOST_BINS, History
-from weberlink.apps.monitor.session import WatchedSession
+from tests.watching.feeds import RATE, HandFeed, pieces, records
 from weberlink.system.scoring.session import Records
+from weberlink.watching.history import FIRST_STEP_S, MOST_BINS, History
+from weberlink.watching.session import WatchedSession
 
 ORIGIN = 10.0
 

@@ -10,9 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.apps.monitor.feeds import BANK, RATE, pieces, records
 from tests.examples import examples
-from weberlink.apps.monitor.rows import (
+from tests.watching.feeds import BANK, RATE, pieces, records
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import SessionScore
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.rows import (
     COLUMNS,
     LONGEST_WAIT,
     ROTATION,
@@ -23,10 +27,6 @@ from weberlink.apps.monitor.rows import (
     felt_message,
     samples_message,
 )
-from weberlink.protocol.states import State
-from weberlink.system.scoring.session import SessionScore
-from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.reader import DTYPE
 
 PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
 

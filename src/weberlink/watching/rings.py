@@ -58,12 +58,12 @@ class Feed(Protocol):
     rate_hz: float
     began: float
     """When its writer began, on the clock of its records [s]."""
-    ring: Path | None
-    """The ring of a daemon on this host, which accepts live changes."""
-    wall_offset_s: float | None
-    """From the clock of the records to the wall clock [s]; None if unknown."""
-    in_order: bool | None
-    """Whether its writer ended in order; None while it runs, or if unknown."""
+    ring: Path
+    """The ring that has them; beside it is the control socket of its writer."""
+    wall_offset_s: float
+    """From the clock of the records to the wall clock [s]."""
+    in_order: bool
+    """Whether its writer ended in order; False while it runs."""
 
     @property
     def description(self) -> dict[str, Any] | None:
@@ -75,7 +75,7 @@ class Feed(Protocol):
 
     @property
     def lost(self) -> int:
-        """Number of records that were overwritten or never arrived."""
+        """Number of records that were overwritten before they were read."""
 
     @property
     def drained(self) -> bool:
@@ -102,10 +102,10 @@ class RingFeed:
         self.began = self._reader.started_monotonic_s
         self.description: dict[str, Any] | None = None
         self._described_by: tuple[int, int] | None = None
-        self.ring: Path | None = path
+        self.ring = path
         self._look_at_description()
-        self.wall_offset_s: float | None = self._reader.started_wall_s - self.began
-        self.in_order: bool | None = None
+        self.wall_offset_s = self._reader.started_wall_s - self.began
+        self.in_order = False
         self.drained = False
         self.written = 0
         self.lost = 0

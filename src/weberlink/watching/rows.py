@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.apps.monitor.rings import joined
 from weberlink.codec.deadband.contract import Measures
 from weberlink.protocol.states import State
 from weberlink.system.configuration import SLAVE
@@ -14,6 +13,7 @@ from weberlink.system.scoring.arm import ArmLayout
 from weberlink.system.scoring.channel import deviations_of, in_session
 from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.rings import joined
 
 ROWS_PER_S = 250.0
 """Rows per second of a side, besides the ticks that sent an update."""

@@ -21,28 +21,26 @@ _KEYS = {
 }
 
 
-def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, remote: bool) -> dict[str, Any]:
+def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, Any]:
     """The greeting of a session, without what depends on the page and the time.
 
     Args:
         session: name of the session.
         descriptions: of the present sides, see `weberlink.system.description`; None if unknown.
-        remote: whether the daemons are on another host.
     """
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
     system = any_.get("system", {})
-    workspace = None if remote else _workspace(descriptions.get("master") or {})
-    changes = [] if remote else list(any_.get("changes", ()))
+    workspace = _workspace(descriptions.get("master") or {})
+    changes = list(any_.get("changes", ()))
     return {
         "type": "hello",
         "session": session,
         "readonly": not changes,
-        "remote": remote,
         "sides": {side: descriptions.get(side) for side in ("master", "slave")},
         "present": sorted(descriptions),
         "names": names(descriptions),
-        "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
+        "scene": drawn(system.get("slave", {}).get("scene", ())),
         "changes": changes,
         "predictors": _predictors(any_),
         "settings": _settings(system),
@@ -115,36 +113,31 @@ def _workspace(master: Mapping[str, Any]) -> float | None:
     return float(getattr(options, "workspace_m"))  # noqa: B009 - of this driver
 
 
-def drawn(objects: Sequence[Mapping[str, Any]], *, files: bool) -> list[dict[str, Any]]:
-    """Shapes to draw, from the `scene` of a configuration that has been checked.
-
-    Args:
-        objects: scene of a daemon's description.
-        files: whether the files that it names are on this host.
-    """
-    return [_object(settings, files) for settings in objects if settings.get("shape") in _KEYS]
+def drawn(objects: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Shapes to draw, from the `scene` of a configuration that has been checked."""
+    return [_object(settings) for settings in objects if settings.get("shape") in _KEYS]
 
 
-def _object(settings: Mapping[str, Any], files: bool) -> dict[str, Any]:
+def _object(settings: Mapping[str, Any]) -> dict[str, Any]:
     shape: dict[str, Any] = {"shape": settings["shape"]}
     shape |= {key: settings.get(key) for key in _KEYS[settings["shape"]]}
     if "side" in settings:
         shape["inside"] = settings["side"] == "inside"
     if settings["shape"] == "height_field":
-        shape |= _heights(settings, files)
+        shape |= _heights(settings)
     shape["stiffness_n_m"] = settings.get("stiffness_n_m")
-    shape["carve"] = drawn(settings.get("carve") or (), files=files)
+    shape["carve"] = drawn(settings.get("carve") or ())
     return shape
 
 
-def _heights(settings: Mapping[str, Any], files: bool) -> dict[str, Any]:
-    """Heights above the centre [m], rows along y, columns along x; None if the file is not on this host."""
+def _heights(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Heights above the centre [m], rows along y, columns along x; None if the file cannot be read."""
     heights: Any = settings.get("heights_m")
     spacing = settings.get("spacing_m")
     if settings.get("bumps") is not None:
         of = settings["bumps"]
         heights, spacing = bumps(of["amplitude_m"], of["wavelength_m"], of["size_m"])
-    elif settings.get("csv") is not None and files:
+    elif settings.get("csv") is not None:
         try:
             heights = read_heights(Path(settings["csv"]))
         except ValueError:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.monitor.feeds import description
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.hello import MOST_HEIGHTS, drawn, hello
+from tests.watching.feeds import description
+from weberlink.watching.hello import MOST_HEIGHTS, drawn, hello
 
 
 def test_greeting_has_scene_settings_and_choices() -> None:
-    told = hello("7", {"master": description("master"), "slave": None}, remote=False)
+    told = hello("7", {"master": description("master"), "slave": None})
     assert told["scene"][0]["shape"] == "plane" and told["scene"][0]["normal"] == [0.0, 0.0, 1.0]
     assert told["scene"][1] == {
         "shape": "sphere",
@@ -32,7 +32,7 @@ def test_greeting_names_file_drivers_and_sides() -> None:
     master = description("master") | {"file": "/etc/weberlink/loopback.yaml", "name": "ann@desk"}
     slave = description("slave")
     slave["system"]["link"]["names"]["slave"] = "arm-2"
-    assert hello("7", {"master": master, "slave": slave | {"name": "arm-2"}}, remote=False)["names"] == {
+    assert hello("7", {"master": master, "slave": slave | {"name": "arm-2"}})["names"] == {
         "file": "loopback.yaml",
         "device": "operator",
         "robot": "point",
@@ -40,34 +40,31 @@ def test_greeting_names_file_drivers_and_sides() -> None:
         "master": "ann@desk",
         "slave": "arm-2",
     }
-    assert hello("7", {"slave": slave}, remote=True)["names"]["slave"] == "arm-2"
-    heard = hello("7", {"slave": slave | {"peer": {"name": "bob@lab"}}}, remote=True)["names"]
+    assert hello("7", {"slave": slave})["names"]["slave"] == "arm-2"
+    heard = hello("7", {"slave": slave | {"peer": {"name": "bob@lab"}}})["names"]
     assert (heard["master"], heard["slave"]) == ("bob@lab", "arm-2")
-    assert set(hello("7", {"slave": None}, remote=True)["names"].values()) == {None}
+    assert set(hello("7", {"slave": None})["names"].values()) == {None}
 
 
 def test_greeting_names_the_peer_of_a_found_path() -> None:
     master = description("master", "anywhere.yaml")
-    assert hello("7", {"master": master}, remote=False)["names"]["peer"] is None
+    assert hello("7", {"master": master})["names"]["peer"] is None
     heard = master | {"peer": {"name": "arm@lab"}}
-    assert hello("7", {"master": heard}, remote=False)["names"]["peer"] == "arm@lab"
+    assert hello("7", {"master": heard})["names"]["peer"] == "arm@lab"
     master["system"]["link"]["peer"] = "arm"
-    assert hello("7", {"master": heard}, remote=False)["names"]["peer"] == "arm"
+    assert hello("7", {"master": heard})["names"]["peer"] == "arm"
 
 
-def test_remote_or_unknown_session_is_read_only() -> None:
-    for told in (
-        hello("remote", {"slave": description("slave")}, remote=True),
-        hello("7", {"slave": None}, remote=False),
-    ):
-        assert told["readonly"] and told["changes"] == []
+def test_unknown_session_is_read_only() -> None:
+    told = hello("7", {"slave": None})
+    assert told["readonly"] and told["changes"] == []
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_shipped_scene_can_be_drawn(path: Path) -> None:
     if "key_file" in path.read_text():
         pytest.skip("needs a key")
-    told = hello("7", {"slave": description("slave", path.name)}, remote=False)
+    told = hello("7", {"slave": description("slave", path.name)})
     json.dumps(told, allow_nan=False)
     for shape in told["scene"]:
         assert shape["shape"] in ("plane", "sphere", "box", "height_field")
@@ -77,7 +74,7 @@ def test_every_shipped_scene_can_be_drawn(path: Path) -> None:
 def test_large_height_field_is_thinned_in_place() -> None:
     heights = [[float(100 * row + column) for column in range(400)] for row in range(201)]
     scene = [{"shape": "height_field", "center_m": [1.0, 2.0, 0.0], "heights_m": heights, "spacing_m": 0.01}]
-    (shape,) = drawn(scene, files=True)
+    (shape,) = drawn(scene)
     rows, columns = len(shape["heights_m"]), len(shape["heights_m"][0])
     assert max(rows, columns) <= MOST_HEIGHTS
     step = round(shape["spacing_m"] / 0.01)
@@ -89,10 +86,9 @@ def test_large_height_field_is_thinned_in_place() -> None:
         assert y == pytest.approx(2.0 + (row * step - 200 / 2) * 0.01)
 
 
-def test_files_of_another_host_are_not_opened(tmp_path: Path) -> None:
+def test_heights_of_a_file_that_is_gone_are_unknown(tmp_path: Path) -> None:
     (tmp_path / "field.csv").write_text("0,1\n2,3\n")
     scene = [{"shape": "height_field", "csv": str(tmp_path / "field.csv"), "spacing_m": 0.01}]
-    assert drawn(scene, files=False)[0]["heights_m"] is None
-    assert drawn(scene, files=True)[0]["heights_m"] == [[0.0, 1.0], [2.0, 3.0]]
+    assert drawn(scene)[0]["heights_m"] == [[0.0, 1.0], [2.0, 3.0]]
     (tmp_path / "field.csv").unlink()
-    assert drawn(scene, files=True)[0]["heights_m"] is None
+    assert drawn(scene)[0]["heights_m"] is None

@@ -62,14 +62,14 @@ def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
 class HandFeed:
     """A feed that is given its records by hand."""
 
-    def __init__(self, side: str, *, began: float = 10.0, ring: Path | None = None) -> None:
+    def __init__(self, side: str, *, began: float = 10.0, ring: Path = Path("/nonexistent/ring")) -> None:
         self.side = side
         self.rate_hz = RATE
         self.began = began
         self.description: dict[str, Any] | None = description(side)
         self.ring = ring
-        self.wall_offset_s: float | None = WALL_OFFSET_S
-        self.in_order: bool | None = None
+        self.wall_offset_s = WALL_OFFSET_S
+        self.in_order = True
         self.written = 0
         self.lost = 0
         self.drained = False

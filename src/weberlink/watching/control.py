@@ -1,4 +1,4 @@
-"""Requests of pages to the daemons: live changes, the emulated link, stop and emergency stop."""
+"""Requests to the daemons: live changes, the emulated link, stop and emergency stop."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -7,10 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from weberlink.apps.monitor.requests import Answer, refusal
-from weberlink.apps.monitor.session import WatchedSession
-from weberlink.apps.monitor.viewer import Viewer
 from weberlink.system.control_socket import LiveChangeError, ask, path_beside
+from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
@@ -22,6 +20,13 @@ INHERIT_TIMES = 150
 INHERIT_AGAIN_S = 0.2
 """How often, and how soon again, a new session is asked to take the settings of the one before."""
 NO_SESSION = "there is no running session on this host"
+
+Answer = dict[str, Any]
+
+
+def refusal(why: str) -> Answer:
+    """A request that was refused, with the reason."""
+    return {"type": "answer", "accepted": False, "why": why}
 
 
 class SessionControl:
@@ -52,12 +57,11 @@ class SessionControl:
     def close(self) -> None:
         self._emergency.shutdown(wait=False, cancel_futures=True)
 
-    async def change(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
-        """Change settings of both sides, or of the emulated link in both directions."""
-        return await self.change_named(viewer.watching, request)
+    async def change(self, name: str | None, request: dict[str, Any]) -> Answer:
+        """Change settings of both sides of a session, or of the emulated link in both directions.
 
-    async def change_named(self, name: str | None, request: dict[str, Any]) -> Answer:
-        """The same for a session by its name; refused if it does not run on this host."""
+        Refused if there is no running session of that name.
+        """
         if not request:
             return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
         session = self._running(name)
@@ -71,7 +75,6 @@ class SessionControl:
         settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
         answer: Answer = {}
         if settings:
-            assert session.ring is not None
             answer = await ask_daemon(session.ring, settings)
             take_settings(session, answer)
             if answer.get("accepted"):
@@ -134,14 +137,11 @@ class SessionControl:
     def halted_by(self, name: str | None) -> list[WatchedSession]:
         """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
 
-        A page may name a session that is over while another one runs. One that runs on another host cannot be stopped
-        from here, and its page must say so.
+        A page may name a session that is over while another one runs.
         """
-        named, known = self._running(name), self._sessions.get(name or "")
+        named = self._running(name)
         if named is not None:
             return [named]
-        if known is not None and known.remote:
-            return []
         return [session for session in self._sessions.values() if self._running(session.name) is not None]
 
     async def emergency(self, name: str | None = None) -> Answer:
@@ -155,7 +155,7 @@ class SessionControl:
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
-        return None if session is None or session.ended or session.remote or session.ring is None else session
+        return None if session is None or session.ended else session
 
     async def _ask_sides(
         self,
@@ -165,7 +165,7 @@ class SessionControl:
         threads: ThreadPoolExecutor | None = None,
     ) -> dict[str, Answer]:
         """The answers of the sides of a session that run on this host; they are asked at the same time."""
-        rings = {side: feed.ring for side, feed in session.feeds.items() if feed.ring is not None and not feed.drained}
+        rings = {side: feed.ring for side, feed in session.feeds.items() if not feed.drained}
         asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
         return dict(zip(rings, await asyncio.gather(*asked), strict=True))
 
@@ -175,7 +175,7 @@ def _without_ended(session: WatchedSession, answers: Mapping[str, Answer]) -> di
     if not any(answer.get("accepted") for answer in answers.values()):
         return dict(answers)
     feeds = session.feeds
-    ended = {side for side in answers if (ring := feeds[side].ring) is not None and not path_beside(ring).exists()}
+    ended = {side for side in answers if not path_beside(feeds[side].ring).exists()}
     return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
 
 

@@ -1,18 +1,12 @@
-"""A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
+"""A session as who watches it sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from time import time
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor.events import EventLog
-from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.history import History
-from weberlink.apps.monitor.rings import Feed, joined
-from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 from weberlink.codec.deadband.contract import Measures
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
@@ -27,20 +21,17 @@ from weberlink.system.verdict import DEGRADED, FAILURE, Cause, verdict
 from weberlink.system.wording import ALARM, fault_words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
+from weberlink.watching.events import EventLog
+from weberlink.watching.hello import hello
+from weberlink.watching.history import History
+from weberlink.watching.rings import Feed, joined
+from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
 
 BACKLOG_S = 5.0
 """How far back a page that opens is shown rows."""
 UNSCORED_S = 1.0
 """How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
-
-
-ENDS = {
-    True: "closed in order",
-    False: "its process died without closing its telemetry",
-    None: "no more records",
-}
-"""How a side ended, by `Feed.in_order`."""
 
 
 class _Shown(NamedTuple):
@@ -66,13 +57,6 @@ class _WatchedSide:
         self.paths: list[dict[str, Any]] = []
         """As its description says."""
         self._described: dict[str, Any] | None = None
-        self._wall_offset_s = feed.wall_offset_s
-
-    def wall_offset_s(self, newest_at: float) -> float:
-        """From the clock of the records to the wall clock [s]; estimated by the newest record if it is not known."""
-        if self._wall_offset_s is None:
-            self._wall_offset_s = time() - newest_at
-        return self._wall_offset_s
 
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
@@ -96,12 +80,10 @@ class WatchedSession:
     Args:
         name: of the session.
         first: feed of the side that was found first.
-        remote: whether the session runs on another host.
     """
 
-    def __init__(self, name: str, first: Feed, *, remote: bool = False) -> None:
+    def __init__(self, name: str, first: Feed) -> None:
         self.name = name
-        self.remote = remote
         self.rate_hz = first.rate_hz
         self.origin = first.began
         """Time 0 of the rows [s], on the clock of the records."""
@@ -171,9 +153,9 @@ class WatchedSession:
         return next((feed.description for feed in self.feeds.values() if feed.description), {})
 
     @property
-    def ring(self) -> Path | None:
-        """The ring of a daemon on this host; None if there is none."""
-        return next((feed.ring for feed in self.feeds.values() if feed.ring is not None), None)
+    def ring(self) -> Path:
+        """The ring of one of its daemons."""
+        return next(iter(self.feeds.values())).ring
 
     @property
     def ended(self) -> bool:
@@ -233,7 +215,7 @@ class WatchedSession:
         for name, (records, _) in taken.items():
             if len(records):
                 self._unscored[name].append(records)
-                self.log.look(name, records, self._sides[name].wall_offset_s(float(records["at"][-1])))
+                self.log.look(name, records, self._sides[name].feed.wall_offset_s)
         for name, side in sorted(self._sides.items()):
             self.log.take_paths(name, side.paths)
         self._note_ends()
@@ -255,9 +237,9 @@ class WatchedSession:
             side.has_ended = True
             self.log.flush()
             fault = _fault(side.last)
-            outcome = ENDS[side.feed.in_order] + ("" if fault is None else f", with the fault {fault}")
-            in_order = side.feed.in_order is not False and fault is None
-            self.log.end(float(side.last["at"]), name, outcome, in_order=in_order)
+            outcome = "closed in order" if side.feed.in_order else "its process died without closing its telemetry"
+            outcome += "" if fault is None else f", with the fault {fault}"
+            self.log.end(float(side.last["at"]), name, outcome, in_order=side.feed.in_order and fault is None)
 
     def backlog(self) -> list[dict[str, Any]]:
         """Messages with the rows of the last seconds, for a page that opens."""
@@ -270,7 +252,7 @@ class WatchedSession:
 
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
-        told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()}, remote=self.remote)
+        told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()})
         axes = None if self.arm is None else list(self.arm.axes)
         return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 
