@@ -1,4 +1,6 @@
-"""Access control: host names and origins."""
+"""Access control: host names, origins and the token."""
+
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -67,3 +69,15 @@ def test_arbitrary_headers_never_raise(text: str) -> None:
 def test_foreign_origins_are_refused(header: str | None, expected: bool) -> None:
     assert access.origin_allowed(header, "127.0.0.1:8724") is expected
     assert not access.origin_allowed("http://127.0.0.1:8724", None)
+
+
+def test_the_token_outlives_a_restart_and_is_of_this_user_alone(tmp_path: Path) -> None:
+    token = access.kept_token(tmp_path)
+    assert access.kept_token(tmp_path) == token
+    (path,) = tmp_path.iterdir()
+    assert path.stat().st_mode & 0o777 == 0o600
+    path.write_text("")  # as a full disk leaves it
+    other = access.kept_token(tmp_path)
+    assert len(other) == len(token)
+    assert other != token
+    assert access.kept_token(tmp_path) == other

@@ -7,9 +7,13 @@ Every user of this host can reach such a server, so only who has the token may c
 
 import socket
 from collections.abc import Collection
+from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address, ip_address
+from pathlib import Path
 from secrets import token_urlsafe
+from tempfile import NamedTemporaryFile
 
+_TOKEN_BYTES = 16
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 HEADERS = {
     "Content-Security-Policy": (
@@ -82,4 +86,20 @@ def _ip(text: str) -> IPv4Address | IPv6Address | None:
 
 def new_token() -> str:
     """A secret of 128 bits: who has it may drive, change and stop."""
-    return token_urlsafe(16)
+    return token_urlsafe(_TOKEN_BYTES)
+
+
+def kept_token(folder: Path) -> str:
+    """The token of this user's monitors, made if there is none: a page stops a session after a restart of its monitor.
+
+    Args:
+        folder: of this user alone, in memory; the token changes with the next start of the host.
+    """
+    path = folder / "monitor-token"
+    with suppress(OSError, UnicodeError):
+        if len(token := path.read_text(encoding="ascii")) == len(new_token()):
+            return token
+    with NamedTemporaryFile("w", encoding="ascii", dir=folder, delete=False) as file:  # mode 0600, complete when named
+        file.write(token := new_token())
+    Path(file.name).replace(path)
+    return token

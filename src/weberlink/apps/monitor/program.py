@@ -86,6 +86,7 @@ async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResul
     over = asyncio.Event()
     say = tell if visit is None else partial(tell, program="weberlink try")
     watch = SessionWatcher(None, settings.session, say)
+    watch.requests.token = access.kept_token(directory()) if visit is None else visit.token
     keeper = None if visit is None else _keeper(visit, watch, say)
     _on_signals(over, keeper)
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
@@ -129,7 +130,6 @@ def leading_to(url: str) -> Iterator[str]:
 
 def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
     """The keeper of a visit, which its pages may use."""
-    watch.requests.token = visit.token
     announce = partial(watch.tell_all, "keeper")
     watch.keeper = SessionKeeper(visit.order, say, announce, watch.control.inherit)
     return watch.keeper

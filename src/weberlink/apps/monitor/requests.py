@@ -14,7 +14,7 @@ Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Answer | None]]
 Urgency = Callable[[dict[str, Any]], bool]
 
 READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
-UNPROVEN = "this is not the token of this start of the monitor; open the address that it printed"
+UNPROVEN = "this is not the token of the monitor; open the address that it printed"
 
 
 def always(_request: dict[str, Any]) -> bool:
@@ -35,7 +35,7 @@ class Requests:
     """The types of requests and their handlers.
 
     Attributes:
-        token: of this start of the monitor, the key in the address that it prints. A page that was opened without it
+        token: the key in the address that the monitor prints. A page that was opened without it
             only looks; every request that changes something must carry it.
     """
 
