@@ -1,4 +1,4 @@
-"""Live sessions under every fault at once, for as long as one likes: `python -m tests.soak` (README.md beside this file).
+"""Live sessions under every fault at once, for as long as one likes: `python -m tests.soak` (README.md beside it).
 
 The tests beside it are of its parts, and one short run.
 """
