@@ -350,7 +350,7 @@ def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs
     refused = evaluated("--plots", tmp_path)
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr.splitlines() == [
-        f"weberlink: --plots: needs matplotlib; install it with: {install_line('plots')}"
+        f"weberlink: --plots: needs matplotlib; install it with: {install_line('studies')}"
     ]
     assert evaluated().returncode == 0
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("matplotlib", reason="needs matplotlib (extra: plots)")
+pytest.importorskip("matplotlib", reason="needs matplotlib (extra: studies)")
 
 from matplotlib.figure import Figure
 from matplotlib.text import Text

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("matplotlib", reason="needs matplotlib (extra: plots)")
+pytest.importorskip("matplotlib", reason="needs matplotlib (extra: studies)")
 
 from matplotlib.figure import Figure
 from matplotlib.text import Text

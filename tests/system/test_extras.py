@@ -17,7 +17,7 @@ PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
-    "plots": ("matplotlib",),
+    "studies": ("matplotlib",),
     "dask": ("distributed",),
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
@@ -47,7 +47,7 @@ PLACES = {
         f"anywhere.{each}"
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
     ),
-    "plots": ("studies",),
+    "studies": ("studies",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""
@@ -131,9 +131,9 @@ def test_modules_import_with_the_extras_of_their_place_alone(
 
 def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
     with pytest.raises(ConfigurationError) as caught:
-        need("no_such_package", "plots", "--plots")
-    assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('plots')}"
+        need("no_such_package", "studies", "--plots")
+    assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('studies')}"
 
 
 def test_a_package_that_is_there_is_no_matter() -> None:
-    need("numpy", "plots", "--plots")
+    need("numpy", "studies", "--plots")

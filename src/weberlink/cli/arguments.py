@@ -87,7 +87,7 @@ Log = Annotated[
 ]
 Plots = Annotated[
     Path | None,
-    typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures (extra: weberlink[plots])."),
+    typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures (extra: weberlink[studies])."),
 ]
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")

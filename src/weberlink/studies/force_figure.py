@@ -1,6 +1,6 @@
 """Forces over time with the sends marked, as Figs. 2 and 3 of the paper (see `weberlink.studies.paper`).
 
-Needs matplotlib (extra: plots).
+Needs matplotlib (extra: studies).
 """
 
 import csv

@@ -159,7 +159,7 @@ def check_resources(workers: int | None, dask: str | None, *, plots: bool) -> No
         ConfigurationError: a package is missing, or both kinds of workers are asked for.
     """
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     if dask is not None:
         need("distributed", "dask", "--dask")
         if workers is not None:

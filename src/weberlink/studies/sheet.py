@@ -1,4 +1,4 @@
-"""Figures for print: page, style of each predictor, mark, caption and files. Needs matplotlib (extra: plots)."""
+"""Figures for print: page, style of each predictor, mark, caption and files. Needs matplotlib (extra: studies)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle

@@ -1,4 +1,4 @@
-"""Analysis of the ratings: means with confidence, tests, packets at equal quality. Needs scipy (extra: statistics)."""
+"""Analysis of the ratings: means with confidence, tests, packets at equal quality. Needs scipy (extra: studies)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -47,9 +47,9 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     """
     if not folder.is_dir():
         raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
-    need("scipy", "statistics", "ratings")
+    need("scipy", "studies", "ratings")
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     try:
         answers = gather(folder, _whose(only))
     except LedgerError as error:

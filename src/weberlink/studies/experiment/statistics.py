@@ -1,6 +1,6 @@
 """Statistics of ratings: rank tests for repeated ordinal data, and packets saved at equal quality.
 
-Needs scipy (extra: statistics) for the tests.
+Needs scipy (extra: studies) for the tests.
 """
 
 from collections.abc import Mapping, Sequence

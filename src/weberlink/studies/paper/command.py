@@ -126,7 +126,7 @@ def run(
         ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
     """
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     signals = read_traces(traces)
     began, interruption = perf_counter(), Interruption()
 

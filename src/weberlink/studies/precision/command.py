@@ -42,9 +42,9 @@ def run(
     Raises:
         ConfigurationError: if a package is missing; nothing was computed then.
     """
-    need("scipy", "precision", "the reference solutions")
+    need("scipy", "studies", "the reference solutions")
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     facts = environment()
     caption = footer(facts)
     effort = FULL if full else DEFAULT

@@ -1,4 +1,4 @@
-"""The figure of the precision study. Needs matplotlib (extra: plots)."""
+"""The figure of the precision study. Needs matplotlib (extra: studies)."""
 
 from collections.abc import Sequence
 from math import ceil

@@ -1,6 +1,6 @@
 """Reference solutions: each problem solved by two independent solvers from event to event, and their agreement.
 
-Needs scipy (extra: precision).
+Needs scipy (extra: studies).
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Work-precision study: every problem with every integrator and step. Needs scipy (extra: precision)."""
+"""Work-precision study: every problem with every integrator and step. Needs scipy (extra: studies)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -43,7 +43,7 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
         ConfigurationError: if matplotlib is missing; nothing was computed then.
     """
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     began = perf_counter()
     surveyed, mapped = walls(full=full), cells(SEED, full=full)
     computed = compute(surveyed, mapped, workers, progress)

@@ -1,4 +1,4 @@
-"""Figures of the stability map. Needs matplotlib (extra: plots)."""
+"""Figures of the stability map. Needs matplotlib (extra: studies)."""
 
 from collections.abc import Callable, Sequence
 from math import ceil, log
