@@ -91,12 +91,9 @@ model: $(DEV)  ## every state of the models of the protocol: the present one hol
 soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
-bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; then device, MuJoCo and recording beside theirs
+bench: $(DEV)  ## real-time and throughput figures beside the machine's limits
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.codec_speed
-	$(BIN)/python -m benchmarks.device_round_trip
-	$(BIN)/python -m benchmarks.sessions mujoco
-	$(BIN)/python -m benchmarks.sessions recording --seconds 15 --rounds 4
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: of the page on the paper
 	mkdir -p docs/figures docs/paper
