@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks import programs
-from benchmarks.budget import PARTS
 from benchmarks.percentiles import NAMES
 from tests.system.processes import Program, document, until
 from weberlink.cli import app
@@ -20,9 +19,7 @@ from weberlink.system.configuration import SIDES
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("--baseline", "nothing.json"), "--baseline: nothing.json: cannot be read: No such file"),
         (("--duration", "0.5"), "--duration"),
-        (("--budget", "--plots", "figures"), "--budget: has neither figures nor a baseline"),
         (("no-such.yaml",), "no-such.yaml"),
         (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for bench"),
         (("--set", "nonsense=1"), "nonsense"),
@@ -58,7 +55,7 @@ def test_ctrl_c_ends_with_the_parts_so_far() -> None:
         status, said, complaints = program.finish()
     assert status == 130
     assert document(said)["kind"] == "weberlink bench partial"
-    assert complaints == "weberlink: interrupted: 0 of 8 parts are done, and in the JSON above\n"
+    assert complaints == "weberlink: interrupted: 0 of 7 parts are done, and in the JSON above\n"
 
 
 @pytest.mark.hunt  # half a minute alone on the machine
@@ -85,7 +82,6 @@ def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     assert (found["latency"]["sockperf"] is None) is (programs.sockperf_version() is None)
     for step in ("send", "receive"):
         assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
-    assert list(found["budget"]["sides"]["master"]["parts"]) == list(PARTS)
     assert found["steal_share"] is not None
     assert found["cpu"]["slave"]["cpu_us_per_tick"] > 0.0
     assert found["memory"]["master"]["first_kib"] > 1000
@@ -93,26 +89,7 @@ def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     assert len(found["targets"]) == 11
     assert "a quick run, no measurement" in said
     assert max(map(len, said.splitlines())) <= 80
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png", "cpu.png"}
-
-
-@pytest.mark.hunt  # a quarter of a minute alone on the machine
-@pytest.mark.realtime(alone=True)
-def test_a_budget_measures_every_part_beside_the_live_daemons(tmp_path: Path) -> None:
-    out = tmp_path / "budget.json"
-    with Program("bench", "--budget", "--quick", "--json", out) as program:
-        status, said, complaints = program.finish()
-    assert (status, complaints) == (0, "")
-    found = document(out.read_text(encoding="utf-8"))["budget"]
-    for side in SIDES:
-        of_side = found["sides"][side]
-        assert list(of_side["parts"]) == list(PARTS)
-        assert of_side["sum_us"]["cold"] > of_side["work_us"]["cold"] > of_side["work_us"]["warm"] / 2 > 0.0
-        assert of_side["live"]["work_p50_us"] > 0.0
-        assert found["not_counted"] or of_side["live"]["system_calls"] > 1.0
-    assert "live work p50" in said
-    assert "steal" in said
-    assert max(map(len, said.splitlines())) <= 80
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png"}
 
 
 def test_without_the_clone_the_command_names_make_bench(tmp_path: Path) -> None:

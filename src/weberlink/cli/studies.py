@@ -198,10 +198,6 @@ def bench(
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure everything briefly, in half a minute.")] = False,
-    baseline: Annotated[
-        Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with the --json file of an earlier run.")
-    ] = None,
-    budget: Annotated[bool, typer.Option("--budget", help="Measure only what each part of a tick costs.")] = False,
     json_out: Json = None,
     plots: Plots = None,
     footer: Footer = True,
@@ -227,7 +223,7 @@ def bench(
         with errors(), progress_bar() as progress:
             result = run(
                 path, set_ or (), lambda overrides: free_port(path, overrides), duration=duration, quick=quick,
-                baseline=baseline, plots=plots is not None, only_budget=budget, progress=progress,
+                plots=plots is not None, progress=progress,
             )  # fmt: skip
     except BenchError as error:
         fail(str(error), FAILED)
