@@ -31,10 +31,11 @@ from rich.text import Text
 
 from benchmarks.arrangement import MAIN_RATE_HZ, ROOT, Arrangement, BenchError, granted
 from benchmarks.codec_speed import measure as codec_speed
-from benchmarks.host import during, host, in_words, stolen
+from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import ONE_WAY, echo
 from benchmarks.live_side import LiveSide, Resources, resources
 from benchmarks.percentiles import summary
+from weberlink.apps.doctor import Needs
 from weberlink.cli.sessions import free_port
 from weberlink.protocol.keys import generate
 from weberlink.protocol.states import State
@@ -232,7 +233,7 @@ def main() -> int:
     if asked.pairs < 1 or not asked.duration >= 1.0:
         parser.error("--pairs must be at least 1, --duration at least 1 s")
     trees = dict(zip((A, B), (tree.resolve() for tree in asked.trees), strict=True))
-    facts, taken = host(), stolen()
+    facts, taken = host(Needs()), steal()
     pairs: list[Mapping[str, Figures]] = []
     try:
         for number in range(asked.pairs):
@@ -243,7 +244,7 @@ def main() -> int:
     except BenchError as error:
         sys.stderr.write(f"pairs: {error}\n")
         return 1
-    rows, share = compare(pairs), taken.share_until(stolen())
+    rows, share = compare(pairs), share_between(taken, steal())
     console = Console()
     console.print(table(rows))
     console.print(*(f"{name}: {tree}" for name, tree in trees.items()), sep="\n", soft_wrap=True, highlight=False)

@@ -19,7 +19,7 @@ from benchmarks.arrangement import (
     granted,
 )
 from benchmarks.codec_speed import CodecSpeed
-from benchmarks.host import during, host, in_words, stolen
+from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.live_side import memory
@@ -27,6 +27,7 @@ from benchmarks.percentiles import summary
 from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
+from weberlink.apps.doctor import Needs
 from weberlink.protocol.keys import generate
 from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
@@ -117,8 +118,9 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
         ConfigurationError: if the file or an override is wrong.
     """
     began = monotonic()
-    facts, taken = host(), stolen()  # before the run, so that its own load does not count
-    rights = _rights(arrangement)
+    configuration = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ))
+    facts, taken = host(Needs.of(configuration)), steal()  # before the run, so that its own load does not count
+    rights = granted(configuration.system.realtime)
     steps: dict[str, tuple[str, Callable[[], Any]]] = {
         f"lateness {rate_hz:g} Hz": (
             f"lateness at {rate_hz / 1e3:g} kHz",
@@ -144,7 +146,7 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
         pass
     if len(found) < len(steps):
         return found
-    share = taken.share_until(stolen())
+    share = share_between(taken, steal())
     rates = {rate_hz: found[f"lateness {rate_hz:g} Hz"] for rate_hz in RATES_HZ}
     return Findings(
         rates, found["latency"], found["update_cost"], found["codec"], found["start_up"],
@@ -155,18 +157,15 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
 def partial(arrangement: Arrangement, found: Mapping[str, Any]) -> StudyResult:
     """The parts that were measured until Ctrl-C. They have no targets, which are about the whole run."""
     facts = environment()
+    asked = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime
     document = {
         "kind": f"{KIND} partial",
-        **_circumstances(arrangement, _rights(arrangement)),
+        **_circumstances(arrangement, granted(asked)),
         "parts": {name: part.as_json() for name, part in found.items()},
         "environment": facts,
     }
     words = "\n".join(["measured:", *(f"  {name}" for name in found), footer(facts)])
     return StudyResult(document, words, None, interrupted=how_much(len(found), PARTS, "parts"))
-
-
-def _rights(arrangement: Arrangement) -> Rights:
-    return granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
 
 
 def _circumstances(arrangement: Arrangement, rights: Rights) -> dict[str, Any]:

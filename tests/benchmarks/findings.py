@@ -19,16 +19,7 @@ from weberlink.telemetry.reader import DTYPE
 ARRANGEMENT = Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: [])
 RIGHTS = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3))
 HOST: Mapping[str, Any] = {
-    "kernel": "6.1.0",
-    "preemption": "PREEMPT_RT",
-    "command_line": ["isolcpus=2,3"],
-    "governors": ["performance"],
-    "idle_driver": "intel_idle",
-    "isolated_cpus": "2-3",
-    "nohz_full_cpus": None,
-    "clock_source": "tsc",
-    "virtual_machine": False,
-    "realtime_share": 0.95,
+    "findings": {"preemption": "kernel 6.1.0, PREEMPT_RT", "governor": "frequency governor performance"},
     "load_average": [0.01, 0.02, 0.03],
 }
 

@@ -48,7 +48,7 @@ def test_every_figure_stands_beside_its_limit() -> None:
         "slave: 39.1 MiB, +24 KiB a minute, 12 descriptors, 12 at the end",
         "interpreter 0.03 s (1 x)",
         "SCHED_FIFO 50, memory locked, processors awake, CPUs 2, 3",
-        "kernel PREEMPT_RT; governor performance",
+        "kernel 6.1.0, PREEMPT_RT; frequency governor performance",
     ):
         assert said in text, said
 
