@@ -98,7 +98,7 @@ def run(
     for override in overrides:
         if override.partition("=")[0].strip() == "rate_hz":
             rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)
-            raise ConfigurationError(f"--set rate_hz: cannot be set for bench, which measures at {rates} Hz")
+            raise ConfigurationError(f"--set rate_hz: cannot be set for the benchmarks, which measures at {rates} Hz")
     length = duration if duration is not None else QUICK_DURATION_S if quick else DURATION_S
     with TemporaryDirectory(prefix="weberlink-bench-") as folder:
         key = Path(folder) / "bench.key"

@@ -2,17 +2,15 @@
 
 import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmarks import programs
+from benchmarks.__main__ import app
 from benchmarks.percentiles import NAMES
 from tests.system.processes import Program, document, until
-from weberlink.cli import app
 from weberlink.system.configuration import SIDES
 
 
@@ -21,7 +19,7 @@ from weberlink.system.configuration import SIDES
     [
         (("--duration", "0.5"), "--duration"),
         (("no-such.yaml",), "no-such.yaml"),
-        (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for bench"),
+        (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for the benchmarks"),
         (("--set", "nonsense=1"), "nonsense"),
     ],
 )
@@ -39,7 +37,7 @@ def test_a_failed_measurement_has_status_1() -> None:
         taken.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         options = [f'--set=link.{end}="{address}"' for end in ("listen", "slave")]
-        with Program("bench", "--quick", *options) as program:
+        with Program("--quick", *options, module="benchmarks") as program:
             status, said, complaints = program.finish()
     assert (status, said) == (1, "")
     assert f"weberlink: the slave ended before the session began: UDP {address} is in use" in complaints
@@ -49,7 +47,7 @@ def test_a_failed_measurement_has_status_1() -> None:
 @pytest.mark.hunt  # a limit is measured before
 @pytest.mark.realtime
 def test_ctrl_c_ends_with_the_parts_so_far() -> None:
-    with Program("bench", "--quick", "--json", "-") as program:
+    with Program("--quick", "--json", "-", module="benchmarks") as program:
         until(lambda: any(b"system.daemon" in command for command in program.children().values()), "a daemon")
         program.send(signal.SIGINT)
         status, said, complaints = program.finish()
@@ -62,7 +60,7 @@ def test_ctrl_c_ends_with_the_parts_so_far() -> None:
 @pytest.mark.realtime(alone=True)
 def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     out = tmp_path / "bench.json"
-    with Program("bench", "--quick", "--json", out, "--plots", tmp_path / "figures") as program:
+    with Program("--quick", "--json", out, "--plots", tmp_path / "figures", module="benchmarks") as program:
         status, said, complaints = program.finish()
     assert (status, complaints) == (0, "")
     found = document(out.read_text(encoding="utf-8"))
@@ -90,11 +88,3 @@ def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     assert "a quick run, no measurement" in said
     assert max(map(len, said.splitlines())) <= 80
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png"}
-
-
-def test_without_the_clone_the_command_names_make_bench(tmp_path: Path) -> None:
-    program = "import sys; sys.modules['benchmarks'] = None; from weberlink.cli import main; main()"
-    command = [sys.executable, "-c", program, "bench"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr == "weberlink: bench runs from a clone of the repository: make bench\n"

@@ -30,7 +30,7 @@ TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
     "Look": (monitor.monitor, doctor.doctor, studies.info, studies.export),
     "Devices": (hardware.devices, hardware.emulate),
     "Study": (studies.evaluate, studies.experiment, studies.ratings),
-    "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability, studies.bench),
+    "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability),
 }
 """The commands, as the help lists them."""
 NAMES: dict[Callable[..., None], str] = {visit.visit: "try"}

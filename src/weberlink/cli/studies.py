@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +12,6 @@ from weberlink.cli.arguments import (
     File,
     Full,
     Json,
-    OptionalFile,
     Plots,
     Set,
     Workers,
@@ -24,7 +22,7 @@ from weberlink.cli.arguments import (
 from weberlink.cli.figures import Footer, Format, figures
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
-from weberlink.system.order import FAILED, MISCONFIGURED
+from weberlink.system.order import FAILED
 
 
 def info(
@@ -185,48 +183,6 @@ def stability(
             result = display_study.run(names, plots=plots is not None, workers=workers, progress=progress)
         else:
             result = command.run(full=full, plots=plots is not None, workers=workers, progress=progress)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
-
-
-def bench(
-    file: OptionalFile = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            "--duration", metavar="S", min=1.0, callback=finite, help="Length of a live run [s]; default: 20."
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Measure everything briefly, in half a minute.")] = False,
-    json_out: Json = None,
-    plots: Plots = None,
-    footer: Footer = True,
-    format_: Format = None,
-    set_: Set = None,
-) -> None:
-    """Measure real-time figures beside this machine's limits.
-
-    Takes three minutes, or half a minute with --quick. Ctrl-C ends it with the parts so far.
-    """
-    clone = Path(__file__).resolve().parents[3]  # of an editable install; `benchmarks` is not part of the package
-    sys.path.append(str(clone))
-    try:
-        from benchmarks.arrangement import BenchError  # noqa: PLC0415
-        from benchmarks.study import run  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "benchmarks":
-            raise
-        fail("bench runs from a clone of the repository: make bench", MISCONFIGURED)
-
-    path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-    try:
-        with errors(), progress_bar() as progress:
-            result = run(
-                path, set_ or (), lambda overrides: free_port(path, overrides), duration=duration, quick=quick,
-                plots=plots is not None, progress=progress,
-            )  # fmt: skip
-    except BenchError as error:
-        fail(str(error), FAILED)
     with figures(footer, format_):
         publish(result, json_out, plots)
 

@@ -22,7 +22,7 @@ from weberlink.apps.doctor.machine import Unreadable
 from weberlink.apps.doctor.network import CHARGED_BYTES, firewall, key_file, port, receive_buffer, slave_address
 from weberlink.apps.doctor.processors import cpu_list, cpu_quota, governor, idle_states, isolation, processors
 from weberlink.apps.doctor.rights import huge_pages, shared_memory, swap
-from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, tools, uvloop
+from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, uvloop
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import SLOT_BYTES
@@ -186,8 +186,6 @@ CASES = [
     Case(python, OK, "Python 3."),
     Case(uvloop, OK),
     Case(extras, OK),
-    Case(tools, OK, answers=has("cyclictest", "sockperf")),
-    Case(tools, ADVICE, "sudo apt install rt-tests", answers=has("sockperf")),
 ]
 
 

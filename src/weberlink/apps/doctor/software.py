@@ -1,4 +1,4 @@
-"""Checks of software and devices: Python, uvloop, extras, benchmark tools, drivers and what is plugged in."""
+"""Checks of software and devices: Python, uvloop, extras, drivers and what is plugged in."""
 
 import platform
 import re
@@ -14,8 +14,6 @@ from weberlink.apps.doctor.needs import Needs
 from weberlink.compiled import is_compiled
 from weberlink.installation import pip_install
 
-TOOLS = {"cyclictest": "rt-tests", "sockperf": "sockperf"}
-"""Tools that `weberlink bench` compares with, and their Debian packages."""
 NOT_FOR_USERS = {"dev"}
 
 
@@ -72,16 +70,6 @@ def optional(project: str = "weberlink") -> dict[str, list[str]]:
         if name and extra and extra[1] not in NOT_FOR_USERS:
             found.setdefault(extra[1], []).append(name[0])
     return found
-
-
-def tools(machine: Machine, _needs: Needs) -> Finding:
-    missing = [name for name in TOOLS if machine.which(name) is None]
-    if missing:
-        return advice(
-            f"not installed: {', '.join(missing)}; weberlink bench compares with them",
-            f"sudo apt install {' '.join(TOOLS[name] for name in missing)}",
-        )
-    return ok(f"{' and '.join(TOOLS)} are installed, for weberlink bench")
 
 
 def _version(package: str) -> str | None:
