@@ -28,7 +28,7 @@ BETWEEN_HOSTS = ("koch-so101.yaml", "lan.yaml")
 """Those in which the master calls another host."""
 LED = ("ros2.yaml",)
 """Those that another program leads."""
-OPERATOR = CONFIGS / "traces" / "operator.csv"
+OPERATOR = CONFIGS / "traces" / "operator.npz"
 HEADER = "t,px,py,pz,fx,fy,fz"
 COMMANDS = sorted(get_command(app).commands)  # type: ignore[attr-defined]
 

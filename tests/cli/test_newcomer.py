@@ -32,7 +32,7 @@ LONGEST = ("wrong key", "full disk in a session", "device not plugged")
 """Trials that wait rather than work; they start first."""
 LOOPBACK = CONFIGS / "loopback.yaml"
 LAN = CONFIGS / "lan.yaml"
-TRACE = CONFIGS / "traces" / "operator.csv"
+TRACE = CONFIGS / "traces" / "operator.npz"
 BLOCKED = "import sys; sys.modules[{!r}] = None; from weberlink.cli import main; main()"
 """A program in which an optional package is missing."""
 

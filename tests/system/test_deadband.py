@@ -27,7 +27,7 @@ from weberlink.system.configuration import Configuration, ConfigurationError, lo
 from weberlink.system.simulate import build_simulation
 
 ROOT = Path(__file__).parents[2]
-OPERATOR = ROOT / "configs" / "traces" / "operator.csv"
+OPERATOR = ROOT / "configs" / "traces" / "operator.npz"
 LINK = "link: {security: none, listen: '127.0.0.1:0', slave: '127.0.0.1:0'}\n"
 
 

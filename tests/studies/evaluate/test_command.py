@@ -32,7 +32,7 @@ from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, names
 
-OPERATOR = CONFIGS / "traces" / "operator.csv"
+OPERATOR = CONFIGS / "traces" / "operator.npz"
 MAIN = "from weberlink.cli import main; main()"
 MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
 """Weber factors for minutes of work."""

@@ -11,6 +11,7 @@ import socket
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -138,12 +139,15 @@ def test_paths_and_addresses_are_no_change(study: Path, tmp_path: Path) -> None:
     mine = TrialSignals(FILE, ())
     assert TrialSignals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
     assert TrialSignals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
-    trace = tmp_path / "operator.csv"
-    trace.write_bytes((CONFIGS / "traces" / "operator.csv").read_bytes())
+    trace = tmp_path / "operator.npz"
+    trace.write_bytes((CONFIGS / "traces" / "operator.npz").read_bytes())
     override = f"master.device.trace={trace}"
     replay = CONFIGS / "replay.yaml"
     assert TrialSignals(replay, (override,)).digest == TrialSignals(replay, ()).digest  # the same content elsewhere
-    trace.write_bytes(trace.read_bytes().replace(b"\n0.001,", b"\n0.0011,"))
+    with np.load(trace) as held:
+        arrays = dict(held)
+    arrays["t"][1] = 0.0011
+    np.savez(trace, **arrays)
     assert TrialSignals(replay, (override,)).digest != TrialSignals(replay, ()).digest
 
 

@@ -13,7 +13,7 @@ from weberlink.studies.moments.moments import CodedTrace
 
 @cache
 def own() -> Trace:
-    return read_trace(Path(__file__).parents[3] / "configs" / "traces" / "operator.csv")
+    return read_trace(Path(__file__).parents[3] / "configs" / "traces" / "operator.npz")
 
 
 @cache
