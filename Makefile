@@ -26,8 +26,7 @@ system:  ## Debian packages for tests of HID devices, in a browser, of views and
 		apt-get install -y -q --no-install-recommends coturn nftables; \
 		! test -d /run/systemd/system || systemctl disable --now coturn; }  # tests start their own
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
-	command -v turnserver >/dev/null || apt-get install -y -q --no-install-recommends coturn
-	command -v nft >/dev/null && command -v ip >/dev/null || apt-get install -y -q --no-install-recommends nftables iproute2
+	command -v ip >/dev/null || apt-get install -y -q --no-install-recommends iproute2
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
 demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (s); a script moves the handle until you take it
