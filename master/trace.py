@@ -1,4 +1,4 @@
-"""Recorded teleoperation signals: positions and forces over time, from CSV, from npz, or from a recording of a session."""
+"""Recorded teleoperation signals: positions and forces over time, from CSV, npz or a recording of a session."""
 
 import csv
 import os
@@ -89,8 +89,8 @@ class Trace:
 def read_trace(path: Path | str, units: Units = SI) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
-    The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file with
-    an array of each of these names, or an MCAP recording that has the slave's side (extra: recording).
+    The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
+    with an array of each of these names, or an MCAP recording that has the slave's side (extra: recording).
 
     Args:
         path: of the file.
@@ -228,9 +228,13 @@ def _arrays(path: Path) -> Array:
         raise TraceError(f"{path}: not found") from None
     except Exception as error:  # zipfile, zlib and numpy have many for a damaged file
         why = " ".join(str(error).split())
-        raise TraceError(f"{path}: expected an npz file with arrays {','.join(COLUMNS)} of one length ({why})") from None
+        raise TraceError(
+            f"{path}: expected an npz file with arrays {','.join(COLUMNS)} of one length ({why})"
+        ) from None
     if table.ndim != 2 or not (np.abs(table) < LIMIT).all():
-        raise TraceError(f"{path}: expected arrays {','.join(COLUMNS)} of finite numbers less than {LIMIT:g} in SI units")
+        raise TraceError(
+            f"{path}: expected arrays {','.join(COLUMNS)} of finite numbers less than {LIMIT:g} in SI units"
+        )
     return table
 
 

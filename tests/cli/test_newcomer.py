@@ -263,10 +263,14 @@ TRIALS = {
     ),
     "missing extra": Trial(without_mcap, 2, install_line("recording")),
     "missing recording without the extra": Trial(
-        said("info", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
+        said("record", "info", "{}/none.mcap", program=BLOCKED.format("mcap")),
+        2,
+        "none.mcap: cannot be read: No such file",
     ),
     "missing recording to export": Trial(
-        said("export", "{}/none.mcap", "--to", "csv", program=BLOCKED.format("mcap")), 2, "cannot be read: No such file"
+        said("record", "export", "{}/none.mcap", "--to", "csv", program=BLOCKED.format("mcap")),
+        2,
+        "cannot be read: No such file",
     ),
     "missing recording to evaluate": Trial(
         said("evaluate", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"

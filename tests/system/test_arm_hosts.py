@@ -99,7 +99,7 @@ def test_session_over_bad_link(pair: Pair) -> None:
     assert felt[0] == 0, felt[2]
     assert document(felt[1])["outcome"] == "completed"
     told = CliRunner().invoke(
-        app, ["info", str(pair.folder / "master.mcap"), str(pair.folder / "slave.mcap"), "--json", "-"]
+        app, ["record", "info", str(pair.folder / "master.mcap"), str(pair.folder / "slave.mcap"), "--json", "-"]
     )
     summary: dict[str, Any] = document(told.stdout)
     tell({key: figures for key, figures in summary.items() if key not in ("files", "environment")})

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, shipped, studies, visit
+from weberlink.cli import bridge, doctor, hardware, monitor, peers, records, sessions, shipped, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -27,7 +27,7 @@ TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
         sessions.keygen,
         peers.peers,
     ),
-    "Look": (monitor.monitor, doctor.doctor, studies.info, studies.export),
+    "Look": (monitor.monitor, doctor.doctor),
     "Devices": (hardware.devices, hardware.emulate),
     "Study": (studies.evaluate, studies.experiment, studies.ratings),
     "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability),
@@ -49,6 +49,7 @@ for topic, commands in TOPICS.items():
     for command in commands:
         app.command(NAMES.get(command), rich_help_panel=topic)(command)
     if topic == "Look":
+        app.add_typer(records.record, rich_help_panel=topic)
         app.add_typer(bridge.bridge, rich_help_panel=topic)
     if topic == "Devices":
         app.add_typer(hardware.device, rich_help_panel=topic)

@@ -1,4 +1,4 @@
-"""Commands for recordings and studies."""
+"""The study commands."""
 
 import sys
 from collections.abc import Callable
@@ -20,54 +20,9 @@ from weberlink.cli.arguments import (
     folder_target,
 )
 from weberlink.cli.figures import Footer, Format, figures
-from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
+from weberlink.cli.output import attempt, errors, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED
-
-
-def info(
-    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    json_out: Json = None,
-) -> None:
-    """Describe a recording: its sides, gaps and figures."""
-    from weberlink.apps.recordings import describe  # noqa: PLC0415
-
-    with errors():
-        description = describe(recordings)
-    write(description.document, json_out, description.show)
-
-
-def export(
-    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="csv, parquet (extra: weberlink[parquet]), ros, or lerobot (extra: weberlink[lerobot]).",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="DIR", callback=folder_target, help="Folder of the files; default: that of the recording."
-        ),
-    ] = None,
-    fps: Annotated[int, typer.Option("--fps", metavar="HZ", help="Frames per second of a LeRobot dataset.")] = 30,
-    task: Annotated[
-        str, typer.Option("--task", metavar="TEXT", help="What was done, in words, for a LeRobot dataset.")
-    ] = "teleoperation",
-) -> None:
-    """Convert a recording to tables, for ROS tools, or for LeRobot."""
-    from weberlink.apps.recordings import DatasetOptions, ExportError  # noqa: PLC0415
-    from weberlink.apps.recordings import export as run  # noqa: PLC0415
-
-    try:
-        with errors():
-            lines = run(recordings, to, out, DatasetOptions(fps, task))
-    except ExportError as error:
-        fail(str(error), FAILED)
-    typer.echo("\n".join(lines))
 
 
 def evaluate(  # noqa: PLR0917 - an argument for each option

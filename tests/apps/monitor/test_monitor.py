@@ -321,7 +321,7 @@ def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) 
             assert master.finish()[0] == 0
         slave.send(signal.SIGINT)
         assert slave.finish()[0] == 0
-    with Program("info", *files, "--json", "-") as info:
+    with Program("record", "info", *files, "--json", "-") as info:
         status, output, errors = info.finish()
     assert status == 0, errors
     figures, recorded = final(joined)["figures"], document(output)

@@ -92,9 +92,9 @@ def test_recorded_part_of_a_session_replays_with_its_figures(tmp_path: Path) -> 
     whole = document(output)
     for side, records in recording.records.items():
         assert 1000 < len(records) < whole["ticks"][side]["count"]
-    told = CliRunner().invoke(app, ["info", str(path)])
+    told = CliRunner().invoke(app, ["record", "info", str(path)])
     assert told.exit_code == 0 and "s: first touch" in told.output and "during the session" in told.output
-    report = document(CliRunner().invoke(app, ["info", str(path), "--json", "-"]).stdout)
+    report = document(CliRunner().invoke(app, ["record", "info", str(path), "--json", "-"]).stdout)
     with Monitor(tmp_path, "--replay", path) as monitor:
         messages = asyncio.run(replay(monitor.url, "touch"))
     figures = next(message for message in messages if message.get("ended"))["figures"]
