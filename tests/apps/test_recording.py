@@ -215,7 +215,7 @@ class TestWhatIsNoRecording:
     def test_is_said_in_one_line(self, tmp_path, command, name, content):
         path = tmp_path / name
         path.write_bytes(content)
-        status, output, errors = weberlink(command[0], path, *command[1:])
+        status, output, errors = weberlink(*command, path)
         one_line(status, errors, name)
         assert output == ""
 
@@ -413,7 +413,7 @@ def test_a_recording_that_lost_records_is_not_whole(simulated, tmp_path):
 def test_a_pipe_is_refused_without_waiting(tmp_path, command):
     pipe = tmp_path / "pipe.mcap"
     os.mkfifo(pipe)
-    status, _, errors = weberlink(command[0], pipe, *command[1:])
+    status, _, errors = weberlink(*command, pipe)
     one_line(status, errors, "no regular file")
 
 

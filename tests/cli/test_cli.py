@@ -183,7 +183,7 @@ def test_keygen_writes_a_private_file_and_never_over_another(tmp_path: Path) -> 
 def test_simulate_refuses_hardware_drivers() -> None:
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
     assert "master.device.driver: polhem_serial is a hardware driver" in line
-    assert "weberlink emulate polhem_serial" in line
+    assert "weberlink device emulate polhem_serial" in line
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml", "--set", "master.device={driver: force_dimension}"))
     assert line.endswith("run it live"), "nothing emulates a library"
 

@@ -62,7 +62,7 @@ def pair(hosts: tuple[str, str], tmp_path: Path) -> Iterator[Pair]:
     file.write_text(placed, encoding="utf-8")
     with ExitStack() as running:
         for name, link, sets in (("koch_leader", leader, ()), ("so101_follower", follower, ("--set", walls))):
-            running.enter_context(Program("emulate", name, "--link", link, *sets))
+            running.enter_context(Program("device", "emulate", name, "--link", link, *sets))
             until(link.exists, f"the emulated {name}")
         yield Pair(file, tmp_path, operator, robot)
 

@@ -20,7 +20,7 @@ from weberlink.system.targets import TargetError, check_file
 HOME = Path(str(files("weberlink.configs"))).resolve()
 SCHEMA = "weberlink.schema.json"
 OTHERS = {
-    "49-weberlink.rules": "udev rules of the devices; weberlink devices --install-rules installs them",
+    "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
     "foxglove-layout.json": "layout of Foxglove for an exported recording",
     "foxglove-live-layout.json": "layout of Foxglove for weberlink bridge foxglove",

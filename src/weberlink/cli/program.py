@@ -28,7 +28,6 @@ TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
         peers.peers,
     ),
     "Look": (monitor.monitor, doctor.doctor),
-    "Devices": (hardware.devices, hardware.emulate),
     "Study": (studies.evaluate, studies.experiment, studies.ratings),
     "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability),
 }
@@ -50,9 +49,8 @@ for topic, commands in TOPICS.items():
         app.command(NAMES.get(command), rich_help_panel=topic)(command)
     if topic == "Look":
         app.add_typer(records.record, rich_help_panel=topic)
-        app.add_typer(bridge.bridge, rich_help_panel=topic)
-    if topic == "Devices":
         app.add_typer(hardware.device, rich_help_panel=topic)
+        app.add_typer(bridge.bridge, rich_help_panel=topic)
 
 
 def installed(entry: EntryPoint) -> Callable[..., Any]:

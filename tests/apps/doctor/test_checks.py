@@ -345,14 +345,14 @@ def test_extras_are_those_for_users() -> None:
 PADDLE = PluggedDevice("/dev/ttyACM0", "Paddle")
 NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
 LATENCY = "/dev/ttyUSB0 delays replies by 16 ms (latency timer): echo 1 | sudo tee x"
-INSTALL = "sudo weberlink devices --install-rules"
+INSTALL = "sudo weberlink device rules"
 
 
 @pytest.mark.parametrize(
     ("side", "driver", "state", "advice", "needs", "expected"),
     [
         ("master", "paddle", READY, (), NAMED, (OK, None)),
-        ("master", "paddle", NOTHING, (), NAMED, (PROBLEM, "plug it in and switch it on, then: weberlink devices")),
+        ("master", "paddle", NOTHING, (), NAMED, (PROBLEM, "plug it in and switch it on, then: weberlink device list")),
         ("master", "paddle", UNSEEN, (), NAMED, (OK, None)),
         ("master", "paddle", NO_RULES, (INSTALL,), NAMED, (PROBLEM, INSTALL)),
         ("master", "paddle", READY, (LATENCY,), NAMED, (ADVICE, LATENCY)),

@@ -85,7 +85,7 @@ def devices(_machine: Machine, needs: Needs) -> Iterator[Finding]:
 
 
 def judge_drivers(drivers: Sequence[DriverStatus], needs: Needs) -> Iterator[Finding]:
-    """Findings on the result of `weberlink devices`."""
+    """Findings on the result of `weberlink device list`."""
     named = dict(needs.drivers)
     others = 0
     for each in drivers:
@@ -114,6 +114,6 @@ def _named(status: DriverStatus) -> Finding:
         return ok(f"{name}: cannot be listed; to try it: weberlink device test {status.driver}", check)
     if status.state == NOTHING:
         return problem(
-            f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink devices", check
+            f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink device list", check
         )
-    return problem(f"{name}: {status.state}", status.advice[0] if status.advice else "weberlink devices", check)
+    return problem(f"{name}: {status.state}", status.advice[0] if status.advice else "weberlink device list", check)

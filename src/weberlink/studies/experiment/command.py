@@ -100,7 +100,7 @@ def check_device(request: ExperimentRequest) -> None:
     if not request.simulate and driver in SCRIPTED:
         raise ConfigurationError(
             f"{request.file}: master.device.driver: a program moves {driver}, so no person would feel the trials; name "
-            "the driver of a device (weberlink devices), or add --simulate to let a program rate"
+            "the driver of a device (weberlink device list), or add --simulate to let a program rate"
         )
 
 
