@@ -96,10 +96,10 @@ bench: $(DEV)  ## real-time and throughput figures beside the machine's limits
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: of the page on the paper
 	mkdir -p docs/figures docs/paper
-	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
-	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
-	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
-	$(BIN)/weberlink adaptive --docs docs/adaptive
+	$(BIN)/weberlink study precision --plots docs/figures --json docs/figures/precision.json
+	$(BIN)/weberlink study stability --plots docs/figures --json docs/figures/stability.json
+	$(BIN)/weberlink study paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
+	$(BIN)/weberlink study adaptive --docs docs/adaptive
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 

@@ -117,7 +117,7 @@ class TestOfASimulation:
         assert again == (engaged["sent"] == 1).tolist()
 
     def test_evaluate_takes_it_for_a_trace(self, simulated):
-        status, output, errors = weberlink("evaluate", simulated[0], "--predictor", "zoh", "--json", "-")
+        status, output, errors = weberlink("study", "evaluate", simulated[0], "--predictor", "zoh", "--json", "-")
         assert status == 0, errors
         (row,) = document(output)["rows"]
         assert row["trace"] == "touch" and row["packets"] > 10
@@ -170,7 +170,7 @@ class TestOfASimulation:
         assert f"{trace}: " in output
         rows = []
         for given in (path, trace):
-            status, output, errors = weberlink("evaluate", given, "--predictor", "zoh,hybrid", "--json", "-")
+            status, output, errors = weberlink("study", "evaluate", given, "--predictor", "zoh,hybrid", "--json", "-")
             assert (status, errors) == (0, "")
             rows.append(document(output)["rows"])
         assert len(rows[0]) == 2
@@ -202,7 +202,9 @@ class TestOfASimulation:
 
 
 class TestWhatIsNoRecording:
-    @pytest.mark.parametrize("command", [("record", "info"), ("record", "export", "--to", "csv"), ("evaluate",)])
+    @pytest.mark.parametrize(
+        "command", [("record", "info"), ("record", "export", "--to", "csv"), ("study", "evaluate")]
+    )
     @pytest.mark.parametrize(
         ("name", "content"),
         [
@@ -409,7 +411,7 @@ def test_a_recording_that_lost_records_is_not_whole(simulated, tmp_path):
     assert "not whole, 500 records lost" in " ".join(output.split())
 
 
-@pytest.mark.parametrize("command", [("record", "info"), ("record", "export", "--to", "csv"), ("evaluate",)])
+@pytest.mark.parametrize("command", [("record", "info"), ("record", "export", "--to", "csv"), ("study", "evaluate")])
 def test_a_pipe_is_refused_without_waiting(tmp_path, command):
     pipe = tmp_path / "pipe.mcap"
     os.mkfifo(pipe)
@@ -449,7 +451,7 @@ def test_tables_of_arms_have_a_column_per_joint(tmp_path):
 
 def test_recording_of_arms_is_no_trace(tmp_path):
     path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": arm_sessions.records("slave", 300)})
-    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh")
+    status, _, errors = weberlink("study", "evaluate", path, "--predictor", "zoh")
     one_line(status, errors, "arms.mcap", "expected a session in Cartesian space")
     weberlink("record", "export", path, "--to", "csv")
     assert [each.name for each in tmp_path.glob("*.csv")] == ["arms-slave.csv"]
@@ -494,7 +496,7 @@ def test_recording_from_before_arms_still_reads(simulated, tmp_path):
     for name in again.dtype.names:
         expected = whole.records["slave"][name] if ADDED.get(name, 0.0) == 0.0 else np.full(len(again), np.nan)
         np.testing.assert_array_equal(again[name], expected)
-    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh", "--json", "-")
+    status, _, errors = weberlink("study", "evaluate", path, "--predictor", "zoh", "--json", "-")
     assert (status, errors) == (0, "")
 
 

@@ -15,23 +15,13 @@ from weberlink.system.order import MISCONFIGURED
 
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
-TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Run": (
-        visit.visit,
-        sessions.loopback,
-        sessions.master,
-        sessions.slave,
-        sessions.simulate,
-        sessions.check,
-        shipped.configs,
-        sessions.keygen,
-        peers.peers,
-    ),
-    "Look": (monitor.monitor, doctor.doctor),
-    "Study": (studies.evaluate, studies.experiment, studies.ratings),
-    "Reproduce": (studies.paper, studies.adaptive, studies.precision, studies.stability),
+TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
+    "Run": (visit.visit, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
+    "Look": (monitor.monitor, sessions.check, doctor.doctor, records.record, bridge.bridge),
+    "Setup": (hardware.device, peers.peers, sessions.keygen, shipped.configs),
+    "Study": (studies.study,),
 }
-"""The commands, as the help lists them."""
+"""The commands and groups of commands, as the help lists them."""
 NAMES: dict[Callable[..., None], str] = {visit.visit: "try"}
 """Names that Python reserves; the other commands have those of their functions."""
 
@@ -46,11 +36,10 @@ app = typer.Typer(
 )
 for topic, commands in TOPICS.items():
     for command in commands:
-        app.command(NAMES.get(command), rich_help_panel=topic)(command)
-    if topic == "Look":
-        app.add_typer(records.record, rich_help_panel=topic)
-        app.add_typer(hardware.device, rich_help_panel=topic)
-        app.add_typer(bridge.bridge, rich_help_panel=topic)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, rich_help_panel=topic)
+        else:
+            app.command(NAMES.get(command), rich_help_panel=topic)(command)
 
 
 def installed(entry: EntryPoint) -> Callable[..., Any]:

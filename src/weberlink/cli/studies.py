@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from weberlink.cli.arguments import (
+    CommandGroup,
     File,
     Full,
     Json,
@@ -24,7 +25,10 @@ from weberlink.cli.output import attempt, errors, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED
 
+study = typer.Typer(name="study", cls=CommandGroup, help="Reproduce and extend the studies.", no_args_is_help=True)
 
+
+@study.command()
 def evaluate(  # noqa: PLR0917 - an argument for each option
     traces: Annotated[
         list[Path],
@@ -96,6 +100,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
         publish(result, json_out, plots)
 
 
+@study.command()
 def precision(
     full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
 ) -> None:
@@ -111,6 +116,7 @@ def precision(
         publish(result, json_out, plots)
 
 
+@study.command()
 def stability(
     full: Full = False,
     cells: Annotated[
@@ -142,6 +148,7 @@ def stability(
         publish(result, json_out, plots)
 
 
+@study.command()
 def experiment(
     file: File,
     out: Annotated[
@@ -191,6 +198,7 @@ def experiment(
     typer.echo(words)
 
 
+@study.command()
 def ratings(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the ledgers of an experiment.")],
     level: Annotated[
@@ -223,6 +231,7 @@ def ratings(
         fail(problem, FAILED)
 
 
+@study.command()
 def paper(
     traces: Annotated[
         list[Path] | None,
@@ -243,6 +252,7 @@ def paper(
     publish(result, json_out, plots)
 
 
+@study.command()
 def adaptive(
     traces: Annotated[
         list[Path] | None,

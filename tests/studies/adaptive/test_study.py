@@ -90,6 +90,6 @@ def test_the_published_page_is_that_of_its_rows() -> None:
 
 
 def test_the_command_refuses_what_is_not_there() -> None:
-    ended = CliRunner().invoke(app, ["adaptive", "absent.csv"])
+    ended = CliRunner().invoke(app, ["study", "adaptive", "absent.csv"])
     assert (ended.exit_code, ended.stdout) == (2, "")
     assert "absent.csv: not found; shipped recordings: " in ended.stderr

@@ -215,6 +215,6 @@ def test_a_wrong_trace_is_refused_before_any_work(tmp_path: Path):
     wrong = tmp_path / "wrong.csv"
     wrong.write_text("a,b\n1,2\n", encoding="utf-8")
     for traces, said in (([wrong], "wrong.csv: row 1: missing column"), ([OPERATOR, OPERATOR], "listed twice")):
-        result = CliRunner().invoke(app, ["paper", *map(str, traces)])
+        result = CliRunner().invoke(app, ["study", "paper", *map(str, traces)])
         assert result.exit_code == 2
         assert said in result.stderr

@@ -57,7 +57,7 @@ def _lines(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, *, drawn
     yield from paragraph(
         f"`adaptive` (bank {', '.join(ADAPTIVE_BANK)}) against the paper's `hybrid` and against the best of its single "
         f"predictors ({', '.join(SINGLES)}) on each signal, at k = {WEBER:g}, floor {FLOOR_N:g} N, quantised as on the "
-        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in "
+        f"wire, without loss or delay. Made by `weberlink study adaptive --docs docs/adaptive` in "
         f"{sum(row.processor_s for row in rows):.0f} s of one core; the rows are in [adaptive.json](adaptive.json)."
     )
     if drawn:

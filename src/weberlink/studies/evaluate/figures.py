@@ -1,4 +1,4 @@
-"""The files of `weberlink evaluate --plots`: curves over the Weber factor, forces over time, fitted surfaces."""
+"""The files of `weberlink study evaluate --plots`: curves over the Weber factor, forces over time, fitted surfaces."""
 
 import csv
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The study of `weberlink evaluate`: every trace with every predictor, Weber factor and deadband, one row each.
+"""The study of `weberlink study evaluate`: every trace with every predictor, Weber factor and deadband, one row each.
 
 A task is one trace at one Weber factor and one deadband with all predictors: they share the trace as plain numbers,
 the perception threshold and most of the work of the clairvoyant bound.

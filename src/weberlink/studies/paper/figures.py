@@ -1,4 +1,4 @@
-"""The figures of `weberlink paper`: curves of every condition, and single moments of one scene."""
+"""The figures of `weberlink study paper`: curves of every condition, and single moments of one scene."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
