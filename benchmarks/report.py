@@ -133,7 +133,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
             f"{side}: {memory['last_kib'] / 1024:.1f} MiB, {memory['growth_kib_per_minute']:+.0f} KiB a minute, "
             f"{memory['descriptors_first']} descriptors, {memory['descriptors_last']} at the end"
         )
-    yield from start_up.lines(document["start_up"])
+    yield start_up.line(document["start_up"])
 
 
 def _targets(document: Mapping[str, Any]) -> Table:

@@ -11,7 +11,7 @@ from benchmarks.codec_speed import CodecSpeed
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
 from benchmarks.live_side import LiveSide, Resources
-from benchmarks.start_up import DAEMON_PARTS, LAUNCHER_PARTS, StartUp
+from benchmarks.start_up import StartUp
 from benchmarks.study import Findings
 from benchmarks.update_cost import UpdateCost
 from weberlink.telemetry.reader import DTYPE
@@ -71,11 +71,7 @@ def findings(
             }
         ),
         codec=codec() if rate is None else rate,
-        start_up=StartUp(
-            {"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]},
-            {part: [0.15] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)},
-            [1.0],
-        ),
+        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
         rights=RIGHTS,
         host=HOST,
         run_time_s=120.0,

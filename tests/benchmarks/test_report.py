@@ -82,7 +82,6 @@ def test_the_document_is_json_and_keeps_its_units() -> None:
     assert daemon["ratio"]["p99_9"] == pytest.approx(1.5)
     assert document["start_up"]["loopback"]["median_s"] == 1.2
     assert document["start_up"]["loopback"]["ratio_to_interpreter"] == pytest.approx(40.0)
-    assert sum(document["start_up"]["loopback"]["parts_s"].values()) == pytest.approx(1.2)
     assert {"machine", "commit"} <= document["environment"].keys()
     assert all(key == key.lower() and " " not in key for key in document)
 
