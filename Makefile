@@ -26,8 +26,7 @@ system:  ## Debian packages for tests of HID devices, in a browser, of views and
 		apt-get install -y -q --no-install-recommends coturn nftables; \
 		! test -d /run/systemd/system || systemctl disable --now coturn; }  # tests start their own
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
-	command -v turnserver >/dev/null || apt-get install -y -q --no-install-recommends coturn
-	command -v nft >/dev/null && command -v ip >/dev/null || apt-get install -y -q --no-install-recommends nftables iproute2
+	command -v ip >/dev/null || apt-get install -y -q --no-install-recommends iproute2
 	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
 demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (s); a script moves the handle until you take it
@@ -91,18 +90,15 @@ model: $(DEV)  ## every state of the models of the protocol: the present one hol
 soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
-bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; then device, MuJoCo and recording beside theirs
+bench: $(DEV)  ## real-time and throughput figures beside the machine's limits
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.codec_speed
-	$(BIN)/python -m benchmarks.device_round_trip
-	$(BIN)/python -m benchmarks.sessions mujoco
-	$(BIN)/python -m benchmarks.sessions recording --seconds 15 --rounds 4
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: of the page on the paper
 	mkdir -p docs/figures docs/paper
-	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
-	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
-	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
+	$(BIN)/weberlink study precision --plots docs/figures --json docs/figures/precision.json
+	$(BIN)/weberlink study stability --plots docs/figures --json docs/figures/stability.json
+	$(BIN)/weberlink study paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 

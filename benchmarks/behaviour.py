@@ -114,7 +114,8 @@ def main() -> int:
     stored = json.loads(STORED.read_text(encoding="utf-8"))
     if asked.write:
         kept = stored if asked.only else {}
-        STORED.write_text(json.dumps(kept | found, indent=1) + "\n", encoding="utf-8")
+        lines = [f"{json.dumps(name)}: {json.dumps(each)}" for name, each in (kept | found).items()]
+        STORED.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
         return 0
     before = {name: each for name, each in stored.items() if asked.only in name}
     names = [*found, *(before.keys() - found.keys())]  # a session that is no longer run counts as different

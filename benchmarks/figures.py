@@ -1,24 +1,19 @@
-"""Figures of a run. Needs matplotlib (extra: plots)."""
+"""Figure of a run. Needs matplotlib (extra: plots)."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from benchmarks.budget import PARTS, Budget
 from benchmarks.lateness import Lateness
 from weberlink.studies.sheet import caption_below, save
 
 COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
 """Colours of Okabe and Ito, distinct for colour-blind readers; the limit is black and dashed."""
-PART_COLOURS = "tab20"
-BEYOND = "beyond the sum"
 LEAST_US = 1.0
 STEPS_PER_DECADE = 400
 WIDTH_IN = 10.0
@@ -77,35 +72,6 @@ def exceedance(values: ArrayLike) -> tuple[list[float], list[float]]:
     ordered = 10.0 ** (np.sort(np.round(decades * STEPS_PER_DECADE)) / STEPS_PER_DECADE)
     firsts = np.flatnonzero(np.diff(ordered, prepend=-np.inf))
     return ordered[firsts].tolist(), (1.0 - firsts / len(ordered)).tolist()
-
-
-def cpu_figure(cost: Budget, live: Lateness, path: Path, caption: str) -> None:
-    """CPU time of a tick by part with cold caches, a bar for each side, up to the CPU time of the live daemon."""
-    figure = Figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
-    axes = figure.subplots()
-    sides = list(live.sides)
-    parts = {side: cost.parts(side) for side in sides}
-    left = np.zeros(len(sides))
-    for part, colour in zip(PARTS, colormaps[PART_COLOURS](range(len(PARTS))), strict=True):
-        widths = np.array([max(0.0, parts[side][part]["cold_us"] or 0.0) for side in sides])
-        _bars(axes, sides, widths, left, colour, part)
-        left += widths
-    booked = np.array([live.sides[side].cpu_s / live.sides[side].ticks * 1e6 for side in sides])
-    _bars(axes, sides, np.maximum(booked - left, 0.0), left, "0.88", BEYOND)
-    for place, (side, total) in enumerate(zip(sides, booked.tolist(), strict=True)):
-        share = live.sides[side].cpu_s / live.sides[side].elapsed_s
-        end = max(total, float(left[place]))
-        axes.annotate(f"{100 * share:.1f} % of a core", (end, place), (4, 0), textcoords="offset points", va="center")
-    axes.set_xlim(right=1.25 * float(np.maximum(booked, left).max()))
-    axes.invert_yaxis()
-    axes.set_xlabel(f"CPU time of a tick at {live.rate_hz / 1e3:g} kHz [us]")
-    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-    caption_below(figure, caption, _wrapped(caption), fontsize=CAPTION_PT, color="0.3")
-    save(figure, path.with_suffix(""), dpi=160, usual=("png",))
-
-
-def _bars(axes: Axes, sides: Sequence[str], widths: ArrayLike, left: ArrayLike, colour: Any, label: str) -> None:
-    axes.barh(sides, widths, left=np.array(left), color=colour, edgecolor="white", linewidth=0.6, label=label)
 
 
 def _wrapped(caption: str) -> str:

@@ -1,7 +1,7 @@
 """Live run of both daemons, observed through their telemetry rings and the accounts of the kernel."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from signal import SIGTERM
@@ -27,19 +27,13 @@ LOOK_S = 0.25
 """Time between two reads: rare, so that reading costs the daemons little; rings hold 10 s."""
 
 
-def live_run(
-    arrangement: Arrangement,
-    rate_hz: float,
-    duration_s: float,
-    afterwards: Callable[[Mapping[str, Daemon]], None] = lambda _: None,
-) -> dict[str, LiveSide]:
+def live_run(arrangement: Arrangement, rate_hz: float, duration_s: float) -> dict[str, LiveSide]:
     """Run both daemons and observe them; returns both sides by name.
 
     Args:
         arrangement: of the run.
         rate_hz: of the ticks [Hz].
         duration_s: of the observation [s].
-        afterwards: is given the daemons, which still run, after the observation.
 
     Raises:
         BenchError: if a daemon ends by itself, or they do not connect.
@@ -63,7 +57,6 @@ def live_run(
             if left <= 0.0:
                 break
             sleep(min(LOOK_S, left))
-        afterwards(daemons)
         summaries = {side: _end(daemon) for side, daemon in sorted(daemons.items())}  # the master first
     return {
         side: LiveSide(np.concatenate(records[side]), rate_hz, used[side], summaries[side]) for side in sorted(daemons)

@@ -14,121 +14,35 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from signal import SIGTERM
 from statistics import median
 from tempfile import TemporaryDirectory
-from time import monotonic, sleep
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from benchmarks.arrangement import MAIN_RATE_HZ, ROOT, Arrangement, BenchError, granted
 from benchmarks.codec_speed import measure as codec_speed
-from benchmarks.host import during, host, in_words, stolen
+from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import ONE_WAY, echo
-from benchmarks.live_side import LiveSide, Resources, resources
+from benchmarks.loopback import Session
 from benchmarks.percentiles import summary
+from weberlink.apps.doctor import Needs
 from weberlink.cli.sessions import free_port
 from weberlink.protocol.keys import generate
-from weberlink.protocol.states import State
 from weberlink.studies.result import plain_table
-from weberlink.system.configuration import SIDES
 from weberlink.system.environment import environment, footer
-from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.ring import default_path
 
 A, B = "A", "B"
 ECHO_S = 2.0
-START_LIMIT_S, SETTLE_S, LOOK_S, READ_EVERY_S = 60.0, 1.0, 0.005, 0.25
 PATIENCE_S = 240.0
 MEASURE = "--measure"
 
 Figures = dict[str, float]
 """What one measurement of a program found, by name with unit."""
-
-
-class Session:
-    """`weberlink loopback` as its user starts it, observed through the rings of both sides.
-
-    Args:
-        file: the configuration.
-    """
-
-    def __init__(self, file: Path) -> None:
-        options = [word for override in free_port(file, ()) for word in ("--set", override)]
-        self._began = monotonic()
-        self._program = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "weberlink", "loopback", str(file), *options],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        self._rings: dict[str, RingReader] = {}
-
-    def start_s(self) -> float:
-        """Wait until both sides are engaged; time from the start to the first such tick of the later one [s].
-
-        Raises:
-            BenchError: if there is no session.
-        """
-        firsts: dict[str, float] = {}
-        while len(firsts) < len(SIDES):
-            if self._program.poll() is not None:
-                assert self._program.stderr is not None
-                said = self._program.stderr.read().strip().splitlines()[-1:]
-                raise BenchError(f"weberlink loopback: {' '.join(said) or 'ended before its session'}")
-            if monotonic() > self._began + START_LIMIT_S:
-                raise BenchError(f"weberlink loopback: no session in {START_LIMIT_S:g} s")
-            for side in SIDES:
-                if side not in self._rings:
-                    with suppress(FileNotFoundError):
-                        self._rings[side] = RingReader(default_path(f"{self._program.pid}-{side}"))
-                elif side not in firsts:
-                    records = self._rings[side].read()
-                    engaged = records[records["state"] == State.ENGAGED.value]
-                    if len(engaged):
-                        firsts[side] = float(engaged["at"][0] + engaged["lateness_us"][0] * 1e-6)
-            sleep(LOOK_S)
-        return max(firsts.values()) - self._began
-
-    def observe(self, duration_s: float) -> dict[str, LiveSide]:
-        """Both sides over a time after a first second, in which caches and estimates settle."""
-        sleep(SETTLE_S)
-        for ring in self._rings.values():
-            ring.read()
-        records: dict[str, list[NDArray[np.void]]] = {side: [] for side in self._rings}
-        used: dict[str, list[tuple[float, Resources]]] = {side: [] for side in self._rings}
-        until = monotonic() + duration_s
-        while True:
-            for side, ring in self._rings.items():
-                used[side].append((monotonic(), resources(ring.pid)))
-                records[side].append(ring.read())
-            left = until - monotonic()
-            if left <= 0.0:
-                break
-            sleep(min(READ_EVERY_S, left))
-        return {side: LiveSide(np.concatenate(records[side]), MAIN_RATE_HZ, used[side], {}) for side in self._rings}
-
-    def close(self) -> None:
-        """End it.
-
-        Raises:
-            BenchError: if it does not end.
-        """
-        for ring in self._rings.values():
-            ring.close()
-        self._program.send_signal(SIGTERM)
-        try:
-            self._program.communicate(timeout=START_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            raise BenchError("weberlink loopback: did not end after SIGTERM") from None
-        finally:
-            self._program.kill()
 
 
 def measure(duration_s: float) -> Figures:
@@ -141,7 +55,7 @@ def measure(duration_s: float) -> Figures:
         BenchError: if a part fails.
     """
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
-    session = Session(file)
+    session = Session(file, free_port(file, ()))
     try:
         figures: Figures = {"start [s]": session.start_s()}
         sides = session.observe(duration_s)
@@ -232,7 +146,7 @@ def main() -> int:
     if asked.pairs < 1 or not asked.duration >= 1.0:
         parser.error("--pairs must be at least 1, --duration at least 1 s")
     trees = dict(zip((A, B), (tree.resolve() for tree in asked.trees), strict=True))
-    facts, taken = host(), stolen()
+    facts, taken = host(Needs()), steal()
     pairs: list[Mapping[str, Figures]] = []
     try:
         for number in range(asked.pairs):
@@ -243,7 +157,7 @@ def main() -> int:
     except BenchError as error:
         sys.stderr.write(f"pairs: {error}\n")
         return 1
-    rows, share = compare(pairs), taken.share_until(stolen())
+    rows, share = compare(pairs), share_between(taken, steal())
     console = Console()
     console.print(table(rows))
     console.print(*(f"{name}: {tree}" for name, tree in trees.items()), sep="\n", soft_wrap=True, highlight=False)

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from benchmarks import budget, host, start_up
+from benchmarks import host, start_up
 from benchmarks.arrangement import MAIN_RATE_HZ, RATES_HZ
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
@@ -72,27 +71,15 @@ def targets(lateness: Mapping[float, Lateness], latency: Latency) -> list[BenchT
 HEADINGS = ("p50", "p90", "p99", "p99.9", "max")
 
 
-def report(document: Mapping[str, Any], comparison: Table | None = None) -> Table:
-    """The whole report.
-
-    Args:
-        document: of the run.
-        comparison: with an earlier run.
-    """
+def report(document: Mapping[str, Any]) -> Table:
+    """The whole report of the document of a run."""
     whole = Table.grid()
-    parts: list[RenderableType] = [_lateness(document), _latency(document), _update(document)]
-    parts += [budget.tables(document["budget"]), Text("\n".join(_lines(document)))]
-    parts += [] if comparison is None else [comparison]
-    for part in (*parts, _targets(document)):
+    lines = Text("\n".join(_lines(document)))
+    for part in (_lateness(document), _latency(document), _update(document), lines, _targets(document)):
         whole.add_row(part)
         whole.add_row("")
     whole.add_row(Text(_footer(document), style="dim"))
     return whole
-
-
-def budget_report(document: Mapping[str, Any]) -> Group:
-    """The report of a run that measured only the cost of a tick."""
-    return Group(budget.tables(document["budget"]), "", Text(_footer(document), style="dim"))
 
 
 def _lateness(document: Mapping[str, Any]) -> Table:
@@ -137,7 +124,8 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     for side, used in document["cpu"].items():
         yield (
             f"{side}: {100 * used['cpu_share']:.1f} % of a core at {used['rate_hz'] / 1e3:g} kHz, "
-            f"{used['cpu_us_per_tick']:.0f} us a tick, work p50 {_number(used['work_p50_us'])} us"
+            f"{used['cpu_us_per_tick']:.0f} us a tick; "
+            f"p50: work {_number(used['work_p50_us'])}, codec {_number(used['codec_p50_us'])} us"
         )
     yield f"codec: {document['codec']['live_samples_per_s'] / 1e3:.0f} thousand samples/s"
     for side, memory in document["memory"].items():
@@ -145,7 +133,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
             f"{side}: {memory['last_kib'] / 1024:.1f} MiB, {memory['growth_kib_per_minute']:+.0f} KiB a minute, "
             f"{memory['descriptors_first']} descriptors, {memory['descriptors_last']} at the end"
         )
-    yield from start_up.lines(document["start_up"])
+    yield start_up.line(document["start_up"])
 
 
 def _targets(document: Mapping[str, Any]) -> Table:

@@ -7,8 +7,6 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from benchmarks import baseline as baseline_
-from benchmarks import budget as budget_
 from benchmarks import codec_speed, latency, lateness, start_up, update_cost
 from benchmarks.arrangement import (
     DURATION_S,
@@ -20,16 +18,16 @@ from benchmarks.arrangement import (
     Rights,
     granted,
 )
-from benchmarks.baseline import Document
-from benchmarks.budget import Budget
 from benchmarks.codec_speed import CodecSpeed
-from benchmarks.host import during, host, in_words, stolen
+from benchmarks.host import during, host, in_words, share_between, steal
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.live_side import memory
-from benchmarks.report import budget_report, report, targets
+from benchmarks.percentiles import summary
+from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
+from weberlink.apps.doctor import Needs
 from weberlink.protocol.keys import generate
 from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
@@ -37,7 +35,8 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
 from weberlink.system.interruption import Interruption
 
-PARTS = len(RATES_HZ) + 5
+KIND = "weberlink bench"
+PARTS = len(RATES_HZ) + 4
 Progress = Callable[[int, int, str], None]
 """Receives the number of finished parts, of all parts, and the name of the next."""
 
@@ -50,7 +49,6 @@ class Findings:
         rates: lateness by rate [Hz].
         latency: of an update.
         update_cost: run time of the code of an update at each end.
-        budget: cost of each part of a tick.
         codec: samples per second.
         start_up: of the program.
         rights: granted to the daemons and to their limits.
@@ -62,7 +60,6 @@ class Findings:
     rates: Mapping[float, Lateness]
     latency: Latency
     update_cost: UpdateCost
-    budget: Budget
     codec: CodecSpeed
     start_up: StartUp
     rights: Rights
@@ -78,9 +75,7 @@ def run(
     *,
     duration: float | None = None,
     quick: bool = False,
-    baseline: Path | None = None,
     plots: bool = False,
-    only_budget: bool = False,
     progress: Progress = lambda *_: None,
 ) -> StudyResult:
     """Measure everything.
@@ -91,36 +86,28 @@ def run(
         ports: finds a free port.
         duration: of the live run at one rate [s]; other parts take their share of it.
         quick: measure briefly.
-        baseline: document of an earlier run to compare with.
         plots: whether figures will be drawn.
-        only_budget: measure nothing but the cost of each part of a tick.
         progress: called before each part.
 
     Raises:
         ConfigurationError: for an argument that cannot be used; nothing was measured then.
         BenchError: if a measurement fails.
     """
-    if only_budget and (plots or baseline is not None):
-        raise ConfigurationError("--budget: has neither figures nor a baseline; leave --plots and --baseline out")
     if plots:
         need("matplotlib", "plots", "--plots")
-    earlier = None if baseline is None else baseline_.read(baseline)
     for override in overrides:
         if override.partition("=")[0].strip() == "rate_hz":
             rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)
-            raise ConfigurationError(f"--set rate_hz: cannot be set for bench, which measures at {rates} Hz")
+            raise ConfigurationError(f"--set rate_hz: cannot be set for the benchmarks, which measures at {rates} Hz")
     length = duration if duration is not None else QUICK_DURATION_S if quick else DURATION_S
     with TemporaryDirectory(prefix="weberlink-bench-") as folder:
         key = Path(folder) / "bench.key"
         generate(key)
         arrangement = Arrangement(file, key, tuple(overrides), ports, length, quick)
-        if only_budget:
-            return measure_budget(arrangement, progress)
         findings = measure(arrangement, progress)
     if not isinstance(findings, Findings):
         return partial(arrangement, findings)
-    compared = None if earlier is None or baseline is None else (earlier, baseline.name)
-    return assemble(arrangement, findings, compared)
+    return assemble(arrangement, findings)
 
 
 def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str, Any]:
@@ -131,8 +118,9 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
         ConfigurationError: if the file or an override is wrong.
     """
     began = monotonic()
-    facts, taken = host(), stolen()  # before the run, so that its own load does not count
-    rights = _rights(arrangement)
+    configuration = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ))
+    facts, taken = host(Needs.of(configuration)), steal()  # before the run, so that its own load does not count
+    rights = granted(configuration.system.realtime)
     steps: dict[str, tuple[str, Callable[[], Any]]] = {
         f"lateness {rate_hz:g} Hz": (
             f"lateness at {rate_hz / 1e3:g} kHz",
@@ -142,7 +130,6 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
     } | {
         "latency": ("latency of an update", lambda: latency.measure(arrangement, rights)),
         "update_cost": ("run time of an update", lambda: update_cost.measure(arrangement, rights)),
-        "budget": ("cost of a tick", lambda: budget_.measure(arrangement, rights)),
         "codec": ("codec", lambda: codec_speed.measure(quick=arrangement.quick)),
         "start_up": ("start-up", lambda: start_up.measure(arrangement)),
     }
@@ -159,10 +146,10 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
         pass
     if len(found) < len(steps):
         return found
-    share = taken.share_until(stolen())
+    share = share_between(taken, steal())
     rates = {rate_hz: found[f"lateness {rate_hz:g} Hz"] for rate_hz in RATES_HZ}
     return Findings(
-        rates, found["latency"], found["update_cost"], found["budget"], found["codec"], found["start_up"],
+        rates, found["latency"], found["update_cost"], found["codec"], found["start_up"],
         rights, facts, monotonic() - began, share,
     )  # fmt: skip
 
@@ -170,43 +157,15 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings | dict[str
 def partial(arrangement: Arrangement, found: Mapping[str, Any]) -> StudyResult:
     """The parts that were measured until Ctrl-C. They have no targets, which are about the whole run."""
     facts = environment()
+    asked = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime
     document = {
-        "kind": f"{baseline_.KIND} partial",
-        **_circumstances(arrangement, _rights(arrangement)),
+        "kind": f"{KIND} partial",
+        **_circumstances(arrangement, granted(asked)),
         "parts": {name: part.as_json() for name, part in found.items()},
         "environment": facts,
     }
     words = "\n".join(["measured:", *(f"  {name}" for name in found), footer(facts)])
     return StudyResult(document, words, None, interrupted=how_much(len(found), PARTS, "parts"))
-
-
-def measure_budget(arrangement: Arrangement, progress: Progress) -> StudyResult:
-    """Measure only the cost of each part of a tick.
-
-    Raises:
-        BenchError: if a measurement fails.
-        ConfigurationError: if the file or an override is wrong.
-    """
-    began, facts, taken = monotonic(), host(), stolen()
-    rights = _rights(arrangement)
-    progress(0, 1, "cost of a tick")
-    found = budget_.measure(arrangement, rights)
-    progress(1, 1, "")
-    document = {
-        "kind": f"{baseline_.KIND} --budget",
-        "version": baseline_.VERSION,
-        **_circumstances(arrangement, rights),
-        "budget": found.as_json(),
-        "run_time_s": monotonic() - began,
-        "host": facts,
-        "steal_share": taken.share_until(stolen()),
-        "environment": environment(),
-    }
-    return StudyResult(document, budget_report(document), lambda _: None)
-
-
-def _rights(arrangement: Arrangement) -> Rights:
-    return granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
 
 
 def _circumstances(arrangement: Arrangement, rights: Rights) -> dict[str, Any]:
@@ -219,19 +178,17 @@ def _circumstances(arrangement: Arrangement, rights: Rights) -> dict[str, Any]:
     }
 
 
-def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> StudyResult:
-    """The run from its findings, compared with an earlier document of a given name if there is one."""
+def assemble(arrangement: Arrangement, findings: Findings) -> StudyResult:
+    """The run from its findings."""
     facts = environment()
     main = findings.rates[MAIN_RATE_HZ]
     document: dict[str, Any] = {
-        "kind": baseline_.KIND,
-        "version": baseline_.VERSION,
+        "kind": KIND,
         **_circumstances(arrangement, findings.rights),
         "lateness": [rate.as_json() for rate in findings.rates.values()],
         "latency": findings.latency.as_json(),
         "update_cost_us": findings.update_cost.as_json(),
         "cpu": cpu(main),
-        "budget": findings.budget.as_json(),
         "codec": findings.codec.as_json(),
         "memory": memory(main.sides),
         "start_up": findings.start_up.as_json(),
@@ -241,19 +198,14 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
         "steal_share": findings.steal_share,
         "environment": facts,
     }
-    comparison = None
-    if earlier is not None:
-        document["baseline"] = baseline_.as_json(earlier[0], document)
-        comparison = baseline_.comparison(document["baseline"], earlier[1])
     caption = f"{in_words(findings.host)}; {during(findings.steal_share)}\n{footer(facts)}"
 
     def draw(folder: Path) -> None:
-        from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - slow import
+        from benchmarks.figures import lateness_figure  # noqa: PLC0415 - slow import
 
         lateness_figure(list(findings.rates.values()), folder / "lateness.png", caption)
-        cpu_figure(findings.budget, main, folder / "cpu.png", caption)
 
-    return StudyResult(document, report(document, comparison), draw)
+    return StudyResult(document, report(document), draw)
 
 
 def cpu(rate: Lateness) -> dict[str, Any]:
@@ -263,7 +215,7 @@ def cpu(rate: Lateness) -> dict[str, Any]:
             "rate_hz": rate.rate_hz,
             "cpu_share": side.cpu_s / side.elapsed_s,
             "cpu_us_per_tick": side.cpu_s / side.ticks * 1e6,
-            "work_p50_us": rate.as_json()["daemons"][name]["work_us"]["p50"],
+            **{f"{what}_p50_us": summary(side.records[f"{what}_us"])["p50"] for what in ("work", "codec")},
         }
         for name, side in rate.sides.items()
     }

@@ -1,4 +1,4 @@
-"""Recorded teleoperation signals: positions and forces over time, from CSV or from a recording of a session."""
+"""Recorded teleoperation signals: positions and forces over time, from CSV, npz or a recording of a session."""
 
 import csv
 import os
@@ -89,12 +89,12 @@ class Trace:
 def read_trace(path: Path | str, units: Units = SI) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
-    The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), or an MCAP
-    recording that has the slave's side (extra: recording).
+    The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
+    with an array of each of these names, or an MCAP recording that has the slave's side (extra: recording).
 
     Args:
         path: of the file.
-        units: of a CSV file; a recording is always in SI units.
+        units: of a CSV or npz file; a recording is always in SI units.
 
     Raises:
         TraceError: with file, row (the header is row 1), column, and what was expected.
@@ -157,17 +157,22 @@ def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
         if find_spec("mcap") is None:
             raise TraceError(f"{path}: reading it needs mcap; install it with: {install_line('recording')}")
         return as_trace(_recorded(path, sides))
-    columns = _columns(path)
-    table = _numbers(path, columns)
-    if table is None:
-        raise TraceError(_first_fault(path, columns))
+    is_npz = path.suffix.lower() == ".npz"
+    if is_npz:
+        table = _arrays(path)
+    else:
+        columns = _columns(path)
+        rows = _numbers(path, columns)
+        if rows is None:
+            raise TraceError(_first_fault(path, columns))
+        table = rows
     time = table[:, 0]
     if len(time) < FEWEST_ROWS:
         raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found {len(time)}")
     falling = np.diff(time) <= 0.0
     if falling.any():
         index = int(np.argmax(falling)) + 1
-        row = [number for number, _ in _data_rows(path)][index]
+        row = index + 1 if is_npz else [number for number, _ in _data_rows(path)][index]
         raise TraceError(
             f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g} {units.time}, "
             f"found {time[index]:.9g} {units.time}"
@@ -212,6 +217,25 @@ def _recorded(path: Path, sides: Sequence[Side]) -> Array:
     if not (np.diff(engaged["at"]) > 0.0).all():
         raise TraceError(f"{path}: the time of the {side}'s ticks does not rise; the recording is damaged")
     return np.column_stack((engaged["at"] - engaged["at"][0], engaged[position], engaged[force]))
+
+
+def _arrays(path: Path) -> Array:
+    """The rows of an npz file, shape (n, 7)."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            table = np.array([held[name] for name in COLUMNS], dtype=np.float64).T
+    except FileNotFoundError:
+        raise TraceError(f"{path}: not found") from None
+    except Exception as error:  # zipfile, zlib and numpy have many for a damaged file
+        why = " ".join(str(error).split())
+        raise TraceError(
+            f"{path}: expected an npz file with arrays {','.join(COLUMNS)} of one length ({why})"
+        ) from None
+    if table.ndim != 2 or not (np.abs(table) < LIMIT).all():
+        raise TraceError(
+            f"{path}: expected arrays {','.join(COLUMNS)} of finite numbers less than {LIMIT:g} in SI units"
+        )
+    return table
 
 
 def _columns(path: Path) -> list[int]:

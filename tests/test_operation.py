@@ -242,7 +242,7 @@ def test_the_container_runs_a_documented_command_as_an_ordinary_user() -> None:
 def test_the_page_names_commands_and_options_that_are_there() -> None:
     known = commands()
     named = re.findall(r"(?:^|`|/bin/)weberlink ([a-z]+)([^\n`#]*)", PAGE, re.M)
-    assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "devices", "loopback"}
+    assert {name for name, _ in named} >= {"doctor", "configs", "keygen", "device", "loopback"}
     for name, rest in named:
         assert name in known, name
         assert set(re.findall(r"(?<!\w)--[a-z-]+", rest)) <= known[name], (name, rest)

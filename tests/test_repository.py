@@ -13,7 +13,7 @@ import pytest
 from typer.main import get_command
 
 from weberlink.cli import app
-from weberlink.system.configuration.schema import schema
+from weberlink.system.configuration.schema import as_text, schema
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,13 +30,15 @@ def test_readme_is_short_and_its_example_runs() -> None:
 def test_command_table_matches_the_program() -> None:
     commands = get_command(app).commands  # type: ignore[attr-defined]
     table = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*(?:\\\|[^|]*)*)\|", table, re.M))
-    assert set(rows) == set(commands)
-    for name, row in rows.items():
-        # A group, as `device`, has its options in its own commands.
-        members = list(getattr(commands[name], "commands", {name: commands[name]}).values())
-        known = {option for command in members for parameter in command.params for option in parameter.opts}
-        assert set(re.findall(r"--[a-z-]*[a-z]", row)) <= known
+    known = {}
+    for name, command in commands.items():
+        members = getattr(command, "commands", None)
+        known |= {name: command} if members is None else {f"{name} {member}": each for member, each in members.items()}
+    rows = re.findall(r"^\| `weberlink (\w+(?: [a-z]\w+)?)([^|]*(?:\\\|[^|]*)*)\|", table, re.M)
+    assert {name for name, _ in rows} == set(known)
+    for name, row in rows:
+        options = {option for parameter in known[name].params for option in parameter.opts}
+        assert set(re.findall(r"--[a-z-]*[a-z]", row)) <= options, name
 
 
 def test_links_of_the_documents_lead_to_files() -> None:
@@ -66,8 +68,10 @@ def test_demo_has_a_length_only_if_it_is_given(given: tuple[str, ...], length: s
 
 
 def test_shipped_schema_is_that_of_the_code() -> None:
-    shipped = json.loads((ROOT / "configs" / "weberlink.schema.json").read_text(encoding="utf-8"))
-    assert shipped == json.loads(json.dumps(schema())), "run: make schema"
+    shipped, document = (ROOT / "configs" / "weberlink.schema.json").read_text(encoding="utf-8"), schema()
+    assert shipped == as_text(document), "run: make schema"
+    assert json.loads(shipped) == json.loads(json.dumps(document))
+    assert shipped.count("\n") < len(document["$defs"]) + len(document) + 5
 
 
 def test_lock_files_pin_every_dependency() -> None:

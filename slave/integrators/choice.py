@@ -14,7 +14,7 @@ BUDGET = 0.15
 jitter of its host."""
 SPLITTING_S = 100e-6
 """CPU time of a step of the exact scheme on tangent planes (2-core VM, Python 3.11): 8 to 15 semi-implicit ones on the
-same scene. Implicit steps take about twice as long, with an error 30 to 100 times as large (`weberlink precision`)."""
+same scene. Implicit steps take about twice as long, with an error 30 to 100 times as large (`study precision`)."""
 
 
 class IntegratorChoice(NamedTuple):

@@ -69,7 +69,7 @@ def no_permission(folder: Path) -> Iterator[Trouble]:
     node = folder / "port"
     node.touch(mode=0o000)
     file = written(folder, f"{{driver: polhem_serial, port: {node}}}")
-    says = [str(node), "no permission", "weberlink devices --install-rules"]
+    says = [str(node), "no permission", "weberlink device rules"]
     yield Trouble(["master", file, "--duration", 1], 1, says, prefix=prefix)
 
 
@@ -77,7 +77,7 @@ def no_permission(folder: Path) -> Iterator[Trouble]:
 def nothing_plugged_in(folder: Path) -> Iterator[Trouble]:
     with hid_bed() as bed:
         file = written(folder, "{driver: polhem_serial}")
-        says = ["polhem_serial", "nothing of the kind is plugged in", "`weberlink devices`"]
+        says = ["polhem_serial", "nothing of the kind is plugged in", "`weberlink device list`"]
         yield Trouble(["master", file, "--duration", 1], 1, says, environment=bed.environment)
 
 
@@ -153,7 +153,7 @@ def test_device_problem_is_one_line_with_the_fix(
 def test_identical_hid_devices_are_listed_with_their_ports() -> None:
     with hid_bed() as bed, two_hid_devices(bed) as (first, second):
         listing = subprocess.run(
-            [sys.executable, "-m", "weberlink", "devices", "--json", "-"],
+            [sys.executable, "-m", "weberlink", "device", "list", "--json", "-"],
             cwd=CONFIGS.parent, env=bed.environment, capture_output=True, text=True, timeout=60, check=True,
         )  # fmt: skip
     (row,) = (each for each in json.loads(listing.stdout)["drivers"] if each["driver"] == "polhem_hid")

@@ -1,4 +1,4 @@
-"""`weberlink devices`: drivers, plugged devices, suggested fixes, and the udev rules."""
+"""`weberlink device list`: drivers, plugged devices, suggested fixes, and the udev rules."""
 
 import grp
 import io
@@ -171,7 +171,7 @@ def test_missing_rules_come_with_the_install_line(text: str | None, node: Path, 
     found = surveyed(refused(tmp_path, text), paddle=port, other=port)
     assert [each.state for each in found.drivers] == ["rules not installed"] * 2
     (line,) = found.advice
-    assert re.fullmatch(r"sudo \S*.*weberlink devices --install-rules", line)
+    assert re.fullmatch(r"sudo \S*.*weberlink device rules", line)
     assert shown(found)[-1] == f"other, paddle: {line}"
 
 
@@ -222,7 +222,7 @@ def test_rules_are_not_advised_for_other_packages(node: Path, tmp_path: Path, mo
     assert found.advice == (f"no permission to open {node}; odd-device documents the udev rule that it needs",)
 
 
-@pytest.mark.parametrize(("text", "end"), [("", "--install-rules"), (RULES, "latency_timer")])
+@pytest.mark.parametrize(("text", "end"), [("", "device rules"), (RULES, "latency_timer")])
 def test_slow_latency_timer_comes_with_a_fix(text: str, end: str, tmp_path: Path) -> None:
     timer = tmp_path / "ttyUSB0" / "device" / "latency_timer"
     timer.parent.mkdir(parents=True)
@@ -260,10 +260,10 @@ def test_table_fits_80_columns_and_fixes_are_unbroken() -> None:
 
 
 def test_command_succeeds_with_nothing_plugged_in() -> None:
-    ended = CliRunner().invoke(app, ["devices"])
+    ended = CliRunner().invoke(app, ["device", "list"])
     assert (ended.exit_code, ended.stderr) == (0, "")
     assert ended.stdout.splitlines()[0].split() == ["side", "driver", "kind", "state", "plugged", "in"]
-    document = json.loads(CliRunner().invoke(app, ["devices", "--json", "-"]).stdout)
+    document = json.loads(CliRunner().invoke(app, ["device", "list", "--json", "-"]).stdout)
     assert {each["driver"] for each in document["drivers"]} >= {*devices.BUILT_IN, *robots.BUILT_IN}
 
 
@@ -398,6 +398,6 @@ def test_install_without_root_gives_the_sudo_line(tmp_path: Path) -> None:
     finally:
         if is_root:
             os.seteuid(0)
-    line = rf"{folder}: only root may write there; run: sudo .*weberlink devices --install-rules"
+    line = rf"{folder}: only root may write there; run: sudo .*weberlink device rules"
     assert re.fullmatch(line, str(caught.value))
     assert list(folder.iterdir()) == []

@@ -1,4 +1,4 @@
-"""`weberlink emulate`: a process with a port, fault commands in, answers out."""
+"""`weberlink device emulate`: a process with a port, fault commands in, answers out."""
 
 import io
 import json
@@ -67,7 +67,7 @@ def emulate(
     options += [] if link is None else ["--link", link]
     options += [] if faults is None else ["--faults", str(faults)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "weberlink", "emulate", name, *options, "--", *command],
+        [sys.executable, "-m", "weberlink", "device", "emulate", name, *options, "--", *command],
         cwd=folder,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -232,7 +232,7 @@ def test_a_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
     folder = tmp_path / "gone"
     folder.mkdir()
     ended = subprocess.run(
-        [sys.executable, "-c", leave, "emulate", "polhem_serial"],
+        [sys.executable, "-c", leave, "device", "emulate", "polhem_serial"],
         cwd=folder,
         capture_output=True,
         text=True,

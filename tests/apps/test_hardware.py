@@ -29,14 +29,26 @@ PATIENT = (
 
 
 class Emulated:
-    """A `weberlink emulate NAME` at work."""
+    """A `weberlink device emulate NAME` at work."""
 
     def __init__(self, name: str, folder: Path, *options: str) -> None:
         self.port = folder / name
         self._fifo = folder / f"{name}.faults"
         sets = [argument for option in options for argument in ("--set", option)]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "weberlink", "emulate", name, "--link", self.port, "--faults", self._fifo, *sets],
+            [
+                sys.executable,
+                "-m",
+                "weberlink",
+                "device",
+                "emulate",
+                name,
+                "--link",
+                self.port,
+                "--faults",
+                self._fifo,
+                *sets,
+            ],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""`export --to lerobot`: the values of a dataset are those of the recording, and its layout is LeRobot's v3.0."""
+"""`record export --to lerobot`: a dataset has the values of the recording and LeRobot's layout v3.0."""
 
 import json
 from pathlib import Path
@@ -32,7 +32,7 @@ FRAME = 34
 
 
 def export(*arguments: object) -> tuple[int, str, str]:
-    result = CliRunner().invoke(app, ["export", *map(str, arguments), "--to", "lerobot"])
+    result = CliRunner().invoke(app, ["record", "export", *map(str, arguments), "--to", "lerobot"])
     return result.exit_code, result.stdout, result.stderr
 
 

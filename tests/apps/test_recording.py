@@ -36,7 +36,7 @@ def weberlink(*arguments: object) -> tuple[int, str, str]:
 
 
 def info(*paths: Path) -> dict:
-    status, output, errors = weberlink("info", *paths, "--json", "-")
+    status, output, errors = weberlink("record", "info", *paths, "--json", "-")
     assert (status, errors) == (0, "")
     return document(output)
 
@@ -117,7 +117,7 @@ class TestOfASimulation:
         assert again == (engaged["sent"] == 1).tolist()
 
     def test_evaluate_takes_it_for_a_trace(self, simulated):
-        status, output, errors = weberlink("evaluate", simulated[0], "--predictor", "zoh", "--json", "-")
+        status, output, errors = weberlink("study", "evaluate", simulated[0], "--predictor", "zoh", "--json", "-")
         assert status == 0, errors
         (row,) = document(output)["rows"]
         assert row["trace"] == "touch" and row["packets"] > 10
@@ -143,7 +143,7 @@ class TestOfASimulation:
     def test_csv_and_parquet_hold_the_same_numbers(self, simulated, tmp_path):
         path, _ = simulated
         for to in ("csv", "parquet"):
-            status, output, errors = weberlink("export", path, "--to", to, "--out", tmp_path)
+            status, output, errors = weberlink("record", "export", path, "--to", to, "--out", tmp_path)
             assert (status, errors) == (0, "") and output.count("\n") == (3 if to == "csv" else 2)
         recording = read_recording(path)
         parquet = pytest.importorskip("pyarrow.parquet")
@@ -157,20 +157,20 @@ class TestOfASimulation:
                 column = rows[0].index(name)
                 assert [float(row[column]) for row in rows[1:]] == records["raw"][:, at].tolist()
                 assert table[name].to_pylist() == records["raw"][:, at].tolist()
-        status, _, errors = weberlink("export", path, "--to", "csv", "--out", tmp_path)
+        status, _, errors = weberlink("record", "export", path, "--to", "csv", "--out", tmp_path)
         one_line(status, errors, "touch-master.csv exists")
-        status, _, errors = weberlink("export", path, "--to", "xlsx")
+        status, _, errors = weberlink("record", "export", path, "--to", "xlsx")
         one_line(status, errors, "--to", "csv, parquet")
 
     def test_exported_trace_gives_the_same_evaluation(self, simulated, tmp_path):
         path, _ = simulated
-        status, output, errors = weberlink("export", path, "--to", "csv", "--out", tmp_path)
+        status, output, errors = weberlink("record", "export", path, "--to", "csv", "--out", tmp_path)
         assert (status, errors) == (0, "")
         trace = tmp_path / "touch-trace.csv"
         assert f"{trace}: " in output
         rows = []
         for given in (path, trace):
-            status, output, errors = weberlink("evaluate", given, "--predictor", "zoh,hybrid", "--json", "-")
+            status, output, errors = weberlink("study", "evaluate", given, "--predictor", "zoh,hybrid", "--json", "-")
             assert (status, errors) == (0, "")
             rows.append(document(output)["rows"])
         assert len(rows[0]) == 2
@@ -186,7 +186,7 @@ class TestOfASimulation:
         with RecordingWriter.create(alone, recording.facts) as writer:
             writer.add_side(recording.origins["master"])
             writer.write("master", recording.records["master"])
-        status, _, errors = weberlink("export", alone, "--to", "csv")
+        status, _, errors = weberlink("record", "export", alone, "--to", "csv")
         assert (status, errors) == (0, "")
         assert [each.name for each in sorted(tmp_path.glob("*.csv"))] == ["alone-master.csv"]
 
@@ -202,7 +202,9 @@ class TestOfASimulation:
 
 
 class TestWhatIsNoRecording:
-    @pytest.mark.parametrize("command", [("info",), ("export", "--to", "csv"), ("evaluate",)])
+    @pytest.mark.parametrize(
+        "command", [("record", "info"), ("record", "export", "--to", "csv"), ("study", "evaluate")]
+    )
     @pytest.mark.parametrize(
         ("name", "content"),
         [
@@ -215,16 +217,16 @@ class TestWhatIsNoRecording:
     def test_is_said_in_one_line(self, tmp_path, command, name, content):
         path = tmp_path / name
         path.write_bytes(content)
-        status, output, errors = weberlink(command[0], path, *command[1:])
+        status, output, errors = weberlink(*command, path)
         one_line(status, errors, name)
         assert output == ""
 
     def test_nothing_there(self, tmp_path):
-        status, _, errors = weberlink("info", tmp_path / "none.mcap")
+        status, _, errors = weberlink("record", "info", tmp_path / "none.mcap")
         one_line(status, errors, "none.mcap")
 
     def test_the_same_side_twice(self, simulated):
-        status, _, errors = weberlink("info", simulated[0], simulated[0])
+        status, _, errors = weberlink("record", "info", simulated[0], simulated[0])
         one_line(status, errors, "master's side")
 
     @pytest.mark.parametrize("command", ["loopback", "simulate"])
@@ -391,7 +393,7 @@ def test_what_no_recorder_writes_is_said_in_one_line(simulated, tmp_path, change
     with RecordingWriter.create(path, read_recording(simulated[0]).facts) as writer:
         writer.add_side(Origin("slave", 1000.0, 0.0, 0.0))
         writer.write("slave", records)
-    status, output, errors = weberlink("info", path)
+    status, output, errors = weberlink("record", "info", path)
     one_line(status, errors, "odd.mcap", complaint)
     assert output == ""
 
@@ -405,20 +407,20 @@ def test_a_recording_that_lost_records_is_not_whole(simulated, tmp_path):
         writer.note_lost("slave", 500)
     found = info(path)
     assert (found["outcome"], found["files"][0]["complete"]) == ("not whole", False)
-    _, output, _ = weberlink("info", path)
+    _, output, _ = weberlink("record", "info", path)
     assert "not whole, 500 records lost" in " ".join(output.split())
 
 
-@pytest.mark.parametrize("command", [("info",), ("export", "--to", "csv"), ("evaluate",)])
+@pytest.mark.parametrize("command", [("record", "info"), ("record", "export", "--to", "csv"), ("study", "evaluate")])
 def test_a_pipe_is_refused_without_waiting(tmp_path, command):
     pipe = tmp_path / "pipe.mcap"
     os.mkfifo(pipe)
-    status, _, errors = weberlink(command[0], pipe, *command[1:])
+    status, _, errors = weberlink(*command, pipe)
     one_line(status, errors, "no regular file")
 
 
 def test_a_failed_export_leaves_no_table(simulated, small_disk):
-    status, _, errors = weberlink("export", simulated[0], "--to", "csv", "--out", small_disk)
+    status, _, errors = weberlink("record", "export", simulated[0], "--to", "csv", "--out", small_disk)
     assert status == 1 and "No space left" in errors and errors.count("\n") == 1
     assert list(small_disk.iterdir()) == []
 
@@ -435,7 +437,7 @@ def test_tables_of_arms_have_a_column_per_joint(tmp_path):
     ticks = arm_sessions.records("slave", 200)
     path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": ticks})
     for to in ("csv", "parquet"):
-        status, _, errors = weberlink("export", path, "--to", to)
+        status, _, errors = weberlink("record", "export", path, "--to", to)
         assert (status, errors) == (0, "")
     with (tmp_path / "arms-slave.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -449,9 +451,9 @@ def test_tables_of_arms_have_a_column_per_joint(tmp_path):
 
 def test_recording_of_arms_is_no_trace(tmp_path):
     path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": arm_sessions.records("slave", 300)})
-    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh")
+    status, _, errors = weberlink("study", "evaluate", path, "--predictor", "zoh")
     one_line(status, errors, "arms.mcap", "expected a session in Cartesian space")
-    weberlink("export", path, "--to", "csv")
+    weberlink("record", "export", path, "--to", "csv")
     assert [each.name for each in tmp_path.glob("*.csv")] == ["arms-slave.csv"]
 
 
@@ -488,13 +490,13 @@ def test_recording_from_before_arms_still_reads(simulated, tmp_path):
     assert then["ways"]["to_slave"] == now["ways"]["to_slave"], "from fields that were always there"
     assert then["ways"]["jitter_us"] == {"p50": None, "p99": None}
     for to in ("csv", "ros", "lerobot"):
-        status, _, errors = weberlink("export", path, "--to", to)
+        status, _, errors = weberlink("record", "export", path, "--to", to)
         assert (status, errors) == (0, "")
     again = read_recording(tmp_path / "touch-ros.mcap").records["slave"]
     for name in again.dtype.names:
         expected = whole.records["slave"][name] if ADDED.get(name, 0.0) == 0.0 else np.full(len(again), np.nan)
         np.testing.assert_array_equal(again[name], expected)
-    status, _, errors = weberlink("evaluate", path, "--predictor", "zoh", "--json", "-")
+    status, _, errors = weberlink("study", "evaluate", path, "--predictor", "zoh", "--json", "-")
     assert (status, errors) == (0, "")
 
 

@@ -1,4 +1,4 @@
-"""`export --to ros`: what ROS tools read of a recording, the layouts for them, and the package of our message."""
+"""`record export --to ros`: what ROS tools read of a recording, layouts for them, the package of our message."""
 
 import json
 import re
@@ -37,7 +37,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, Path]
     """A session with rotation in virtual time, and its file for ROS tools."""
     path = tmp_path_factory.mktemp("ros") / "touch.mcap"
     weberlink("simulate", CONFIGS / "rotation.yaml", "--duration", 2, "--record", path)
-    assert "touch-ros.mcap: " in weberlink("export", path, "--to", "ros")
+    assert "touch-ros.mcap: " in weberlink("record", "export", path, "--to", "ros")
     return read_recording(path), path.with_name("touch-ros.mcap")
 
 
@@ -116,7 +116,7 @@ def test_every_tick_is_in_the_file_too(exported: tuple[Recording, Path], message
 def test_three_degrees_of_freedom_have_no_turn(exported: tuple[Recording, Path], tmp_path: Path) -> None:
     path = tmp_path / "alone.mcap"
     weberlink("simulate", CONFIGS / "loopback.yaml", "--duration", 0.3, "--record", path)
-    weberlink("export", path, "--to", "ros")
+    weberlink("record", "export", path, "--to", "ros")
     _, message = decoded(path.with_name("alone-ros.mcap"))["/weberlink/hand"][-1]
     assert vector(message.pose.orientation, "xyzw") == [0.0, 0.0, 0.0, 1.0]
 
@@ -166,7 +166,7 @@ def test_ros_package_is_that_of_the_recordings() -> None:
 def test_arms_have_joint_states(tmp_path: Path) -> None:
     ticks = {side: arm_sessions.records(side, 500) for side in ("master", "slave")}
     path = arm_sessions.recording(tmp_path / "arms.mcap", ticks)
-    assert "joint states" in weberlink("export", path, "--to", "ros")
+    assert "joint states" in weberlink("record", "export", path, "--to", "ros")
     found = decoded(tmp_path / "arms-ros.mcap")
     assert set(found) == {"/weberlink/master", "/weberlink/slave", "/weberlink/leader", "/weberlink/follower"}
     names, places = [*arm_sessions.NAMES, "gripper"], list(arm_sessions.PLACES)

@@ -33,11 +33,11 @@ PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration
 
 
 class EmulatedService:
-    """A `weberlink emulate inverse3` at work."""
+    """A `weberlink device emulate inverse3` at work."""
 
     def __enter__(self) -> "EmulatedService":
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "weberlink", "emulate", "inverse3", "--set", PRESS],
+            [sys.executable, "-m", "weberlink", "device", "emulate", "inverse3", "--set", PRESS],
             cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

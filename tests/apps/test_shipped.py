@@ -75,7 +75,7 @@ def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
 
 def test_some_files_name_others() -> None:
     """Else the test above would say nothing."""
-    assert HOME / "traces" / "operator.csv" in needed_by(CONFIGS / "replay.yaml")
+    assert HOME / "traces" / "operator.npz" in needed_by(CONFIGS / "replay.yaml")
     assert HOME / "mujoco" / "peg_at_wall.xml" in needed_by(CONFIGS / "mujoco-peg.yaml")
     assert needed_by(CONFIGS / "arms" / "koch_leader.xml") == [HOME / "arms" / "koch_links.xml"]
 
@@ -95,11 +95,11 @@ def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> N
     assert copy("replay", tmp_path) != []
     assert copy("replay", tmp_path) == [], "what is there already stays"
     (tmp_path / "replay.yaml").unlink()
-    (tmp_path / "traces" / "operator.csv").write_text("mine", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"operator\.csv: exists"):
+    (tmp_path / "traces" / "operator.npz").write_text("mine", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"operator\.npz: exists"):
         copy("replay", tmp_path)
     assert not (tmp_path / "replay.yaml").exists()
-    assert (tmp_path / "traces" / "operator.csv").read_text(encoding="utf-8") == "mine"
+    assert (tmp_path / "traces" / "operator.npz").read_text(encoding="utf-8") == "mine"
 
 
 def test_command_lists_and_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,6 +120,7 @@ def test_command_lists_and_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         (("deley",), "did you mean delay?"),
         (("delay", "--out", "none/delay.yaml"), "create it first"),
         (("relay/", "--out", "-"), "is a folder"),
+        (("traces/operator.npz", "--out", "-"), "is no text"),
         (("--out", "delay.yaml"), "--out"),
     ],
 )

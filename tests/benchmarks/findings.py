@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
-from benchmarks.budget import Budget
 from benchmarks.codec_speed import CodecSpeed
-from benchmarks.kernel_counts import ALL_CALLS, MISSES, KernelCounts
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
 from benchmarks.live_side import LiveSide, Resources
-from benchmarks.staged_tick import PARTS
-from benchmarks.start_up import DAEMON_PARTS, LAUNCHER_PARTS, StartUp
+from benchmarks.start_up import StartUp
 from benchmarks.study import Findings
 from benchmarks.update_cost import UpdateCost
 from weberlink.telemetry.reader import DTYPE
@@ -22,16 +19,7 @@ from weberlink.telemetry.reader import DTYPE
 ARRANGEMENT = Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: [])
 RIGHTS = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3))
 HOST: Mapping[str, Any] = {
-    "kernel": "6.1.0",
-    "preemption": "PREEMPT_RT",
-    "command_line": ["isolcpus=2,3"],
-    "governors": ["performance"],
-    "idle_driver": "intel_idle",
-    "isolated_cpus": "2-3",
-    "nohz_full_cpus": None,
-    "clock_source": "tsc",
-    "virtual_machine": False,
-    "realtime_share": 0.95,
+    "findings": {"preemption": "kernel 6.1.0, PREEMPT_RT", "governor": "frequency governor performance"},
     "load_average": [0.01, 0.02, 0.03],
 }
 
@@ -66,26 +54,6 @@ def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool =
     return Latency(coded, plain, sealed, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
 
 
-def budget() -> Budget:
-    """Every stage takes 4 us with cold caches and 2 us with warm ones; a whole tick takes 1 us more than its work."""
-    stages = len(PARTS) - 1  # telemetry is no work
-
-    def found(us: float) -> dict[str, Any]:
-        parts = {part: {"times": 1.0, "us": us, "each_us": us} for part in PARTS}
-        return {"parts": parts, "whole_us": us * stages + 1.0, "ticks": 100, "datagram_bytes": 40}
-
-    cold = {name: found(4.0) | {"outside_us": 30.0} for name in ("master", "slave")}
-    bare = {
-        "wakes_us": {"epoll": 20.0, "uvloop": 22.0, "ticker": 23.0, "leading": 26.0},
-        "cyclictest_us": 15.0,
-        "cold_us": {"send": 3.0, "decrypt": 2.0},
-        "warm_us": {"send": 1.0, "decrypt": 0.5},
-    }
-    counts = KernelCounts({name: {ALL_CALLS: 3.5, MISSES: None} for name in ("master", "slave")})
-    live = {name: side(1000.0, late_us=10.0, missed=0, cpu_s=1.0) for name in ("master", "slave")}
-    return Budget(cold, {name: found(2.0) for name in ("master", "slave")}, bare, live, counts)
-
-
 def codec() -> CodecSpeed:
     return CodecSpeed(2e5, np.full(10, 5.0))
 
@@ -102,13 +70,8 @@ def findings(
                 "receive": {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)},
             }
         ),
-        budget=budget(),
         codec=codec() if rate is None else rate,
-        start_up=StartUp(
-            {"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]},
-            {part: [0.15] for part in (*LAUNCHER_PARTS, *DAEMON_PARTS)},
-            [1.0],
-        ),
+        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
         rights=RIGHTS,
         host=HOST,
         run_time_s=120.0,

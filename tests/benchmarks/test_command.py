@@ -2,29 +2,24 @@
 
 import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmarks import programs
-from benchmarks.budget import PARTS
+from benchmarks.__main__ import app
 from benchmarks.percentiles import NAMES
 from tests.system.processes import Program, document, until
-from weberlink.cli import app
 from weberlink.system.configuration import SIDES
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("--baseline", "nothing.json"), "--baseline: nothing.json: cannot be read: No such file"),
         (("--duration", "0.5"), "--duration"),
-        (("--budget", "--plots", "figures"), "--budget: has neither figures nor a baseline"),
         (("no-such.yaml",), "no-such.yaml"),
-        (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for bench"),
+        (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for the benchmarks"),
         (("--set", "nonsense=1"), "nonsense"),
     ],
 )
@@ -42,7 +37,7 @@ def test_a_failed_measurement_has_status_1() -> None:
         taken.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         options = [f'--set=link.{end}="{address}"' for end in ("listen", "slave")]
-        with Program("bench", "--quick", *options) as program:
+        with Program("--quick", *options, module="benchmarks") as program:
             status, said, complaints = program.finish()
     assert (status, said) == (1, "")
     assert f"weberlink: the slave ended before the session began: UDP {address} is in use" in complaints
@@ -52,20 +47,20 @@ def test_a_failed_measurement_has_status_1() -> None:
 @pytest.mark.hunt  # a limit is measured before
 @pytest.mark.realtime
 def test_ctrl_c_ends_with_the_parts_so_far() -> None:
-    with Program("bench", "--quick", "--json", "-") as program:
+    with Program("--quick", "--json", "-", module="benchmarks") as program:
         until(lambda: any(b"system.daemon" in command for command in program.children().values()), "a daemon")
         program.send(signal.SIGINT)
         status, said, complaints = program.finish()
     assert status == 130
     assert document(said)["kind"] == "weberlink bench partial"
-    assert complaints == "weberlink: interrupted: 0 of 8 parts are done, and in the JSON above\n"
+    assert complaints == "weberlink: interrupted: 0 of 7 parts are done, and in the JSON above\n"
 
 
 @pytest.mark.hunt  # half a minute alone on the machine
 @pytest.mark.realtime(alone=True)
 def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     out = tmp_path / "bench.json"
-    with Program("bench", "--quick", "--json", out, "--plots", tmp_path / "figures") as program:
+    with Program("--quick", "--json", out, "--plots", tmp_path / "figures", module="benchmarks") as program:
         status, said, complaints = program.finish()
     assert (status, complaints) == (0, "")
     found = document(out.read_text(encoding="utf-8"))
@@ -85,7 +80,6 @@ def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     assert (found["latency"]["sockperf"] is None) is (programs.sockperf_version() is None)
     for step in ("send", "receive"):
         assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
-    assert list(found["budget"]["sides"]["master"]["parts"]) == list(PARTS)
     assert found["steal_share"] is not None
     assert found["cpu"]["slave"]["cpu_us_per_tick"] > 0.0
     assert found["memory"]["master"]["first_kib"] > 1000
@@ -93,31 +87,4 @@ def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     assert len(found["targets"]) == 11
     assert "a quick run, no measurement" in said
     assert max(map(len, said.splitlines())) <= 80
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png", "cpu.png"}
-
-
-@pytest.mark.hunt  # a quarter of a minute alone on the machine
-@pytest.mark.realtime(alone=True)
-def test_a_budget_measures_every_part_beside_the_live_daemons(tmp_path: Path) -> None:
-    out = tmp_path / "budget.json"
-    with Program("bench", "--budget", "--quick", "--json", out) as program:
-        status, said, complaints = program.finish()
-    assert (status, complaints) == (0, "")
-    found = document(out.read_text(encoding="utf-8"))["budget"]
-    for side in SIDES:
-        of_side = found["sides"][side]
-        assert list(of_side["parts"]) == list(PARTS)
-        assert of_side["sum_us"]["cold"] > of_side["work_us"]["cold"] > of_side["work_us"]["warm"] / 2 > 0.0
-        assert of_side["live"]["work_p50_us"] > 0.0
-        assert found["not_counted"] or of_side["live"]["system_calls"] > 1.0
-    assert "live work p50" in said
-    assert "steal" in said
-    assert max(map(len, said.splitlines())) <= 80
-
-
-def test_without_the_clone_the_command_names_make_bench(tmp_path: Path) -> None:
-    program = "import sys; sys.modules['benchmarks'] = None; from weberlink.cli import main; main()"
-    command = [sys.executable, "-c", program, "bench"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr == "weberlink: bench runs from a clone of the repository: make bench\n"
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png"}

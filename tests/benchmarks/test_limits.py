@@ -11,16 +11,18 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from benchmarks import latency, lateness
 from benchmarks.arrangement import Arrangement, BenchError, Rights, granted
-from benchmarks.host import during, host, in_words, stolen
+from benchmarks.host import during, host, in_words, share_between
 from benchmarks.latency import echo, join
 from benchmarks.lateness import LatenessLimit
 from benchmarks.live_side import LiveSide, Resources, memory, resident_kib, resources
 from benchmarks.percentiles import summary
 from benchmarks.sealed_echo import KEYS, SALT, TAG_BYTES, expand, seal, steps_of, unseal, work
 from tests.system.systems import CONFIGS
+from weberlink.apps.doctor import Machine, Needs
 from weberlink.protocol.keys import generate
 from weberlink.protocol.psk import CcmCipher
 from weberlink.protocol.wire import CLEAR_BYTES
+from weberlink.realtime.host import Steal
 from weberlink.system.configuration.model import RealtimeSettings
 from weberlink.telemetry.reader import DTYPE
 
@@ -101,15 +103,10 @@ def test_the_work_of_a_bare_tick_takes_about_its_time() -> None:
     assert 10e3 < min(took) < 250e3
 
 
-def test_stolen_time_is_a_share_of_what_passed(tmp_path: Path) -> None:
-    write(tmp_path, {"proc/stat": "cpu  100 0 50 800 10 0 5 35 7 0\ncpu0 1 2 3\n"})
-    before = stolen(tmp_path)
-    write(tmp_path, {"proc/stat": "cpu  150 0 60 820 10 0 5 55 7 0\ncpu0 1 2 3\n"})
-    assert before.share_until(stolen(tmp_path)) == pytest.approx(0.2)
-    assert before.share_until(before) is None
-    assert stolen(tmp_path / "nowhere") == (0, 0)
+def test_steal_is_a_share_of_what_passed() -> None:
+    assert share_between(Steal(35, 1000), Steal(55, 1200)) == pytest.approx(0.1)
+    assert share_between(None, Steal(55, 1200)) is None
     assert "steal during the run unknown" in during(None)
-    assert stolen().elapsed > 0
 
 
 def test_rights_are_tried_in_another_process() -> None:
@@ -175,38 +172,20 @@ def test_resources_of_processes() -> None:
     assert resident_kib("Name:\tdaemon\nState:\tZ (zombie)\n") == 0
 
 
-def write(root: Path, files: dict[str, str]) -> None:
+def test_the_facts_are_those_of_the_doctor(tmp_path: Path) -> None:
+    files = {
+        "proc/version": "Linux version 6.1.0 (builder) #1 SMP PREEMPT_RT",
+        "sys/devices/system/cpu/isolated": "2-3",
+        "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor": "powersave",
+        "sys/devices/system/clocksource/clocksource0/current_clocksource": "tsc",
+    }
     for name, text in files.items():
-        path = root / name
+        path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-
-
-def test_a_tuned_machine(tmp_path: Path) -> None:
-    cpus = "sys/devices/system/cpu"
-    write(
-        tmp_path,
-        {
-            "proc/cmdline": "quiet isolcpus=2,3 root=/dev/secret nohz_full=2,3 console=ttyS0 idle=poll\n",
-            "proc/cpuinfo": "flags\t: fpu tsc\n",
-            "proc/sys/kernel/sched_rt_runtime_us": "-1\n",
-            "proc/sys/kernel/sched_rt_period_us": "1000000\n",
-            "sys/kernel/realtime": "1\n",
-            f"{cpus}/isolated": "2-3\n",
-            f"{cpus}/nohz_full": "2-3\n",
-            f"{cpus}/cpu0/cpufreq/scaling_governor": "powersave\n",
-            f"{cpus}/cpu1/cpufreq/scaling_governor": "performance\n",
-            f"{cpus}/cpu2/cpufreq/scaling_governor": "performance\n",
-            f"{cpus}/cpuidle/current_driver": "intel_idle\n",
-            "sys/devices/system/clocksource/clocksource0/current_clocksource": "tsc\n",
-        },
-    )
-    facts = host(tmp_path)
-    assert facts["preemption"] == "PREEMPT_RT"
-    assert facts["command_line"] == ["isolcpus=2,3", "nohz_full=2,3", "idle=poll"]
-    assert facts["governors"] == ["performance", "powersave"]
-    assert facts["isolated_cpus"] == "2-3"
-    assert facts["virtual_machine"] is False
-    assert facts["realtime_share"] is None
-    assert "isolated CPUs 2-3" in in_words(facts)
-    assert "governor performance, powersave" in in_words(facts)
+    facts = host(Needs(cpus=(2, 3)), Machine(tmp_path))
+    assert facts["findings"]["preemption"] == "kernel 6.1.0, PREEMPT_RT"
+    assert facts["findings"]["isolation"] == "daemons pinned to isolated processors 2, 3"
+    assert facts["findings"]["clock source"] == "clock source tsc"
+    assert "throttling: /proc/sys/kernel/sched_rt_runtime_us: this kernel has no such file" in in_words(facts)
+    assert "frequency governor powersave" in in_words(facts)

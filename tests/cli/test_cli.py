@@ -28,9 +28,10 @@ BETWEEN_HOSTS = ("koch-so101.yaml", "lan.yaml")
 """Those in which the master calls another host."""
 LED = ("ros2.yaml",)
 """Those that another program leads."""
-OPERATOR = CONFIGS / "traces" / "operator.csv"
+OPERATOR = CONFIGS / "traces" / "operator.npz"
 HEADER = "t,px,py,pz,fx,fy,fz"
-COMMANDS = sorted(get_command(app).commands)  # type: ignore[attr-defined]
+COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
+MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
 
 
 LIVE = ("master", "slave", "loopback")
@@ -66,9 +67,9 @@ def with_key(key: Path) -> tuple[str, ...]:
 # --- help
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", ["", *COMMANDS, *MEMBERS])
 def test_every_command_explains_itself(command: str) -> None:
-    result = run(*filter(None, [command]), "--help")
+    result = run(*command.split(), "--help")
     assert result.exit_code == 0
     assert result.stdout.startswith("Usage: ")
     assert result.stderr == ""
@@ -80,7 +81,9 @@ def test_help_lists_commands_by_topic() -> None:
     assert max(map(len, text.splitlines())) <= 80
     assert "..." not in text.partition("\n\n")[2], "every command has a sentence that fits"
     topics = [line for line in text.splitlines() if re.fullmatch(r"[A-Z]\w+:", line)]
-    assert topics == ["Options:", "Run:", "Look:", "Devices:", "Study:", "Reproduce:"]
+    assert topics == ["Options:", "Run:", "Look:", "Setup:", "Study:"]
+    listed = text.partition("Run:")[2].splitlines()
+    assert len([line for line in listed if line.startswith("  ")]) <= 16
 
 
 def test_completion_knows_commands() -> None:
@@ -97,9 +100,9 @@ def test_completion_knows_commands() -> None:
     [
         ["loopback", "--duration", "three"],
         ["simulate", CONFIGS / "loopback.yaml", "--duration", "inf"],
-        ["evaluate", OPERATOR, "--floor", "inf"],
-        ["evaluate", OPERATOR, "--floor", "-1"],
-        ["evaluate", OPERATOR, "--workers", "0"],
+        ["study", "evaluate", OPERATOR, "--floor", "inf"],
+        ["study", "evaluate", OPERATOR, "--floor", "-1"],
+        ["study", "evaluate", OPERATOR, "--workers", "0"],
     ],
     ids=lambda arguments: " ".join(str(argument).rpartition("/")[2] for argument in arguments),
 )
@@ -183,7 +186,7 @@ def test_keygen_writes_a_private_file_and_never_over_another(tmp_path: Path) -> 
 def test_simulate_refuses_hardware_drivers() -> None:
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
     assert "master.device.driver: polhem_serial is a hardware driver" in line
-    assert "weberlink emulate polhem_serial" in line
+    assert "weberlink device emulate polhem_serial" in line
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml", "--set", "master.device={driver: force_dimension}"))
     assert line.endswith("run it live"), "nothing emulates a library"
 
@@ -219,7 +222,7 @@ def test_a_simulated_trace_can_be_evaluated(tmp_path: Path) -> None:
     result = run("simulate", CONFIGS / "scene-plane.yaml", "--duration", 2, "--trace", trace)
     assert (result.exit_code, result.stderr) == (0, "")
     assert max(map(len, result.stdout.splitlines())) <= 80
-    assert rows_of(run("evaluate", trace, "--predictor", "zoh", "--json", "-"))[0]["packets"] > 0
+    assert rows_of(run("study", "evaluate", trace, "--predictor", "zoh", "--json", "-"))[0]["packets"] > 0
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 4000, 7000])
@@ -238,8 +241,8 @@ def test_a_trace_of_any_rate_is_the_signal_to_the_last_digit(rate_hz: int, tmp_p
     [
         ("simulate", CONFIGS / "fig6.yaml", "--trace"),
         ("simulate", CONFIGS / "fig6.yaml", "--record"),
-        ("ratings", CONFIGS, "--csv"),
-        ("evaluate", OPERATOR, "--plots"),
+        ("study", "ratings", CONFIGS, "--csv"),
+        ("study", "evaluate", OPERATOR, "--plots"),
     ],
     ids=lambda arguments: arguments[-1],
 )
@@ -288,7 +291,7 @@ def rows_of(result: Result) -> list[dict[str, Any]]:
 
 
 def test_evaluate_prints_a_table_in_80_columns() -> None:
-    result = run("evaluate", OPERATOR, "--weber", "0.1,0.2")
+    result = run("study", "evaluate", OPERATOR, "--weber", "0.1,0.2")
     assert (result.exit_code, result.stderr) == (0, "")
     lines = result.stdout.splitlines()
     assert max(map(len, lines)) <= 80
@@ -297,7 +300,9 @@ def test_evaluate_prints_a_table_in_80_columns() -> None:
 
 
 def test_evaluate_gives_the_documented_figures() -> None:
-    rows = rows_of(run("evaluate", OPERATOR, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--json", "-"))
+    rows = rows_of(
+        run("study", "evaluate", OPERATOR, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--json", "-")
+    )
     keys = {
         "trace": str,
         "predictor": str,
@@ -330,7 +335,7 @@ def test_evaluate_gives_the_documented_figures() -> None:
 def test_evaluate_writes_json_csv_and_plots_beside_the_table(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     out, table, plots = tmp_path / "out.json", tmp_path / "out.csv", tmp_path / "new" / "plots"
-    result = run("evaluate", OPERATOR, "--predictor", "zoh", "--json", out, "--csv", table, "--plots", plots)
+    result = run("study", "evaluate", OPERATOR, "--predictor", "zoh", "--json", out, "--csv", table, "--plots", plots)
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.startswith("trace")
     assert len(json.loads(out.read_text())["rows"]) == 1
@@ -342,7 +347,7 @@ def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs
     program = "import sys; sys.modules['matplotlib'] = None; from weberlink.cli import main; main()"
 
     def evaluated(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", program, "evaluate", OPERATOR, "--predictor", "zoh", *arguments]
+        command = [sys.executable, "-c", program, "study", "evaluate", OPERATOR, "--predictor", "zoh", *arguments]
         return subprocess.run(
             list(map(str, command)), cwd=CONFIGS.parent, capture_output=True, text=True, timeout=60, check=False
         )
@@ -374,14 +379,14 @@ ROWS = ["0.000,0,0,0,0,0,0", "0.001,0,0,0,0,0,1", "0.002,0,0,0,0,0,1"]
 def test_a_bad_trace_is_one_line_with_file_and_row(tmp_path: Path, lines: list[str], row: str, problem: str) -> None:
     trace = tmp_path / "trace.csv"
     trace.write_text("\n".join(lines))
-    line = complaint(run("evaluate", OPERATOR, trace))
+    line = complaint(run("study", "evaluate", OPERATOR, trace))
     assert line.startswith(f"weberlink: {trace}: ")
     assert row in line
     assert problem in line
 
 
 def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    assert complaint(run("evaluate", tmp_path / "none.csv")).startswith(
+    assert complaint(run("study", "evaluate", tmp_path / "none.csv")).startswith(
         f"weberlink: {tmp_path / 'none.csv'}: not found; "
     )
 
@@ -402,7 +407,7 @@ def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     ],
 )
 def test_an_option_out_of_range_is_one_line(option: str, value: str, expected: str) -> None:
-    line = complaint(run("evaluate", OPERATOR, f"{option}={value}"))
+    line = complaint(run("study", "evaluate", OPERATOR, f"{option}={value}"))
     assert line.startswith(f"weberlink: {option}: ")
     assert expected in line
 
@@ -412,7 +417,7 @@ def test_an_option_out_of_range_is_one_line(option: str, value: str, expected: s
 
 def test_figures_that_cannot_be_written_are_not_lost() -> None:
     for arguments in (
-        ["evaluate", OPERATOR, "--predictor", "zoh"],
+        ["study", "evaluate", OPERATOR, "--predictor", "zoh"],
         ["simulate", CONFIGS / "fig6.yaml", "--duration", 1],
     ):
         result = run(*arguments, "--json", "/dev/full")  # which can be opened

@@ -32,7 +32,7 @@ LONGEST = ("wrong key", "full disk in a session", "device not plugged")
 """Trials that wait rather than work; they start first."""
 LOOPBACK = CONFIGS / "loopback.yaml"
 LAN = CONFIGS / "lan.yaml"
-TRACE = CONFIGS / "traces" / "operator.csv"
+TRACE = CONFIGS / "traces" / "operator.npz"
 BLOCKED = "import sys; sys.modules[{!r}] = None; from weberlink.cli import main; main()"
 """A program in which an optional package is missing."""
 
@@ -263,18 +263,24 @@ TRIALS = {
     ),
     "missing extra": Trial(without_mcap, 2, install_line("recording")),
     "missing recording without the extra": Trial(
-        said("info", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
+        said("record", "info", "{}/none.mcap", program=BLOCKED.format("mcap")),
+        2,
+        "none.mcap: cannot be read: No such file",
     ),
     "missing recording to export": Trial(
-        said("export", "{}/none.mcap", "--to", "csv", program=BLOCKED.format("mcap")), 2, "cannot be read: No such file"
+        said("record", "export", "{}/none.mcap", "--to", "csv", program=BLOCKED.format("mcap")),
+        2,
+        "cannot be read: No such file",
     ),
     "missing recording to evaluate": Trial(
-        said("evaluate", "{}/none.mcap", program=BLOCKED.format("mcap")), 2, "none.mcap: cannot be read: No such file"
+        said("study", "evaluate", "{}/none.mcap", program=BLOCKED.format("mcap")),
+        2,
+        "none.mcap: cannot be read: No such file",
     ),
     "missing ledgers without the extra": Trial(
-        said("ratings", "{}/none", program=BLOCKED.format("scipy")), 2, "no such folder"
+        said("study", "ratings", "{}/none", program=BLOCKED.format("scipy")), 2, "no such folder"
     ),
-    "study without a person": Trial(said("experiment", LOOPBACK, "--out", "{}/study"), 2, "add --simulate"),
+    "study without a person": Trial(said("study", "experiment", LOOPBACK, "--out", "{}/study"), 2, "add --simulate"),
     # Where nothing can be written.
     "unwritable folder": Trial(said("simulate", LOOPBACK, "--json", "/sys/out.json"), 2, "give another place"),
     "missing folder": Trial(said("loopback", "--record", "{}/none/a.mcap"), 2, "is not a folder; create it first"),
@@ -283,7 +289,7 @@ TRIALS = {
     ),
     "name too long": Trial(said("loopback", "--record", f"{{}}/{'a' * 300}"), 2, "give a shorter name"),
     "full disk at the end": Trial(
-        said("evaluate", TRACE, "--predictor", "zoh", "--json", "/dev/full"), 1, "No space left on device"
+        said("study", "evaluate", TRACE, "--predictor", "zoh", "--json", "/dev/full"), 1, "No space left on device"
     ),
     "full disk in a session": Trial(on_full_disk, 1, "recording stopped: No space left on device; the session goes on"),
     "unwritable runtime directory": Trial(unwritable_runtime, 1, "is a file, not a directory; remove it"),

@@ -13,7 +13,7 @@ from weberlink.cli.output import progress_bar
     ("arguments", "total"),
     [
         (("simulate", CONFIGS / "loopback.yaml", "--duration", 8), 8.0),
-        (("evaluate", CONFIGS / "traces" / "operator.csv", "--predictor", "zoh,linear"), None),
+        (("study", "evaluate", CONFIGS / "traces" / "operator.npz", "--predictor", "zoh,linear"), None),
     ],
     ids=["simulate", "evaluate"],
 )

@@ -23,7 +23,7 @@ TWO = PluggedDevice("/dev/ttyACM1", "Teensy", "5678")
 @pytest.mark.parametrize(
     ("found", "said"),
     [
-        ([], "arm: nothing of the kind is plugged in; `weberlink devices` lists what there is"),
+        ([], "arm: nothing of the kind is plugged in; `weberlink device list` lists what there is"),
         (
             [ONE, TWO],
             "arm: 2 are plugged in: /dev/ttyACM0 Teensy (serial number 1234), /dev/ttyACM1 Teensy (serial number "

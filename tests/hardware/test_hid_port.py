@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_a_device_that_is_not_there_or_none(tmp_path: Path) -> None:
     files = descriptors()
-    with pytest.raises(HardwareFault, match=r"hidraw99: there is no such device; `weberlink devices` lists"):
+    with pytest.raises(HardwareFault, match=r"hidraw99: there is no such device; `weberlink device list` lists"):
         HidPort("/dev/hidraw99")
     with pytest.raises(HardwareFault, match="Is a directory"):
         HidPort(str(tmp_path))

@@ -66,7 +66,9 @@ def test_bytes_go_both_ways_unchanged(wire: Wire, port: SerialPort) -> None:
 
 
 def test_what_is_no_port_is_said(tmp_path: Path) -> None:
-    with pytest.raises(HardwareFault, match=r"tty9: there is no such port; `weberlink devices` lists what there is"):
+    with pytest.raises(
+        HardwareFault, match=r"tty9: there is no such port; `weberlink device list` lists what there is"
+    ):
         SerialPort(str(tmp_path / "tty9"))
     (tmp_path / "file").write_text("hello")
     with pytest.raises(HardwareFault, match="file: this is no serial port"):
@@ -112,7 +114,7 @@ def test_a_port_that_this_user_may_not_open(wire: Wire) -> None:
         wire.path,
     ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
-    assert f"no permission to open {wire.path}; install the shipped rules with: weberlink devices" in done.stdout
+    assert f"no permission to open {wire.path}; install the shipped rules with: weberlink device rules" in done.stdout
 
 
 def test_an_unplugged_port_says_so_in_every_direction(wire: Wire, port: SerialPort) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.master.trace import Trace, TraceError, read_trace
+from weberlink.master.trace import COLUMNS, Trace, TraceError, Units, read_trace
 
 HEADER = "t,px,py,pz,fx,fy,fz\n"
 
@@ -82,6 +82,56 @@ def test_invalid_trace_is_refused_in_one_line(tmp_path: Path, text: str | bytes 
     assert expected in message
     assert "bad.csv" in message
     assert "\n" not in message
+
+
+def arrays(rows: int = 3) -> dict[str, object]:
+    return {name: np.arange(rows) * 1.0 for name in COLUMNS}
+
+
+def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
+    np.savez_compressed(tmp_path / "a.npz", **arrays(), other=np.zeros(2))
+    trace = read_trace(tmp_path / "a.npz", Units(position="mm"))
+    assert trace.time_s.tolist() == [0.0, 1.0, 2.0]
+    assert trace.position_m.tolist() == [[0.0] * 3, [1e-3] * 3, [2e-3] * 3]
+    assert trace.force_n[2].tolist() == [2.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({"px": None}, "expected an npz file with arrays t,px,py,pz,fx,fy,fz of one length"),
+        ({"px": np.zeros(2)}, "of one length"),
+        ({"px": np.array(["a", "b", "c"])}, "of one length"),
+        (dict.fromkeys(COLUMNS, np.zeros((3, 2))), "of finite numbers"),
+        ({"fz": np.array([0.0, np.nan, 0.0])}, "of finite numbers"),
+        (dict.fromkeys(COLUMNS, np.zeros(1)), "at least 2 rows of samples, found 1"),
+        ({"t": np.zeros(3)}, "row 2, column t: expected a time after 0 s, found 0 s"),
+    ],
+)
+def test_an_invalid_npz_file_is_refused_in_one_line(tmp_path: Path, changed: dict[str, object], expected: str) -> None:
+    np.savez(tmp_path / "bad.npz", **{name: value for name, value in (arrays() | changed).items() if value is not None})
+    with pytest.raises(TraceError) as caught:
+        read_trace(tmp_path / "bad.npz")
+    assert str(caught.value).startswith(f"{tmp_path / 'bad.npz'}: ")
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(place=st.integers(0, 2000), value=st.integers(0, 255))
+def test_a_damaged_npz_file_gives_trace_or_error(
+    tmp_path_factory: pytest.TempPathFactory, place: int, value: int
+) -> None:
+    path = tmp_path_factory.mktemp("t") / "a.npz"
+    np.savez_compressed(path, **arrays())
+    content = bytearray(path.read_bytes())
+    content[place % len(content)] = value
+    path.write_bytes(content)
+    try:
+        trace = read_trace(path)
+    except TraceError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(trace.time_s) >= 2
 
 
 @given(content=st.binary(max_size=200))

@@ -13,7 +13,7 @@ from weberlink.studies.coded_trace import CodedTrace
 
 @cache
 def own() -> Trace:
-    return read_trace(Path(__file__).parents[2] / "configs" / "traces" / "operator.csv")
+    return read_trace(Path(__file__).parents[2] / "configs" / "traces" / "operator.npz")
 
 
 @cache

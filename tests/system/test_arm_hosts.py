@@ -62,7 +62,7 @@ def pair(hosts: tuple[str, str], tmp_path: Path) -> Iterator[Pair]:
     file.write_text(placed, encoding="utf-8")
     with ExitStack() as running:
         for name, link, sets in (("koch_leader", leader, ()), ("so101_follower", follower, ("--set", walls))):
-            running.enter_context(Program("emulate", name, "--link", link, *sets))
+            running.enter_context(Program("device", "emulate", name, "--link", link, *sets))
             until(link.exists, f"the emulated {name}")
         yield Pair(file, tmp_path, operator, robot)
 
@@ -99,7 +99,7 @@ def test_session_over_bad_link(pair: Pair) -> None:
     assert felt[0] == 0, felt[2]
     assert document(felt[1])["outcome"] == "completed"
     told = CliRunner().invoke(
-        app, ["info", str(pair.folder / "master.mcap"), str(pair.folder / "slave.mcap"), "--json", "-"]
+        app, ["record", "info", str(pair.folder / "master.mcap"), str(pair.folder / "slave.mcap"), "--json", "-"]
     )
     summary: dict[str, Any] = document(told.stdout)
     tell({key: figures for key, figures in summary.items() if key not in ("files", "environment")})

@@ -27,7 +27,7 @@ from weberlink.system.configuration import Configuration, ConfigurationError, lo
 from weberlink.system.simulate import build_simulation
 
 ROOT = Path(__file__).parents[2]
-OPERATOR = ROOT / "configs" / "traces" / "operator.csv"
+OPERATOR = ROOT / "configs" / "traces" / "operator.npz"
 LINK = "link: {security: none, listen: '127.0.0.1:0', slave: '127.0.0.1:0'}\n"
 
 
@@ -137,7 +137,7 @@ def test_a_live_change_of_the_weber_factor_keeps_the_shape(monkeypatch: pytest.M
 
 
 def rows(*arguments: str) -> list[dict[str, object]]:
-    result = CliRunner().invoke(app, ["evaluate", str(OPERATOR), *arguments, "--json", "-"])
+    result = CliRunner().invoke(app, ["study", "evaluate", str(OPERATOR), *arguments, "--json", "-"])
     assert result.exit_code == 0, result.output
     found: list[dict[str, object]] = json.loads(result.stdout)["rows"]
     return found
@@ -164,6 +164,6 @@ def test_a_study_has_a_row_for_every_shape() -> None:
     (("--deadband", "level_crossing", "--floor", "0"), "--floor above 0"),
 ])  # fmt: skip
 def test_a_shape_that_cannot_be_studied_is_one_line(arguments: tuple[str, ...], expected: str) -> None:
-    result = CliRunner().invoke(app, ["evaluate", str(OPERATOR), *arguments])
+    result = CliRunner().invoke(app, ["study", "evaluate", str(OPERATOR), *arguments])
     assert result.exit_code == 2
     assert expected in " ".join(result.output.split())

@@ -68,8 +68,8 @@ def test_check_says_the_rate() -> None:
 
 
 def test_a_study_bounds_the_rate_of_a_recorded_signal(tmp_path: Path) -> None:
-    trace = CONFIGS / "traces" / "operator.csv"
-    arguments = ["evaluate", str(trace), "--predictor", "zoh", "--floor", "0.002", "--weber", "0.01"]
+    trace = CONFIGS / "traces" / "operator.npz"
+    arguments = ["study", "evaluate", str(trace), "--predictor", "zoh", "--floor", "0.002", "--weber", "0.01"]
     rows = []
     for further in ([], ["--max-updates", "40"]):
         out = tmp_path / "rows.json"

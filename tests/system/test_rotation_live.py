@@ -32,7 +32,7 @@ def test_a_live_session_turns_the_tool_is_reported_and_its_recording_says_the_sa
     assert "orientation" in output
     assert all(len(line) <= 80 for line in output.splitlines())
 
-    with Program("info", recording, "--json", "-") as program:
+    with Program("record", "info", recording, "--json", "-") as program:
         status, told, errors = program.finish()
     assert (status, errors) == (0, "")
     read = document(told)

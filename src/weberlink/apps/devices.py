@@ -1,4 +1,4 @@
-"""The `devices` command: lists drivers and the hardware plugged in, and suggests fixes. It opens no device."""
+"""The `device list` command: lists drivers and the hardware plugged in, and suggests fixes. It opens no device."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence

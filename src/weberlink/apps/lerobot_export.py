@@ -1,4 +1,4 @@
-"""`export --to lerobot`: a session as a LeRobotDataset of format v3.0, which lerobot 0.4 and later open.
+"""`record export --to lerobot`: a session as a LeRobotDataset of format v3.0, which lerobot 0.4 and later open.
 
 The layout follows `lerobot/datasets` of release 0.4.4: meta/info.json, meta/stats.json, meta/tasks.parquet, a table of
 the episodes, and one of the frames. Recordings hold no pictures, so there are no videos.

@@ -56,7 +56,7 @@ class RecordingDescription:
             console.print(Text(_file_line(file)))
         for mark in self.document["marks"]:
             console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
-        title = "weberlink info " + " ".join(file["path"] for file in self.document["files"])
+        title = "weberlink record info " + " ".join(file["path"] for file in self.document["files"])
         session_report(self.document, title, console)
 
 

@@ -1,4 +1,4 @@
-"""`export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
+"""`record export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
 
 Beside every tick it has the topics of `weberlink.apps.ros_topics` at `RATE_HZ`.
 They are made here and not while recording: the recorder stays cheap, its files lean, and old recordings gain them too.

@@ -74,9 +74,9 @@ def install_line() -> str:
     """The command that installs the rules; with a full path where sudo does not search, as in a virtual environment."""
     program = Path(sys.executable).with_name("weberlink")
     if any(Path(folder, "weberlink").exists() for folder in SUDO_FOLDERS):
-        return "sudo weberlink devices --install-rules"
+        return "sudo weberlink device rules"
     words = [str(program)] if program.exists() else python("-m", "weberlink")
-    return f"sudo {shlex.join(words)} devices --install-rules"
+    return f"sudo {shlex.join(words)} device rules"
 
 
 def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:

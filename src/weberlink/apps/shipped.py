@@ -20,7 +20,7 @@ from weberlink.system.targets import TargetError, check_file
 HOME = Path(str(files("weberlink.configs"))).resolve()
 SCHEMA = "weberlink.schema.json"
 OTHERS = {
-    "49-weberlink.rules": "udev rules of the devices; weberlink devices --install-rules installs them",
+    "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
     "foxglove-layout.json": "layout of Foxglove for an exported recording",
     "foxglove-live-layout.json": "layout of Foxglove for weberlink bridge foxglove",
@@ -96,12 +96,15 @@ def text_of(name: str) -> str:
     """A shipped file as text.
 
     Raises:
-        ConfigurationError: there is none, or it is a folder.
+        ConfigurationError: there is none, or it is a folder or no text.
     """
     path = find(name)
     if path.is_dir():
         raise ConfigurationError(f"{name}: is a folder; name one of its files")
-    return path.read_text(encoding="utf-8")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{name}: is no text; copy it to a file") from None
 
 
 def copy(name: str, out: Path | None) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The commands `devices`, `device test` and `emulate`."""
+"""The commands `device list`, `device test`, `device emulate` and `device rules`."""
 
 import sys
 from pathlib import Path
@@ -14,31 +14,25 @@ Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
 
-device = typer.Typer(name="device", cls=CommandGroup, help="Work with a single device or robot.", no_args_is_help=True)
+device = typer.Typer(
+    name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
+)
 
 
-def devices(
-    install_rules: Annotated[
-        bool, typer.Option("--install-rules", help="Install the udev rules first; needs root.")
-    ] = False,
-    json_out: Json = None,
-) -> None:
+@device.command("list")
+def device_list(json_out: Json = None) -> None:
     """List drivers and plugged devices, and suggest fixes."""
-    from weberlink.apps import rules  # noqa: PLC0415
-    from weberlink.apps.devices import survey  # noqa: PLC0415
+    from weberlink.apps.devices import survey  # noqa: PLC0415 - each command imports what it needs
 
-    if install_rules:
-        try:
-            typer.echo("\n".join(rules.install()), err=True)
-        except rules.RulesError as error:
-            fail(str(error), FAILED)
     found = survey()
     write(found.document, json_out, found.show)
 
 
 @device.command("test")
 def device_test(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink devices` lists them.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink device list` lists them.")
+    ],
     config: Annotated[
         Path | None, typer.Option("--config", metavar="FILE", help="Configuration with options of the driver.")
     ] = None,
@@ -58,6 +52,7 @@ def device_test(
         fail(str(error), FAILED)
 
 
+@device.command()
 def emulate(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
     command: Annotated[
@@ -82,3 +77,14 @@ def emulate(
     with errors():
         status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)
     raise typer.Exit(status)
+
+
+@device.command("rules")
+def device_rules() -> None:
+    """Install the udev rules, which give access without root."""
+    from weberlink.apps import rules  # noqa: PLC0415
+
+    try:
+        typer.echo("\n".join(rules.install()))
+    except rules.RulesError as error:
+        fail(str(error), FAILED)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import bridge, doctor, hardware, monitor, peers, sessions, shipped, studies, visit
+from weberlink.cli import bridge, doctor, hardware, monitor, peers, records, sessions, shipped, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -15,24 +15,13 @@ from weberlink.system.order import MISCONFIGURED
 
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
-TOPICS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Run": (
-        visit.visit,
-        sessions.loopback,
-        sessions.master,
-        sessions.slave,
-        sessions.simulate,
-        sessions.check,
-        shipped.configs,
-        sessions.keygen,
-        peers.peers,
-    ),
-    "Look": (monitor.monitor, doctor.doctor, studies.info, studies.export),
-    "Devices": (hardware.devices, hardware.emulate),
-    "Study": (studies.evaluate, studies.experiment, studies.ratings),
-    "Reproduce": (studies.paper, studies.precision, studies.stability, studies.bench),
+TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
+    "Run": (visit.visit, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
+    "Look": (monitor.monitor, sessions.check, doctor.doctor, records.record, bridge.bridge),
+    "Setup": (hardware.device, peers.peers, sessions.keygen, shipped.configs),
+    "Study": (studies.study,),
 }
-"""The commands, as the help lists them."""
+"""The commands and groups of commands, as the help lists them."""
 NAMES: dict[Callable[..., None], str] = {visit.visit: "try"}
 """Names that Python reserves; the other commands have those of their functions."""
 
@@ -47,11 +36,10 @@ app = typer.Typer(
 )
 for topic, commands in TOPICS.items():
     for command in commands:
-        app.command(NAMES.get(command), rich_help_panel=topic)(command)
-    if topic == "Look":
-        app.add_typer(bridge.bridge, rich_help_panel=topic)
-    if topic == "Devices":
-        app.add_typer(hardware.device, rich_help_panel=topic)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, rich_help_panel=topic)
+        else:
+            app.command(NAMES.get(command), rich_help_panel=topic)(command)
 
 
 def installed(entry: EntryPoint) -> Callable[..., Any]:

@@ -153,7 +153,9 @@ def simulate(
     with errors():
         configuration = load(file, set_ or ())
         if trace is not None and configuration.system.codec.joints is not None:
-            raise ConfigurationError(f"--trace: {file}: an arm has joints, not one position; use --record and export")
+            raise ConfigurationError(
+                f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
+            )
         refuse_live(configuration)
         say_advice(try_out(configuration))
     with errors(), progress_bar() as progress:

@@ -1,21 +1,20 @@
-"""Commands for recordings and studies."""
+"""The study commands."""
 
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Protocol
 
 import typer
 
 from weberlink.cli.arguments import (
+    CommandGroup,
     Csv,
     Dask,
     File,
     Full,
     Json,
-    OptionalFile,
     Plots,
     Set,
     Workers,
@@ -23,9 +22,11 @@ from weberlink.cli.arguments import (
     folder_target,
 )
 from weberlink.cli.figures import Footer, Format, figures
-from weberlink.cli.output import Study, attempt, errors, fail, progress_bar, publish, write
+from weberlink.cli.output import Study, attempt, errors, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
-from weberlink.system.order import FAILED, MISCONFIGURED
+from weberlink.system.order import FAILED
+
+study = typer.Typer(name="study", cls=CommandGroup, help="Reproduce and extend the studies.", no_args_is_help=True)
 
 
 class StudyWithRows(Study, Protocol):
@@ -50,51 +51,7 @@ def publish_rows(
         fail(problem, FAILED)
 
 
-def info(
-    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    json_out: Json = None,
-) -> None:
-    """Describe a recording: its sides, gaps and figures."""
-    from weberlink.apps.recordings import describe  # noqa: PLC0415
-
-    with errors():
-        description = describe(recordings)
-    write(description.document, json_out, description.show)
-
-
-def export(
-    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="csv, parquet (extra: weberlink[parquet]), ros, or lerobot (extra: weberlink[lerobot]).",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="DIR", callback=folder_target, help="Folder of the files; default: that of the recording."
-        ),
-    ] = None,
-    fps: Annotated[int, typer.Option("--fps", metavar="HZ", help="Frames per second of a LeRobot dataset.")] = 30,
-    task: Annotated[
-        str, typer.Option("--task", metavar="TEXT", help="What was done, in words, for a LeRobot dataset.")
-    ] = "teleoperation",
-) -> None:
-    """Convert a recording to tables, for ROS tools, or for LeRobot."""
-    from weberlink.apps.recordings import DatasetOptions, ExportError  # noqa: PLC0415
-    from weberlink.apps.recordings import export as run  # noqa: PLC0415
-
-    try:
-        with errors():
-            lines = run(recordings, to, out, DatasetOptions(fps, task))
-    except ExportError as error:
-        fail(str(error), FAILED)
-    typer.echo("\n".join(lines))
-
-
+@study.command()
 def evaluate(  # noqa: PLR0917 - an argument for each option
     traces: Annotated[
         list[Path],
@@ -164,6 +121,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
+@study.command()
 def precision(
     full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
 ) -> None:
@@ -179,6 +137,7 @@ def precision(
         publish(result, json_out, plots)
 
 
+@study.command()
 def stability(
     full: Full = False,
     cells: Annotated[
@@ -210,52 +169,7 @@ def stability(
         publish(result, json_out, plots)
 
 
-def bench(
-    file: OptionalFile = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            "--duration", metavar="S", min=1.0, callback=finite, help="Length of a live run [s]; default: 20."
-        ),
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Measure everything briefly, in half a minute.")] = False,
-    baseline: Annotated[
-        Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with the --json file of an earlier run.")
-    ] = None,
-    budget: Annotated[bool, typer.Option("--budget", help="Measure only what each part of a tick costs.")] = False,
-    json_out: Json = None,
-    plots: Plots = None,
-    footer: Footer = True,
-    format_: Format = None,
-    set_: Set = None,
-) -> None:
-    """Measure real-time figures beside this machine's limits.
-
-    Takes three minutes, or half a minute with --quick. Ctrl-C ends it with the parts so far.
-    """
-    clone = Path(__file__).resolve().parents[3]  # of an editable install; `benchmarks` is not part of the package
-    sys.path.append(str(clone))
-    try:
-        from benchmarks.arrangement import BenchError  # noqa: PLC0415
-        from benchmarks.study import run  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "benchmarks":
-            raise
-        fail("bench runs from a clone of the repository: make bench", MISCONFIGURED)
-
-    path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
-    try:
-        with errors(), progress_bar() as progress:
-            result = run(
-                path, set_ or (), lambda overrides: free_port(path, overrides), duration=duration, quick=quick,
-                baseline=baseline, plots=plots is not None, only_budget=budget, progress=progress,
-            )  # fmt: skip
-    except BenchError as error:
-        fail(str(error), FAILED)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
-
-
+@study.command()
 def experiment(
     file: File,
     out: Annotated[
@@ -305,6 +219,7 @@ def experiment(
     typer.echo(words)
 
 
+@study.command()
 def ratings(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the ledgers of an experiment.")],
     level: Annotated[
@@ -331,6 +246,7 @@ def ratings(
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
+@study.command()
 def paper(
     traces: Annotated[
         list[Path] | None,

@@ -1,6 +1,7 @@
 """No control: the decoded force is displayed and the decoded position followed.
 
-For links with a delay that is not felt. `weberlink stability` measures at which stiffness and delay the loop is stable.
+For links with a delay that is not felt. `weberlink study stability` measures at which stiffness and
+delay the loop is stable.
 """
 
 from typing import ClassVar

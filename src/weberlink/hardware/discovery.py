@@ -143,7 +143,7 @@ def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevic
         HardwareFault: none is there, several are, or the one cannot be used.
     """
     if not found:
-        raise HardwareFault(f"{what}: nothing of the kind is plugged in; `weberlink devices` lists what there is")
+        raise HardwareFault(f"{what}: nothing of the kind is plugged in; `weberlink device list` lists what there is")
     if len(found) > 1:
         there = ", ".join(map(str, found))
         raise HardwareFault(f"{what}: {len(found)} are plugged in: {there}; say which with {option}: {found[0].path}")
@@ -161,7 +161,7 @@ def _problem(path: str) -> str | None:
 def permission_advice(path: str) -> str:
     """Advice when this user may not open a device."""
     return (
-        f"no permission to open {path}; install the shipped rules with: weberlink devices --install-rules, "
+        f"no permission to open {path}; install the shipped rules with: weberlink device rules, "
         "then unplug it and plug it in again"
     )
 

@@ -104,7 +104,7 @@ def _reason(path: str) -> str | None:
         with open(path, "r+b", buffering=0):  # noqa: PTH123 - a device, not a file to read
             return None
     except FileNotFoundError:
-        return "there is no such device; `weberlink devices` lists what there is"
+        return "there is no such device; `weberlink device list` lists what there is"
     except PermissionError:
         return permission_advice(path)
     except OSError as error:

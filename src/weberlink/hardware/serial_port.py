@@ -137,7 +137,7 @@ class SerialPort:
 
 def _reason(path: str, error: Exception) -> str:
     if not os.path.exists(path):  # noqa: PTH110 - a path in a message, not one to work with
-        return "there is no such port; `weberlink devices` lists what there is"
+        return "there is no such port; `weberlink device list` lists what there is"
     if not os.access(path, os.R_OK | os.W_OK):
         return permission_advice(path)
     number = error.errno if isinstance(error, OSError) else None

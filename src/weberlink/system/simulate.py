@@ -60,7 +60,7 @@ def refuse_live(configuration: Configuration) -> None:
             from weberlink.slave import emulators as robots  # noqa: PLC0415
 
             known = name in {*devices.EMULATORS, *robots.EMULATORS}
-            emulated = f", against `weberlink emulate {name}` if need be" if known else ""
+            emulated = f", against `weberlink device emulate {name}` if need be" if known else ""
             unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "

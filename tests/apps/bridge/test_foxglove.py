@@ -6,10 +6,13 @@ from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
 import pytest
+from foxglove import Parameter
+from foxglove.websocket import WebSocketServer
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.Log_pb2 import Log
@@ -248,3 +251,21 @@ def test_layout_names_topics_that_are_there(tmp_path: Path) -> None:
     assert topics == {"/weberlink/log": "foxglove.Log", "/diagnostics": "diagnostic_msgs/DiagnosticArray"}
     placed = re.findall(r'"(\w+!\w+)"', json.dumps([layout["layout"], panels["Tab!weberlink"]]))
     assert sorted(placed) == sorted(panels)
+
+
+def test_a_client_may_ask_for_a_change_while_the_server_starts() -> None:
+    said: list[str] = []
+    asking: list[Thread] = []
+
+    class Hasty(FoxgloveBridge):
+        def _serve(self, listen: str, port: int) -> WebSocketServer:
+            client: Any = None
+            asking.append(Thread(target=self.on_set_parameters, args=(client, [Parameter("weber", value=0.2)])))
+            asking[0].start()
+            asking[0].join(0.1)
+            return super()._serve(listen, port)
+
+    bridge = Hasty("127.0.0.1", 0, allow_changes=False, tell=said.append)
+    asking[0].join(10.0)
+    bridge.close()
+    assert [line.partition(": ")[:1] for line in said] == [("refused",)]

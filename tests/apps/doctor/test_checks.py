@@ -22,7 +22,7 @@ from weberlink.apps.doctor.machine import Unreadable
 from weberlink.apps.doctor.network import CHARGED_BYTES, firewall, key_file, port, receive_buffer, slave_address
 from weberlink.apps.doctor.processors import cpu_list, cpu_quota, governor, idle_states, isolation, processors
 from weberlink.apps.doctor.rights import huge_pages, shared_memory, swap
-from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, tools, uvloop
+from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, uvloop
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.ring import SLOT_BYTES
@@ -186,8 +186,6 @@ CASES = [
     Case(python, OK, "Python 3."),
     Case(uvloop, OK),
     Case(extras, OK),
-    Case(tools, OK, answers=has("cyclictest", "sockperf")),
-    Case(tools, ADVICE, "sudo apt install rt-tests", answers=has("sockperf")),
 ]
 
 
@@ -347,14 +345,14 @@ def test_extras_are_those_for_users() -> None:
 PADDLE = PluggedDevice("/dev/ttyACM0", "Paddle")
 NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
 LATENCY = "/dev/ttyUSB0 delays replies by 16 ms (latency timer): echo 1 | sudo tee x"
-INSTALL = "sudo weberlink devices --install-rules"
+INSTALL = "sudo weberlink device rules"
 
 
 @pytest.mark.parametrize(
     ("side", "driver", "state", "advice", "needs", "expected"),
     [
         ("master", "paddle", READY, (), NAMED, (OK, None)),
-        ("master", "paddle", NOTHING, (), NAMED, (PROBLEM, "plug it in and switch it on, then: weberlink devices")),
+        ("master", "paddle", NOTHING, (), NAMED, (PROBLEM, "plug it in and switch it on, then: weberlink device list")),
         ("master", "paddle", UNSEEN, (), NAMED, (OK, None)),
         ("master", "paddle", NO_RULES, (INSTALL,), NAMED, (PROBLEM, INSTALL)),
         ("master", "paddle", READY, (LATENCY,), NAMED, (ADVICE, LATENCY)),

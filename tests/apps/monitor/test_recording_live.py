@@ -83,8 +83,8 @@ def test_recorded_part_of_a_session_has_its_figures_and_its_mark(tmp_path: Path)
     whole = document(output)
     for side, records in recording.records.items():
         assert 1000 < len(records) < whole["ticks"][side]["count"]
-    told = CliRunner().invoke(app, ["info", str(path)])
+    told = CliRunner().invoke(app, ["record", "info", str(path)])
     assert told.exit_code == 0 and "s: first touch" in told.output and "during the session" in told.output
-    report = document(CliRunner().invoke(app, ["info", str(path), "--json", "-"]).stdout)
+    report = document(CliRunner().invoke(app, ["record", "info", str(path), "--json", "-"]).stdout)
     (mark,) = report["marks"]
     assert mark["text"] == "first touch" and 0.0 < mark["at_s"] < report["duration_s"]

@@ -27,7 +27,7 @@ from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, names
 
-OPERATOR = CONFIGS / "traces" / "operator.csv"
+OPERATOR = CONFIGS / "traces" / "operator.npz"
 MAIN = "from weberlink.cli import main; main()"
 MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
 """Weber factors for minutes of work."""
@@ -52,7 +52,7 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def command(*arguments: object, program: str = MAIN) -> list[str]:
-    return [sys.executable, "-c", program, *map(str, ("evaluate", *arguments))]
+    return [sys.executable, "-c", program, *map(str, ("study", "evaluate", *arguments))]
 
 
 def process(*arguments: object, program: str = MAIN) -> subprocess.CompletedProcess[str]:
@@ -62,7 +62,7 @@ def process(*arguments: object, program: str = MAIN) -> subprocess.CompletedProc
 
 def invoke(*arguments: object) -> Result:
     """The command in this process."""
-    return CliRunner().invoke(app, list(map(str, ("evaluate", *arguments))))
+    return CliRunner().invoke(app, list(map(str, ("study", "evaluate", *arguments))))
 
 
 def rows_from(*arguments: object) -> list[dict[str, Any]]:
@@ -173,7 +173,7 @@ def in_units(path: Path, time: float, position: float, force: float = 1.0) -> Pa
 )
 def test_unlikely_units_are_asked_about(factors: tuple[float, ...], seen: str, option: str, tmp_path: Path) -> None:
     path = in_units(tmp_path / "t.csv", *factors)
-    result = CliRunner().invoke(app, ["evaluate", str(path)])
+    result = CliRunner().invoke(app, ["study", "evaluate", str(path)])
     assert result.exit_code == 2
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"weberlink: {path}: {seen}: in which units is it? Add ")
@@ -196,7 +196,7 @@ def test_stated_units_give_the_figures_of_si_units(tmp_path: Path) -> None:
 )
 def test_wrong_units_are_one_line(units: str, said: str, tmp_path: Path) -> None:
     path = in_units(tmp_path / "t.csv", 1.0, 1.0)
-    result = CliRunner().invoke(app, ["evaluate", str(path), "--units", units])
+    result = CliRunner().invoke(app, ["study", "evaluate", str(path), "--units", units])
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert said in result.stderr
 

@@ -201,7 +201,7 @@ def test_packets_agree_with_an_independent_implementation(name: str) -> None:
 
 
 def test_shipped_trace_stays_within_the_deadband() -> None:
-    own = read_trace(ROOT / "configs" / "traces" / "operator.csv")
+    own = read_trace(ROOT / "configs" / "traces" / "operator.npz")
     rows = EvaluationStudy(webers=(0.05, 0.20)).rows(NamedTrace("own", own))
     for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
         assert 0 < coarse.packets < fine.packets

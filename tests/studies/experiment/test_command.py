@@ -1,4 +1,4 @@
-"""`weberlink experiment` and `weberlink ratings` as their users run them."""
+"""`weberlink study experiment` and `weberlink study ratings` as their users run them."""
 
 import csv
 import io
@@ -11,6 +11,7 @@ import socket
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -40,7 +41,7 @@ def command(*arguments: object) -> Result:
 
 def simulated(folder: Path, *further: object) -> Result:
     return command(
-        "experiment", FILE, "--simulate", "--out", folder, "--duration", SHORT, "--set", ON_SURFACE, *further
+        "study", "experiment", FILE, "--simulate", "--out", folder, "--duration", SHORT, "--set", ON_SURFACE, *further
     )
 
 
@@ -103,7 +104,7 @@ def test_the_coding_of_a_trial_is_that_of_its_condition(study: Path) -> None:
 @pytest.mark.hunt
 def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> None:
     path = tmp_path / "simulated-001.jsonl"
-    arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)
+    arguments = ("study", "experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)
     with Program(*arguments, "--duration", SHORT, "--set", ON_SURFACE) as program:
         until(lambda: path.exists() and path.read_bytes().count(b'"trial_rated"') >= 5, "five ratings")
         program.send(signal.SIGKILL)
@@ -126,7 +127,9 @@ def test_a_changed_configuration_is_refused(study: Path) -> None:
     assert line.startswith(f"weberlink: {ledger}: was begun with another configuration (slave.scene); continue")
     line = complaint(simulated(study, "--subject", 1, "--set", "codec.force.floor_n=0.03"))
     assert "(codec.force.floor_n)" in line
-    line = complaint(command("experiment", FILE, "--simulate", "--out", study, "--subject", 1, "--duration", 3))
+    line = complaint(
+        command("study", "experiment", FILE, "--simulate", "--out", study, "--subject", 1, "--duration", 3)
+    )
     assert "master.device.home_m" in line
     line = complaint(simulated(study, "--subject", 1, "--duration", 3))
     assert "was begun with trials of 0.5 s" in line
@@ -138,12 +141,15 @@ def test_paths_and_addresses_are_no_change(study: Path, tmp_path: Path) -> None:
     mine = TrialSignals(FILE, ())
     assert TrialSignals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
     assert TrialSignals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
-    trace = tmp_path / "operator.csv"
-    trace.write_bytes((CONFIGS / "traces" / "operator.csv").read_bytes())
+    trace = tmp_path / "operator.npz"
+    trace.write_bytes((CONFIGS / "traces" / "operator.npz").read_bytes())
     override = f"master.device.trace={trace}"
     replay = CONFIGS / "replay.yaml"
     assert TrialSignals(replay, (override,)).digest == TrialSignals(replay, ()).digest  # the same content elsewhere
-    trace.write_bytes(trace.read_bytes().replace(b"\n0.001,", b"\n0.0011,"))
+    with np.load(trace) as held:
+        arrays = dict(held)
+    arrays["t"][1] = 0.0011
+    np.savez(trace, **arrays)
     assert TrialSignals(replay, (override,)).digest != TrialSignals(replay, ()).digest
 
 
@@ -206,7 +212,7 @@ def test_the_best_reference_disturbs_no_channel(file: str, force: str) -> None:
     ],
 )
 def test_wrong_arguments_are_one_line(arguments: tuple[object, ...], part: str, tmp_path: Path) -> None:
-    assert part in complaint(command("experiment", FILE, "--out", tmp_path / "out", *arguments))
+    assert part in complaint(command("study", "experiment", FILE, "--out", tmp_path / "out", *arguments))
     assert not (tmp_path / "out").exists()
 
 
@@ -253,7 +259,7 @@ def _ports() -> list[str]:
 
 
 def test_scripted_operator_is_no_subject(tmp_path: Path) -> None:
-    line = complaint(command("experiment", FILE, "--out", tmp_path / "out"))
+    line = complaint(command("study", "experiment", FILE, "--out", tmp_path / "out"))
     assert "a program moves operator" in line
     assert "add --simulate" in line
     assert not (tmp_path / "out").exists()
@@ -278,7 +284,7 @@ def test_ctrl_c_in_a_live_trial_leaves_nothing(tmp_path: Path, monkeypatch: pyte
     path = tmp_path / "subject-001.jsonl"
     try:
         with Program(
-            "experiment", FILE, *secured, "--out", tmp_path, "--duration", 30, "--no-record", terminal=theirs
+            "study", "experiment", FILE, *secured, "--out", tmp_path, "--duration", 30, "--no-record", terminal=theirs
         ) as program:
             shown = _read_until(ours, b"Enter to start: ")
             os.write(ours, b"\n")
@@ -313,7 +319,15 @@ def _read_until(descriptor: int, text: bytes) -> bytes:
 def test_simulated_ratings_are_marked_everywhere(study: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     result = command(
-        "ratings", study, "--json", tmp_path / "out.json", "--csv", tmp_path / "out.csv", "--plots", tmp_path / "plots"
+        "study",
+        "ratings",
+        study,
+        "--json",
+        tmp_path / "out.json",
+        "--csv",
+        tmp_path / "out.csv",
+        "--plots",
+        tmp_path / "plots",
     )
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.startswith("SIMULATED RATINGS")
@@ -331,7 +345,7 @@ def test_simulated_ratings_are_marked_everywhere(study: Path, tmp_path: Path) ->
 
 
 def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
-    result = command("ratings", study, "--json", "-", "--level", 3)
+    result = command("study", "ratings", study, "--json", "-", "--level", 3)
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
     assert document["subjects"] == [1, 2]
@@ -357,11 +371,11 @@ def test_a_folder_with_both_kinds_needs_a_choice(study: Path, tmp_path: Path) ->
     events = lines_of(study / "simulated-001.jsonl")
     people = [{**event, "simulated": False} for event in events]  # as a person's would be
     (tmp_path / "subject-001.jsonl").write_text("".join(json.dumps(event) + "\n" for event in people))
-    assert "cannot be analysed together" in complaint(command("ratings", tmp_path))
-    result = command("ratings", tmp_path, "--only", "people")
+    assert "cannot be analysed together" in complaint(command("study", "ratings", tmp_path))
+    result = command("study", "ratings", tmp_path, "--only", "people")
     assert result.exit_code == 0
     assert "SIMULATED" not in result.stdout
     assert result.stdout.startswith("1 subject with 30 trials of 0.5 s")
-    assert command("ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
-    assert "--only: expected people or simulated" in complaint(command("ratings", tmp_path, "--only", "all"))
-    assert "no such folder" in complaint(command("ratings", tmp_path / "none"))
+    assert command("study", "ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
+    assert "--only: expected people or simulated" in complaint(command("study", "ratings", tmp_path, "--only", "all"))
+    assert "no such folder" in complaint(command("study", "ratings", tmp_path / "none"))

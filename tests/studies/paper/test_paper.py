@@ -3,10 +3,10 @@
 import csv
 import re
 from dataclasses import replace
-from itertools import islice
 from math import exp, log
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -142,7 +142,7 @@ def test_a_condition_without_signals_is_reported():
 
 # --- the command
 
-OPERATOR = CONFIGS / "traces" / "operator.csv"
+OPERATOR = CONFIGS / "traces" / "operator.npz"
 SMALL = PaperScope(scenes=(SCENES[2],), webers=(0.10,), duration_s=2.0)
 
 
@@ -150,8 +150,8 @@ SMALL = PaperScope(scenes=(SCENES[2],), webers=(0.10,), duration_s=2.0)
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The beginning of the shipped recording."""
     path = tmp_path_factory.mktemp("recorded") / OPERATOR.name
-    with OPERATOR.open(encoding="utf-8") as whole:
-        path.write_text("".join(islice(whole, 2500)), encoding="utf-8")
+    with np.load(OPERATOR) as whole:
+        np.savez(path, **{name: array[:2499] for name, array in whole.items()})
     return path
 
 
@@ -215,6 +215,6 @@ def test_a_wrong_trace_is_refused_before_any_work(tmp_path: Path):
     wrong = tmp_path / "wrong.csv"
     wrong.write_text("a,b\n1,2\n", encoding="utf-8")
     for traces, said in (([wrong], "wrong.csv: row 1: missing column"), ([OPERATOR, OPERATOR], "listed twice")):
-        result = CliRunner().invoke(app, ["paper", *map(str, traces)])
+        result = CliRunner().invoke(app, ["study", "paper", *map(str, traces)])
         assert result.exit_code == 2
         assert said in result.stderr

@@ -1,4 +1,4 @@
-"""The composition of `weberlink precision`."""
+"""The composition of `weberlink study precision`."""
 
 import json
 from io import StringIO

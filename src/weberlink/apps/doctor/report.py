@@ -29,7 +29,7 @@ CHECKS: Mapping[str, tuple[Check, ...]] = {
     "network": (network.receive_buffer, network.port, network.slave_address, network.firewall),
     "key": (network.key_file,),
     "devices": (software.devices,),
-    "software": (software.python, software.compiled, software.uvloop, software.extras, software.tools),
+    "software": (software.python, software.compiled, software.uvloop, software.extras),
 }
 """Checks by the heading of the report that they stand under."""
 

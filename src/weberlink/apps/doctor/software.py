@@ -1,4 +1,4 @@
-"""Checks of software and devices: Python, uvloop, extras, benchmark tools, drivers and what is plugged in."""
+"""Checks of software and devices: Python, uvloop, extras, drivers and what is plugged in."""
 
 import platform
 import re
@@ -14,8 +14,6 @@ from weberlink.apps.doctor.needs import Needs
 from weberlink.compiled import is_compiled
 from weberlink.installation import pip_install
 
-TOOLS = {"cyclictest": "rt-tests", "sockperf": "sockperf"}
-"""Tools that `weberlink bench` compares with, and their Debian packages."""
 NOT_FOR_USERS = {"dev"}
 
 
@@ -74,16 +72,6 @@ def optional(project: str = "weberlink") -> dict[str, list[str]]:
     return found
 
 
-def tools(machine: Machine, _needs: Needs) -> Finding:
-    missing = [name for name in TOOLS if machine.which(name) is None]
-    if missing:
-        return advice(
-            f"not installed: {', '.join(missing)}; weberlink bench compares with them",
-            f"sudo apt install {' '.join(TOOLS[name] for name in missing)}",
-        )
-    return ok(f"{' and '.join(TOOLS)} are installed, for weberlink bench")
-
-
 def _version(package: str) -> str | None:
     try:
         return version(package)
@@ -97,7 +85,7 @@ def devices(_machine: Machine, needs: Needs) -> Iterator[Finding]:
 
 
 def judge_drivers(drivers: Sequence[DriverStatus], needs: Needs) -> Iterator[Finding]:
-    """Findings on the result of `weberlink devices`."""
+    """Findings on the result of `weberlink device list`."""
     named = dict(needs.drivers)
     others = 0
     for each in drivers:
@@ -126,6 +114,6 @@ def _named(status: DriverStatus) -> Finding:
         return ok(f"{name}: cannot be listed; to try it: weberlink device test {status.driver}", check)
     if status.state == NOTHING:
         return problem(
-            f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink devices", check
+            f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink device list", check
         )
-    return problem(f"{name}: {status.state}", status.advice[0] if status.advice else "weberlink devices", check)
+    return problem(f"{name}: {status.state}", status.advice[0] if status.advice else "weberlink device list", check)

@@ -1,4 +1,4 @@
-"""The `emulate` command: emulates a device on a port or HID node, with faults on request."""
+"""The `device emulate` command: emulates a device on a port or HID node, with faults on request."""
 
 from weberlink.apps.emulate.run import names, run
 

@@ -1,4 +1,4 @@
-"""The files of `weberlink evaluate --plots`: curves over the Weber factor, forces over time."""
+"""The files of `weberlink study evaluate --plots`: curves over the Weber factor, forces over time."""
 
 from collections.abc import Sequence
 from pathlib import Path

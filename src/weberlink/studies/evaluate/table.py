@@ -1,4 +1,4 @@
-"""The tables of `weberlink evaluate` in 80 columns: single rows while they are few, and figures by source."""
+"""The tables of `weberlink study evaluate` in 80 columns: single rows while they are few, and figures by source."""
 
 from collections.abc import Callable, Sequence
 

@@ -20,7 +20,7 @@ from weberlink.master.trace import (
 from weberlink.studies import recordings
 from weberlink.system.configuration import ConfigurationError
 
-SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.csv"))
+SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.npz"))
 """The recording that is part of the configurations."""
 ALL = "recordings"
 """Stands for every shipped recording."""

@@ -47,7 +47,8 @@ class ExperimentRequest:
 
     def again(self, subject: int) -> str:
         """The command that continues with a subject."""
-        words = ["weberlink", "experiment", str(self.file), "--subject", str(subject), "--out", str(self.folder)]
+        words = ["weberlink", "study", "experiment", str(self.file)]
+        words += ["--subject", str(subject), "--out", str(self.folder)]
         words += ["--simulate"] if self.simulate else [] if self.record else ["--no-record"]
         return shlex.join([*words, *(word for override in self.overrides for word in ("--set", override))])
 
@@ -100,7 +101,7 @@ def check_device(request: ExperimentRequest) -> None:
     if not request.simulate and driver in SCRIPTED:
         raise ConfigurationError(
             f"{request.file}: master.device.driver: a program moves {driver}, so no person would feel the trials; name "
-            "the driver of a device (weberlink devices), or add --simulate to let a program rate"
+            "the driver of a device (weberlink device list), or add --simulate to let a program rate"
         )
 
 
@@ -134,7 +135,7 @@ def _conduct(
 
 
 def _next(folder: Path) -> str:
-    return f"analyse them with: weberlink ratings {shlex.quote(str(folder))}"
+    return f"analyse them with: weberlink study ratings {shlex.quote(str(folder))}"
 
 
 def _open(request: ExperimentRequest) -> Ledger:

@@ -1,4 +1,4 @@
-"""The page "The paper and us" as Markdown, from the measurements of `weberlink paper`."""
+"""The page "The paper and us" as Markdown, from the measurements of `weberlink study paper`."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ haptic data reduction" (HAVE 2011), beside what is measured with this code. Made
 The paper's numbers are of a simulated scene that people touched with a real device, and its quality is their rating.
 Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.04 N,
 and "equal quality" means the error that the reference of the claim has at k = 0.10. Ratings of people come from
-`weberlink experiment` alone. The floor of the deadband is 0.02 N throughout.
+`weberlink study experiment` alone. The floor of the deadband is 0.02 N throughout.
 
 A saving is the geometric mean over signals, with the 95 % interval of a bootstrap over them. A claim *holds* if all of
 that interval saves at least as much as claimed, and *fails* if all of it saves less; otherwise, and for a single

@@ -1,4 +1,4 @@
-"""The figures of `weberlink paper`: curves of every condition, and forces over time of one scene."""
+"""The figures of `weberlink study paper`: curves of every condition, and forces over time of one scene."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -77,5 +77,12 @@ def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, A
     return made
 
 
+def as_text(document: dict[str, Any]) -> str:
+    """The schema as JSON with a line for each definition: a changed definition is one changed line."""
+    definitions = ",\n".join(f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in document["$defs"].items())
+    others = [f" {json.dumps(name)}: {json.dumps(each)}" for name, each in document.items() if name != "$defs"]
+    return "{\n" + ",\n".join([f' "$defs": {{\n{definitions}\n }}', *others]) + "\n}\n"
+
+
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(json.dumps(schema(), indent=1) + "\n", encoding="utf-8")
+    Path(sys.argv[1]).write_text(as_text(schema()), encoding="utf-8")

@@ -1,8 +1,8 @@
 """Measures of quality: errors and jumps of the displayed force in just noticeable differences (JND) of a person.
 
 They depend on what was displayed and on what was measured, not on the codec or its deadband, and they are derived from
-Weber's law: none of them is a rating of a person (`weberlink experiment`). The perceptual indices of the literature
-(HSSIM and others) are not implemented: their formulas could not be verified.
+Weber's law: none of them is a rating of a person (`weberlink study experiment`). The perceptual indices of the
+literature (HSSIM and others) are not implemented: their formulas could not be verified.
 """
 
 from dataclasses import dataclass

@@ -2,11 +2,12 @@
 
 from collections import deque
 from collections.abc import Sequence
+from threading import Event
 from time import time_ns
 
 import foxglove
 from foxglove import Context, Parameter, StatusLevel
-from foxglove.websocket import Capability, ChannelView, Client, ServerListener
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener, WebSocketServer
 
 from weberlink.apps.bridge.follow import Tell
 from weberlink.apps.bridge.foxglove.channels import LOG, SCENE, Channels
@@ -47,7 +48,13 @@ class FoxgloveBridge(ServerListener):
         self._newcomers: deque[tuple[int, str]] = deque()
         self._show_at = self._figures_at = 0.0
         self._tell = tell
-        self._server = foxglove.start_server(
+        self._served = Event()
+        """Set when `_server` is there: a client may call before."""
+        self._server = self._serve(listen, port)
+        self._served.set()
+
+    def _serve(self, listen: str, port: int) -> WebSocketServer:
+        return foxglove.start_server(
             name=NAME,
             host=listen,
             port=port,
@@ -118,6 +125,7 @@ class FoxgloveBridge(ServerListener):
         if not asked:
             return []
         answer = self._parameters.change(asked)
+        self._served.wait()
         if answer.get("accepted"):
             self._server.remove_status([REFUSED])
         else:
