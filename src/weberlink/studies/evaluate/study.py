@@ -1,4 +1,4 @@
-"""The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, one row each."""
+"""The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
