@@ -6,9 +6,10 @@ machine, versions, commit and seed in every result.
 """
 
 import csv
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -207,7 +208,7 @@ def _rows_of(future: Any, address: str) -> Any:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler.
+    """A client of the scheduler; what the library would log of lost connections is raised as an error anyway.
 
     Raises:
         ConfigurationError: nothing answers there.
@@ -215,10 +216,13 @@ def _connected(address: str) -> Iterator[Any]:
     from distributed import Client  # noqa: PLC0415
     from distributed.comm.addressing import resolve_address  # noqa: PLC0415
 
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
     try:
         resolve_address(address)  # checked here, because a half-made client logs an error when it is deleted
         client = cast("Any", Client)(address, timeout=PATIENCE_S, set_as_default=False, name="weberlink")
     except (OSError, ValueError) as error:
+        logging.disable(before)
         raise ConfigurationError(
             f"--dask: {address}: no scheduler answers there ({_reason(error)}); "
             "expected an address such as tcp://host:8786"
@@ -226,7 +230,9 @@ def _connected(address: str) -> Iterator[Any]:
     try:
         yield client
     finally:
-        client.close(timeout=PATIENCE_S)  # releases the futures, so the scheduler cancels the work
+        with suppress(OSError):  # the cluster may be gone
+            client.close(timeout=PATIENCE_S)  # releases the futures, so the scheduler cancels the work
+        logging.disable(before)
 
 
 def _reason(error: BaseException) -> str:
