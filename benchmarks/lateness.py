@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks import programs
 from benchmarks.arrangement import Arrangement, Rights, answers, child, rights_of, serve
-from benchmarks.live_run import live_run
 from benchmarks.live_side import LiveSide
+from benchmarks.loopback import live_run
 from benchmarks.percentiles import Series, ratios, summary
 from weberlink.realtime import timerfd
 
@@ -97,8 +97,8 @@ class Lateness:
                     "codec_us": summary(side.records["codec_us"]),
                     "ratio": ratios(summary(side.lateness_us), limit),
                     "cpu_share": side.cpu_s / side.elapsed_s,
-                    "realtime": side.summary["realtime"],
-                    "faults": side.summary["faults"],
+                    "realtime": dict(side.realtime),
+                    "faults": dict(side.faults),
                 }
                 for name, side in self.sides.items()
             },

@@ -5,7 +5,7 @@ Nothing here starts a daemon, so that daemons of other releases can be observed 
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,13 +51,15 @@ class LiveSide:
         records: of every tick.
         rate_hz: of the ticks.
         used: resources at the beginning, at each read, and at the end, with the time of each [s].
-        summary: of the daemon at its end.
+        realtime: rights that were granted.
+        faults: count of each fault, by name.
     """
 
     records: NDArray[np.void]
     rate_hz: float
     used: Sequence[tuple[float, Resources]]
-    summary: Mapping[str, Any]
+    realtime: Mapping[str, Any] = field(default_factory=dict)
+    faults: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def ticks(self) -> int:
@@ -97,7 +99,7 @@ class LiveSide:
 
 
 def memory(sides: Mapping[str, LiveSide]) -> dict[str, Any]:
-    """By side: resident memory at the beginning, at the end and at most; growth; descriptors; garbage collections.
+    """By side: resident memory at the beginning, at the end and at most; growth; descriptors.
 
     A page is 4 KiB, so one page in a short run looks like fast growth.
     """
@@ -113,5 +115,4 @@ def _memory(side: LiveSide) -> dict[str, Any]:
         "growth_kib_per_minute": (last.rss_kib - first.rss_kib) / side.elapsed_s * 60.0,
         "descriptors_first": first.descriptors,
         "descriptors_last": last.descriptors,
-        "garbage": side.summary.get("garbage"),
     }

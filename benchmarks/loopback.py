@@ -3,18 +3,21 @@
 It uses only what other versions of the program have too.
 """
 
+import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from signal import SIGTERM
 from time import monotonic, sleep
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.arrangement import MAIN_RATE_HZ, BenchError
+from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError
 from benchmarks.live_side import LiveSide, Resources, resources
 from weberlink.protocol.states import State
 from weberlink.system.configuration import SIDES
@@ -37,8 +40,8 @@ class Session:
         options = [word for override in overrides for word in ("--set", override)]
         self._began = monotonic()
         self._program = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "weberlink", "loopback", str(file), *options],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment,
+            [sys.executable, "-m", "weberlink", "loopback", str(file), "--json", "-", *options],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
         )  # fmt: skip
         self._rings: dict[str, RingReader] = {}
 
@@ -68,8 +71,16 @@ class Session:
             sleep(LOOK_S)
         return max(firsts.values()) - self._began
 
-    def observe(self, duration_s: float) -> dict[str, LiveSide]:
-        """Both sides over a time after a first second, in which caches and estimates settle."""
+    def observe(self, duration_s: float, rate_hz: float = MAIN_RATE_HZ) -> dict[str, LiveSide]:
+        """Both sides over a time after a first second, in which caches and estimates settle.
+
+        Args:
+            duration_s: of the observation [s].
+            rate_hz: of their ticks [Hz].
+
+        Raises:
+            BenchError: if a side ends meanwhile.
+        """
         sleep(SETTLE_S)
         for ring in self._rings.values():
             ring.read()
@@ -78,26 +89,70 @@ class Session:
         until = monotonic() + duration_s
         while True:
             for side, ring in self._rings.items():
-                used[side].append((monotonic(), resources(ring.pid)))
+                used[side].append((monotonic(), self._resources(side, ring.pid)))
                 records[side].append(ring.read())
             left = until - monotonic()
             if left <= 0.0:
                 break
             sleep(min(READ_EVERY_S, left))
-        return {side: LiveSide(np.concatenate(records[side]), MAIN_RATE_HZ, used[side], {}) for side in self._rings}
+        return {side: LiveSide(np.concatenate(records[side]), rate_hz, used[side]) for side in self._rings}
 
-    def close(self) -> None:
-        """End it.
+    def _resources(self, side: str, pid: int) -> Resources:
+        try:
+            return resources(pid)
+        except OSError:
+            raise BenchError(f"weberlink loopback: the {side} ended during the measurement") from None
+
+    def end(self) -> dict[str, Any]:
+        """End it in order; its report.
 
         Raises:
-            BenchError: if it does not end.
+            BenchError: if it fails, or does not end.
         """
-        for ring in self._rings.values():
-            ring.close()
         self._program.send_signal(SIGTERM)
         try:
-            self._program.communicate(timeout=START_LIMIT_S)
+            said, complaint = self._program.communicate(timeout=START_LIMIT_S)
         except subprocess.TimeoutExpired:
             raise BenchError("weberlink loopback: did not end after SIGTERM") from None
-        finally:
-            self._program.kill()
+        if self._program.returncode:
+            raise BenchError(f"weberlink loopback: {' '.join(complaint.strip().splitlines()[-1:])}")
+        report: dict[str, Any] = json.loads(said)
+        return report
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it in any case; a killed launcher would leave its rings."""
+        for ring in self._rings.values():
+            ring.close()
+        if self._program.poll() is None:
+            self._program.send_signal(SIGTERM)
+            with suppress(subprocess.TimeoutExpired):
+                self._program.wait(START_LIMIT_S)
+        self._program.kill()
+        self._program.communicate()
+
+
+def live_run(arrangement: Arrangement, rate_hz: float, duration_s: float) -> dict[str, LiveSide]:
+    """Run both sides and observe them; returns them by name.
+
+    Args:
+        arrangement: of the run.
+        rate_hz: of the ticks [Hz].
+        duration_s: of the observation [s].
+
+    Raises:
+        BenchError: if a side ends by itself, or they do not connect.
+        ConfigurationError: if the file or an override is wrong.
+    """
+    overrides = arrangement.overrides(rate_hz)
+    arrangement.configuration(overrides)
+    with Session(arrangement.file, overrides) as session:
+        session.start_s()
+        sides = session.observe(duration_s, rate_hz)
+        report = session.end()
+    return {
+        name: replace(side, realtime=report["realtime"][name], faults=report["faults"][name])
+        for name, side in sorted(sides.items())
+    }

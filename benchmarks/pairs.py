@@ -55,14 +55,10 @@ def measure(duration_s: float) -> Figures:
         BenchError: if a part fails.
     """
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
-    session = Session(file, free_port(file, ()))
-    try:
+    with Session(file, free_port(file, ())) as session:
         figures: Figures = {"start [s]": session.start_s()}
         sides = session.observe(duration_s)
-    except OSError as error:
-        raise BenchError(f"weberlink loopback: a side ended: {error}") from None
-    finally:
-        session.close()
+        session.end()
     for name, side in sides.items():
         work, late = summary(side.records["work_us"]), summary(side.lateness_us)
         figures |= {

@@ -65,11 +65,8 @@ def measure(arrangement: Arrangement) -> StartUp:
 
 def _round(arrangement: Arrangement, environment: Mapping[str, str]) -> dict[str, float]:
     """One start of each program [s]."""
-    session = Session(arrangement.file, arrangement.overrides(MAIN_RATE_HZ), environment)
-    try:
+    with Session(arrangement.file, arrangement.overrides(MAIN_RATE_HZ), environment) as session:
         engaged = session.start_s()
-    finally:
-        session.close()
     return {
         INTERPRETER: _ended([sys.executable, "-c", "pass"], environment),
         HELP: _ended([sys.executable, "-m", "weberlink", "--help"], environment),

@@ -55,7 +55,7 @@ CASES = {
     "mute": {"slave": "does not answer"},
     "garbage": {"slave": "does not answer"},
     "unwelcome": {"slave": "refused: no weberlink[2J here"},
-    "known already": {"slave again": "weberlink peers", "master again": "weberlink peers"},
+    "known already": {"slave again": "weberlink peer", "master again": "weberlink peer"},
     "two slaves": {"slave": "the same side", "master": "the same side"},
 }
 ESSENTIAL = ("wrong code", "third party first", "changed 0 slave", "drop 1 slave", "recorded", "known already")

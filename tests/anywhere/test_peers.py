@@ -58,7 +58,7 @@ def test_default_folder_is_that_of_the_users_data(monkeypatch: pytest.MonkeyPatc
 
 def test_known_peer_is_not_overwritten(store: PeerStore) -> None:
     store.add(ROBOT)
-    with pytest.raises(PeerError, match="robot is known already; remove it first: weberlink peers robot --remove"):
+    with pytest.raises(PeerError, match="robot is known already; remove it first: weberlink peer robot --remove"):
         store.add(replace(ROBOT, key=bytes(32)))
     assert list(store) == [ROBOT]
     assert [path.name for path in store.folder.iterdir()] == ["robot.json"], "no draft is left"

@@ -1,4 +1,4 @@
-"""`weberlink peers`: who is known, who waits, and what is wrong with the rest."""
+"""`weberlink peer`: who is known, who waits, and what is wrong with the rest."""
 
 import asyncio
 import json
@@ -31,7 +31,7 @@ def store(tmp_path: Path) -> PeerStore:
 
 
 def peers(store: PeerStore, *arguments: str) -> Result:
-    return CliRunner().invoke(app, ["peers", *arguments, "--store", str(store.folder)])
+    return CliRunner().invoke(app, ["peer", *arguments, "--store", str(store.folder)])
 
 
 @contextmanager
@@ -136,7 +136,7 @@ def test_wrong_arguments_change_nothing(store: PeerStore, arguments: list[str], 
     store.add(Pair("").slave)
     result = peers(store, *arguments)
     assert result.exit_code == MISCONFIGURED
-    assert result.stderr.startswith("weberlink: peers: ")
+    assert result.stderr.startswith("weberlink: peer: ")
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
     assert store.labels() == ["robot"]

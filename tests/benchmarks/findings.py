@@ -30,7 +30,7 @@ def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSi
     records["lateness_us"], records["work_us"], records["codec_us"] = late_us, 50.0, 5.0
     records["ticks_missed"][len(records) // 2 :] = missed
     used = [(0.0, Resources(1.0, 40_000, 12)), (10.0, Resources(1.0 + cpu_s, 40_004, 12))]
-    return LiveSide(records, rate_hz, used, {"realtime": None, "faults": {}})
+    return LiveSide(records, rate_hz, used)
 
 
 def lateness(

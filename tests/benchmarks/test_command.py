@@ -40,7 +40,7 @@ def test_a_failed_measurement_has_status_1() -> None:
         with Program("--quick", *options, module="benchmarks") as program:
             status, said, complaints = program.finish()
     assert (status, said) == (1, "")
-    assert f"weberlink: the slave ended before the session began: UDP {address} is in use" in complaints
+    assert f"weberlink: weberlink loopback: weberlink slave: UDP {address} is in use" in complaints
     assert "Traceback" not in complaints
 
 
@@ -48,7 +48,7 @@ def test_a_failed_measurement_has_status_1() -> None:
 @pytest.mark.realtime
 def test_ctrl_c_ends_with_the_parts_so_far() -> None:
     with Program("--quick", "--json", "-", module="benchmarks") as program:
-        until(lambda: any(b"system.daemon" in command for command in program.children().values()), "a daemon")
+        until(lambda: any(b"loopback" in command for command in program.children().values()), "a daemon")
         program.send(signal.SIGINT)
         status, said, complaints = program.finish()
     assert status == 130

@@ -135,7 +135,7 @@ def side(lateness_us: list[float], missed: list[int], *, rate_hz: float = 1000.0
     records = np.zeros(len(lateness_us), DTYPE)
     records["lateness_us"], records["ticks_missed"] = lateness_us, missed
     used = [(100.0, Resources(3.0, 1000, 9)), (120.0, Resources(9.0, 1500, 11)), (140.0, Resources(15.0, 1040, 10))]
-    return LiveSide(records, rate_hz, used, {"realtime": None, "faults": {}, "garbage": {"young": 3}})
+    return LiveSide(records, rate_hz, used)
 
 
 def test_a_stall_counts_from_the_oldest_deadline() -> None:
@@ -156,7 +156,6 @@ def test_resources_cover_the_measurement() -> None:
         "growth_kib_per_minute": pytest.approx(60.0),
         "descriptors_first": 9,
         "descriptors_last": 10,
-        "garbage": {"young": 3},
     }
 
 

@@ -1,12 +1,16 @@
 """What a long command shows while it works, on a terminal or without one."""
 
 import re
+from pathlib import Path
 
 import pytest
+import typer
 
 from tests.system.systems import CONFIGS
 from tests.terminals import WIDTH, on_terminal
-from weberlink.cli.output import progress_bar
+from weberlink.cli.output import progress_bar, publish
+from weberlink.studies.result import StudyResult
+from weberlink.system.order import INTERRUPTED
 
 
 @pytest.mark.parametrize(
@@ -38,3 +42,11 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys: pytest.Captu
     with progress_bar() as report:
         report(1, 3, "problems")
     assert capsys.readouterr() == ("", ""), "not for what is done at once"
+
+
+def test_an_interrupted_study_says_that_it_draws_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit) as ended:
+        publish(StudyResult({}, "", None, interrupted="1 of 2 parts"), None, tmp_path / "figures")
+    assert ended.value.exit_code == INTERRUPTED
+    assert capsys.readouterr().err.endswith("1 of 2 parts are done, and printed; no figures are drawn of them\n")
+    assert not (tmp_path / "figures").exists()

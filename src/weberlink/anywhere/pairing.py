@@ -150,7 +150,7 @@ class Meeting:
         except PeerError as error:
             raise PairingError(str(error)) from None
         if known is not None:
-            line = shlex.join(["weberlink", "peers", known.label, "--remove"])
+            line = shlex.join(["weberlink", "peer", known.label, "--remove"])
             if self._store.folder != default_folder():
                 line += f" --store {self._store.folder}"
             raise PairingError(f"{self._order.name} knows {name} already; remove it on that host first: {line}")
@@ -158,7 +158,7 @@ class Meeting:
     async def _next(self, kind: str) -> Any:
         late = f"the other host stopped answering before its {kind!r}"
         if kind == KEPT:
-            late += "; if it says that it paired, remove this host there (weberlink peers) before you pair again"
+            late += "; if it says that it paired, remove this host there (weberlink peer) before you pair again"
         return read(await self._soon(self._wormhole.get_message(), late), kind)
 
     async def _soon(self, result: Any, late: str) -> Any:

@@ -120,7 +120,7 @@ class PeerStore:
             path.hardlink_to(draft)  # fails where there is one, so that no key is overwritten
         except FileExistsError:
             raise PeerError(
-                f"{peer.label} is known already; remove it first: weberlink peers {peer.label} --remove"
+                f"{peer.label} is known already; remove it first: weberlink peer {peer.label} --remove"
             ) from None
         except OSError as problem:
             raise PeerError(f"{path} cannot be written: {problem.strerror}") from None

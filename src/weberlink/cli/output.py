@@ -32,6 +32,9 @@ class Study(Protocol):
     def table(self) -> "RenderableType": ...
 
     @property
+    def figures(self) -> Callable[[Path], None] | None: ...
+
+    @property
     def interrupted(self) -> str: ...
 
     def draw(self, folder: Path) -> None: ...
@@ -129,7 +132,8 @@ def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
     if failed is not None:
         raise failed
     if study.interrupted:
-        fail(f"interrupted: {study.interrupted} are done, and {kept}", INTERRUPTED)
+        undrawn = "; no figures are drawn of them" if plots is not None and study.figures is None else ""
+        fail(f"interrupted: {study.interrupted} are done, and {kept}{undrawn}", INTERRUPTED)
 
 
 def finish(

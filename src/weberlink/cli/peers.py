@@ -1,4 +1,4 @@
-"""The `peers` command."""
+"""The `peer` command."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,7 @@ from weberlink.cli.output import fail, write
 from weberlink.system.order import MISCONFIGURED
 
 
-def peers(
+def peer(
     label: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One known peer; default: all.")] = None,
     rename: Annotated[str | None, typer.Option(metavar="NEW", help="Call the peer NEW.")] = None,
     remove: Annotated[bool, typer.Option("--remove", help="Forget the peer and its key.")] = False,
@@ -24,7 +24,7 @@ def peers(
     from weberlink.anywhere.peers import PeerError, PeerStore  # noqa: PLC0415 - each command imports what it needs
 
     if (rename is not None or remove) and (label is None or (rename is not None and remove)):
-        fail("peers: --rename NEW and --remove are for one peer: weberlink peers NAME --remove", MISCONFIGURED)
+        fail("peer: --rename NEW and --remove are for one peer: weberlink peer NAME --remove", MISCONFIGURED)
     known = PeerStore(store)
     try:
         if label is not None and remove:
@@ -39,4 +39,4 @@ def peers(
             found = acquaintances(known, label, ask=not offline)
             write(found.document, json_out, found.show)
     except PeerError as error:
-        fail(f"peers: {error}", MISCONFIGURED)
+        fail(f"peer: {error}", MISCONFIGURED)

@@ -18,7 +18,7 @@ GROUP = "weberlink.commands"
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Run": (visit.visit, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
     "Look": (monitor.monitor, sessions.check, doctor.doctor, records.record, bridge.bridge),
-    "Setup": (hardware.device, peers.peers, sessions.keygen, shipped.configs),
+    "Setup": (hardware.device, peers.peer, sessions.keygen, shipped.configs),
     "Study": (studies.study,),
 }
 """The commands and groups of commands, as the help lists them."""

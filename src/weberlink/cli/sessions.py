@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from weberlink.system.advice import Parts
 
 PeerLabel = Annotated[
-    str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peers) only.")
+    str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peer) only.")
 ]
 INVITE = ""
 """In place of a code: one is made and shown."""

@@ -85,7 +85,7 @@ def stun_servers(link: LinkSettings) -> list[tuple[str, int]]:
 
 def _next_step(link: LinkSettings) -> str:
     if link.path == "ice":
-        return "on the robot's host: weberlink slave FILE; then: weberlink peers"
+        return "on the robot's host: weberlink slave FILE; then: weberlink peer"
     return f"on the robot's host: weberlink slave FILE; from here: ping {split_address(link.slave)[0]}"
 
 
