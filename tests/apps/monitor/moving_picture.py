@@ -1,6 +1,6 @@
 """Pictures of the page for the documentation: `python -m tests.apps.monitor.moving_picture FOLDER`.
 
-A moving one of a visitor who rubs the dome, and one of each of two sizes and two themes.
+A moving one of a visitor who rubs the dome, and one of each size and theme that a page shows.
 """
 
 import sys
@@ -15,7 +15,7 @@ from tests.apps.monitor.browser import Browser, browser
 from tests.apps.monitor.visits import Visit, visit
 
 FRAMES, EVERY_S, WIDTH, COLOURS = 32, 0.2, 640, 128
-SIZES = {"desk": (1400, 900), "phone": (390, 844)}
+SIZES = {"desk": (1400, 900, ("dark",)), "phone": (390, 844, ("dark", "light"))}
 
 
 def main(folder: Path) -> None:
@@ -24,9 +24,9 @@ def main(folder: Path) -> None:
         page.scheme("dark")
         with visit(page, Path(scratch)) as visitor:
             moving(visitor, folder / "demo.gif")
-            for size, (width, height) in SIZES.items():
+            for size, (width, height, schemes) in SIZES.items():
                 page.size(width, height)
-                for scheme in ("dark", "light"):
+                for scheme in schemes:
                     page.scheme(scheme)
                     still(visitor, folder / f"page-{size}-{scheme}.png")
 
