@@ -231,7 +231,9 @@ def found(cell: Cell, master: Records, slave: Records, period: float) -> Finding
     allowed = cell.round_trip + PATIENCE + late
     broken = lasted > allowed + period
     onset = np.flatnonzero((master["fault"][1:] == Fault.UNFOUNDED) & (master["fault"][:-1] != Fault.UNFOUNDED)) + 1
-    untouched = period * _since(touches, arrival, np.zeros(len(felt), dtype=np.bool_))
+    never = np.zeros(len(felt), dtype=np.bool_)
+    told = np.concatenate([never[:arrival], touches])[: len(felt)]  # a contact that began since then is not known yet
+    untouched = period * _since(told, 0, never)
     early = sum(cell.delay_s) + PATIENCE - 0.01
     return Finding(
         cell=cell,
