@@ -115,7 +115,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--extra dev --extra plots --extra studies --extra recording --extra parquet --extra dask --extra mujoco \
+		--extra dev --extra studies --extra recording --extra parquet --extra dask --extra mujoco \
 		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra anywhere --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \

@@ -1,4 +1,4 @@
-"""Figure of a run. Needs matplotlib (extra: plots)."""
+"""Figure of a run. Needs matplotlib (extra: studies)."""
 
 from collections.abc import Sequence
 from pathlib import Path

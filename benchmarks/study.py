@@ -94,7 +94,7 @@ def run(
         BenchError: if a measurement fails.
     """
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     for override in overrides:
         if override.partition("=")[0].strip() == "rate_hz":
             rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)

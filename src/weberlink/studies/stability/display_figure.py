@@ -1,4 +1,4 @@
-"""Figure of what is felt of a scene, beside the best of the schemes before. Needs matplotlib (extra: plots)."""
+"""Figure of what is felt of a scene, beside the best of the schemes before. Needs matplotlib (extra: studies)."""
 
 from pathlib import Path
 

@@ -58,7 +58,7 @@ def run(schemes: Sequence[str], *, plots: bool, workers: int | None, progress: P
         ConfigurationError: matplotlib is missing, or no scheme has that name.
     """
     if plots:
-        need("matplotlib", "plots", "--plots")
+        need("matplotlib", "studies", "--plots")
     for name in schemes:
         if name not in BASELINES and name not in SCHEMES:
             raise ConfigurationError(f"--scheme: {name!r} is none of {', '.join((*SCHEMES, *BASELINES))}")
