@@ -61,7 +61,7 @@ def doctor(
 
 
 def _doctor_network(file: Path | None, peer: str, seconds: float, json_out: Path | None, overrides: list[str]) -> None:
-    from weberlink.apps.doctor.findings import Grade  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.apps.doctor import Grade  # noqa: PLC0415 - each command imports what it needs
     from weberlink.apps.doctor.link_report import examine_network, towards  # noqa: PLC0415
     from weberlink.system.configuration import load  # noqa: PLC0415
 

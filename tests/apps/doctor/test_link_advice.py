@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.system.systems import CONFIGS
-from weberlink.apps.doctor.findings import Finding, Grade
 from weberlink.apps.doctor.link_advice import recommend, silence_needs
 from weberlink.apps.doctor.link_figures import LinkFigures, Way
+from weberlink.apps.doctor.report import Finding, Grade
 from weberlink.system.configuration import MASTER, Configuration, load
 
 LOOPBACK, DELAY, ROTATION, ARMS = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation", "arms"))

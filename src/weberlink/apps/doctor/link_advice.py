@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from math import ceil
 from typing import NamedTuple
 
-from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.link_figures import LinkFigures
+from weberlink.apps.doctor.report import Finding, advice, ok, problem
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE

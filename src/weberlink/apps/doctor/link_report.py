@@ -1,16 +1,16 @@
 """The report on the network between the two hosts: way out of this one, path, link, and settings that suit them."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from weberlink.anywhere.nat import ANY, Behaviour, Nat
 from weberlink.anywhere.stun import WayOut, find_way_out
-from weberlink.apps.doctor.findings import Finding, advice, ok, problem, unknown
 from weberlink.apps.doctor.link_advice import recommend
 from weberlink.apps.doctor.link_figures import LinkFigures, Way, figures
 from weberlink.apps.doctor.link_trial import LinkRequest, LinkTrial, build_probe, run_link_trial
 from weberlink.apps.doctor.needs import Needs
-from weberlink.apps.doctor.report import DoctorReport
+from weberlink.apps.doctor.report import DoctorReport, Finding, advice, ok, problem, unknown
 from weberlink.system.configuration import MASTER, Configuration
 from weberlink.system.configuration.extras import need
 from weberlink.system.configuration.model import LinkSettings, split_address
@@ -74,7 +74,8 @@ def judge(configuration: Configuration, way_out: WayOut | None, trial: LinkTrial
                 found["path"] = tuple(judge_paths(trial.paths, system.link))
             found["link"] = tuple(describe_link(link, trial.priority))
             found["settings"] = tuple(recommend(link, configuration))
-    return DoctorReport(Needs.of(configuration, [MASTER]), found, measured)
+    findings = [replace(each, area=area) for area, group in found.items() for each in group]
+    return DoctorReport(Needs.of(configuration, [MASTER]), findings, measured)
 
 
 def stun_servers(link: LinkSettings) -> list[tuple[str, int]]:

@@ -79,7 +79,9 @@ class LinkTrial:
 
 def run_link_trial(request: LinkRequest) -> LinkTrial:
     """Run the measurement in a child process; a failure is in the result."""
-    return run_child(__name__, request, LinkTrial, request.seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
+    return run_child(
+        __name__, LinkTrial, "link", asdict(request), request.seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S
+    )
 
 
 async def measure(measurement: Measurement, shell: UdpShell) -> None:
@@ -219,4 +221,4 @@ def _measured(
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(asdict(trial(LinkRequest(**json.loads(sys.argv[1]))))))
+    sys.stdout.write(json.dumps(asdict(trial(LinkRequest(**json.loads(sys.argv[2]))))))
