@@ -1,7 +1,8 @@
-"""The report of doctor --network: one line for each thing that is wrong, and lines that can be copied."""
+"""The report of doctor --link: one line for each thing that is wrong, and lines that can be copied."""
 
 import io
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ from tests.system.systems import CONFIGS
 from weberlink.anywhere.nat import ANY, Behaviour, Nat
 from weberlink.anywhere.stun import WayOut
 from weberlink.apps.doctor import DoctorReport, Grade
+from weberlink.apps.doctor.link_figures import LinkTrial
 from weberlink.apps.doctor.link_report import judge, judge_way_out, stun_servers, towards
-from weberlink.apps.doctor.link_trial import LinkTrial
+from weberlink.apps.doctor.link_trial import received
 from weberlink.cli import app
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.emulation import Emulation
@@ -28,9 +30,7 @@ INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADD
 def measured(faults: Emulation, *paths: PathFacts) -> LinkTrial:
     """A trial in virtual time, as it comes from its process."""
     link = MeasuredLink(faults, faults, seconds=2.0).run()
-    samples = link.samples
-    sent = json.dumps([samples.asked, samples.heard, samples.delays])
-    return LinkTrial(*json.loads(sent), samples.silences, [path._asdict() for path in paths], "in real time: yes")
+    return received(**json.loads(json.dumps(asdict(link.measurement.result(paths, "in real time: yes")))))
 
 
 def report(
@@ -113,7 +113,7 @@ def test_mapping_that_is_not_known_is_said() -> None:
 
 def test_servers_of_the_file_are_asked() -> None:
     assert stun_servers(load(LOOPBACK, (), [MASTER]).system.link) == []
-    assert set(stun_servers(load(ANYWHERE, (), [MASTER]).system.link)) == {("relay.example", 3478)}
+    assert set(stun_servers(load(ANYWHERE, (), [MASTER]).system.link)) == {"relay.example:3478"}
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_peer_is_a_label_or_an_address(file: Path, peer: str, added: str) -> Non
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--network", "robot"], "--network: needs a FILE"),
-        ([str(ANYWHERE), "--network", "nobody", "--set", "link.peer_store=EMPTY"], "nobody"),
-        ([str(CONFIGS / "lan.yaml"), "--network", "robot", "--set", "link.key_file=EMPTY/key"], "link.key_file"),
+        (["--link", "robot"], "--link: needs a FILE"),
+        ([str(ANYWHERE), "--link", "nobody", "--set", "link.peer_store=EMPTY"], "nobody"),
+        ([str(CONFIGS / "lan.yaml"), "--link", "robot", "--set", "link.key_file=EMPTY/key"], "link.key_file"),
     ],
 )
 def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: Path) -> None:
