@@ -59,8 +59,7 @@ def test_report_fits_a_terminal_and_lines_can_be_copied() -> None:
 
 
 def test_json_has_figures_nat_and_paths() -> None:
-    nat = Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH)
-    found = report(measured(Emulation(delay_s=0.01), PathFacts(remote="a:1")), WayOut(nat), ANYWHERE)
+    found = report(measured(Emulation(delay_s=0.01), PathFacts(remote="a:1")), MAPPED, ANYWHERE)
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["nat"]["mapping"] == ["address-and-port-dependent"]
     assert document["nat"]["needs_relay"] is True
@@ -75,40 +74,34 @@ def test_failed_measurement_is_one_problem(trial: LinkTrial) -> None:
     assert found.document["link"] is None
 
 
-def way_out_lines(way_out: WayOut, *overrides: str) -> list[tuple[Grade, str, str | None]]:
-    link = load(ANYWHERE, overrides, [MASTER]).system.link
-    return [(each.grade, each.found, each.fix) for each in judge_way_out(way_out, link)]
+MAPPED = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH))
+UNCLEAR = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, ANY, ANY))
+REACHED = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, INDEPENDENT, INDEPENDENT))
+OUTSIDE = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), False, INDEPENDENT, INDEPENDENT))
+BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
 
 
-def test_blocked_udp_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None, by_tcp=("relay.example:3478",)))
-    assert grade is Grade.PROBLEM
-    assert found == "UDP is blocked between here and relay.example:3478, which answers by TCP only"
-
-
-def test_server_that_is_down_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None))
-    assert grade is Grade.PROBLEM
-    assert found.startswith("relay.example:3478 answers neither by UDP nor by TCP")
-
-
-def test_unknown_name_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None, unresolved=("relay.example",)))
-    assert (grade, found) == (Grade.PROBLEM, "relay.example cannot be resolved")
-
-
-def test_dependent_mapping_asks_for_a_relay_where_the_file_has_none() -> None:
-    nat = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH))
-    assert [grade for grade, _, _ in way_out_lines(nat)] == [Grade.OK, Grade.OK]
-    ((grade, found, fix), _) = way_out_lines(nat, "link.turn=null")
-    assert grade is Grade.ADVICE
-    assert "reached by a relay only" in found
-    assert fix is not None and "link.turn" in fix
-
-
-def test_mapping_that_is_not_known_is_said() -> None:
-    lines = way_out_lines(WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, ANY, ANY)))
-    assert [grade for grade, _, _ in lines] == [Grade.UNKNOWN, Grade.OK]
+@pytest.mark.parametrize(
+    ("way_out", "overrides", "grade", "words", "fix"),
+    [
+        (OUTSIDE, (), Grade.OK, "no NAT: this host is 198.51.100.7:20000 outside too", None),
+        (REACHED, (), Grade.OK, "peers can reach it without a relay", None),
+        (MAPPED, (), Grade.OK, "reached by a relay only", None),  # the file has one
+        (MAPPED, ("link.turn=null",), Grade.ADVICE, "reached by a relay only", "link.turn"),
+        (UNCLEAR, (), Grade.UNKNOWN, "a server with two addresses would tell more", "docs/relay.md"),
+        (BLOCKED, (), Grade.PROBLEM, "UDP is blocked between here and relay.example:3478, which", "another network"),
+        (WayOut(None), (), Grade.PROBLEM, "relay.example:3478 answers neither by UDP nor by TCP", "systemctl"),
+        (WayOut(None, unresolved=("a.b",)), (), Grade.PROBLEM, "a.b cannot be resolved", "link.stun"),
+    ],
+)
+def test_way_out_is_judged(
+    way_out: WayOut, overrides: tuple[str, ...], grade: Grade, words: str, fix: str | None
+) -> None:
+    first, *others = judge_way_out(way_out, load(ANYWHERE, overrides, [MASTER]).system.link)
+    assert first.grade is grade
+    assert words in first.found
+    assert first.fix is None if fix is None else fix in (first.fix or "")
+    assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)
 
 
 def test_servers_of_the_file_are_asked() -> None:
@@ -148,6 +141,6 @@ def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: P
 
 def test_blocked_udp_is_not_said_twice() -> None:
     trial = LinkTrial(failure="no path to robot: UDP is blocked between here and relay.example:3478")
-    found = report(trial, WayOut(None, by_tcp=("relay.example:3478",)), ANYWHERE)
+    found = report(trial, BLOCKED, ANYWHERE)
     assert found.count(Grade.PROBLEM) == 1
     assert found.document["failure"] == trial.failure
