@@ -9,8 +9,6 @@ from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
 from weberlink.apps.doctor.report import DoctorReport, Finding, Grade
 
-GOVERNORS = "/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
-
 
 def whole(machine: Machine, _needs: Needs) -> Machine:
     """For checks whose next reading depends on what the last one found."""
@@ -52,7 +50,7 @@ CHECKS = (
     ),
     Check("processors", "processors", processors.processors),
     Check("processors", "isolation", processors.isolation),
-    Check("processors", "governor", processors.governor, f"echo performance | sudo tee {GOVERNORS}"),
+    Check("processors", "governor", processors.governor, f"echo performance | sudo tee {processors.GOVERNORS}"),
     Check("processors", "idle states", processors.idle_states, "in the file: realtime: {wakeful: true}"),
     Check(
         "processors",

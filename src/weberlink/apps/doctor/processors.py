@@ -8,6 +8,7 @@ from weberlink.apps.doctor.needs import Needs
 from weberlink.apps.doctor.report import Finding, advice, ok, problem
 
 CPUS = "/sys/devices/system/cpu"
+GOVERNORS = f"{CPUS}/cpu*/cpufreq/scaling_governor"
 WAKE_SHARE = 0.1
 """Share of a tick that waking up from an idle state may take."""
 
@@ -62,7 +63,7 @@ def cpu_list(text: str) -> frozenset[int]:
 
 
 def governor(machine: Machine, _needs: Needs) -> Finding:
-    names = [machine.read(path) for path in machine.find(f"{CPUS}/cpu[0-9]*/cpufreq/scaling_governor")]
+    names = [machine.read(path) for path in machine.find(GOVERNORS)]
     if not names:
         return ok("no frequency scaling (fixed frequency, or a virtual machine)")
     if set(names) == {"performance"}:
