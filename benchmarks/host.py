@@ -4,18 +4,11 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from weberlink.apps.doctor import Machine, Needs, kernel, processors
-from weberlink.apps.doctor.report import run
+from weberlink.apps.doctor import CHECKS, Machine, Needs, examine
 from weberlink.realtime.host import Steal
 
-CHECKS = (
-    kernel.preemption,
-    kernel.throttling,
-    kernel.clock_source,
-    processors.isolation,
-    processors.governor,
-    processors.idle_states,
-)
+NAMES = {"preemption", "throttling", "clock source", "isolation", "governor", "idle states"}
+"""Checks of doctor that a figure is printed with."""
 
 
 def host(needs: Needs, machine: Machine | None = None) -> dict[str, Any]:
@@ -25,9 +18,8 @@ def host(needs: Needs, machine: Machine | None = None) -> dict[str, Any]:
         needs: of the system under test.
         machine: to read; default: this one.
     """
-    here = machine or Machine()
-    findings = {each.check: each.found for check in CHECKS for each in run(check, here, needs)}
-    return {"findings": findings, "load_average": list(os.getloadavg())}
+    report = examine(needs, machine or Machine(), [row for row in CHECKS if row.name in NAMES])
+    return {"findings": {each.check: each.found for each in report.findings}, "load_average": list(os.getloadavg())}
 
 
 def in_words(facts: Mapping[str, Any]) -> str:

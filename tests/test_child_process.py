@@ -16,7 +16,7 @@ from tests.system.processes import ROOT
 from tests.system.systems import CONFIGS
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
-from weberlink.apps.doctor.trial import RightsRequest, run_trial
+from weberlink.apps.doctor.trial import run_rights_trial
 from weberlink.apps.monitor.keeper import SessionKeeper, VisitOrder
 from weberlink.apps.rules import install_line
 from weberlink.child_process import python
@@ -120,7 +120,7 @@ def test_controller_imports_nothing_from_the_working_directory() -> None:
 
 @pytest.mark.usefixtures("executed")
 def test_trial_of_rights_imports_nothing_from_the_working_directory() -> None:
-    trial = run_trial(RightsRequest(0, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0))
+    trial = run_rights_trial(priority=0, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
     assert trial.failure is None and trial.memory_bytes > 0
 
 

@@ -1,4 +1,4 @@
-"""doctor --network over paths that were found: behind two NATs, through the relay, and where UDP is blocked."""
+"""doctor --link over paths that were found: behind two NATs, through the relay, and where UDP is blocked."""
 
 import json
 import os
@@ -76,7 +76,7 @@ def _finds(lab: Home) -> bool:
 
 
 def measured(home: Home, folder: Path) -> dict[str, Any]:
-    doctor = [*home.prefix, *PROGRAM, "doctor", *command(folder, "master"), "--network", "robot", "--duration", "2"]
+    doctor = [*home.prefix, *PROGRAM, "doctor", *command(folder, "master"), "--link", "robot", "--duration", "2"]
     done = subprocess.run([*doctor, "--json", "-"], capture_output=True, text=True, check=False, timeout=120)
     found: dict[str, Any] = json.loads(done.stdout)
     return found

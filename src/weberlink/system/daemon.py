@@ -36,6 +36,7 @@ from weberlink.telemetry.ring import RingWriter
 if TYPE_CHECKING:
     from socket import socket
 
+    from weberlink.anywhere.peers import Peer
     from weberlink.system.composition.acquaintance import Acquaintance
     from weberlink.system.live_link import LiveLink
 
@@ -98,11 +99,14 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     side = _build(order, configuration, epoch, known)
     with ExitStack() as stack:
         # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
-        finder = None if system.link.path == "direct" else stack.enter_context(_finder(order, configuration, known))
+        end = None
+        if system.link.path == "ice":
+            assert known is not None  # it needs security: peers
+            end = stack.enter_context(finder(configuration, order.side, known.peers, take_over=order.take_over))
         # After the imports of the side: with real-time rights they would hold up the other side.
         grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
-        link = _emulated_link(order.side, system, epoch)
-        udp = _transport(order.side, system, side, link, finder)
+        link = emulated_link(order.side, system, epoch)
+        udp = _transport(order.side, system, side, link, end)
         transport = WithControlSocket(udp, ControlSocket(order.ring, side, link))
         capacity = int(RING_SECONDS * system.rate_hz)
         described = description.Description(order.ring, description.describe(configuration, order.side, side.port))
@@ -152,8 +156,10 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known
 
 
 @contextmanager
-def _finder(order: DaemonOrder, configuration: Configuration, known: "Acquaintance | None") -> "Iterator[socket]":
-    """The socket to the process that finds paths, which has ended when this is left.
+def finder(
+    configuration: Configuration, side: str, peers: "tuple[Peer, ...]", *, take_over: bool
+) -> "Iterator[socket]":
+    """The socket to the process that finds paths to these peers, which has ended when this is left.
 
     Raises:
         ConfigurationError: a package that it needs is not installed.
@@ -161,8 +167,7 @@ def _finder(order: DaemonOrder, configuration: Configuration, known: "Acquaintan
     from weberlink.anywhere.order import start_finder  # noqa: PLC0415 - see above
     from weberlink.system.composition.acquaintance import finder_order  # noqa: PLC0415
 
-    assert known is not None  # path ice needs security: peers
-    process, end = start_finder(finder_order(configuration, order.side, known.peers, take_over=order.take_over))
+    process, end = start_finder(finder_order(configuration, side, peers, take_over=take_over))
     try:
         yield end
     finally:
@@ -174,7 +179,7 @@ def _finder(order: DaemonOrder, configuration: Configuration, known: "Acquaintan
             process.wait()
 
 
-def _emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
+def emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":
     """The faults of what this side sends, with its own random numbers; None where the file asks for none."""
     emulate = system.link.emulate
     if emulate is None:

@@ -1,10 +1,10 @@
-"""A link measured in virtual time: the endpoint of a real slave, and the one with which `doctor --network` calls it."""
+"""A link measured in virtual time: the endpoint of a real slave, and the one with which `doctor --link` calls it."""
 
 from random import Random
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
-from weberlink.apps.doctor.link_figures import LinkSamples
-from weberlink.apps.doctor.link_measurement import Measurement
+from weberlink.apps.doctor.link_figures import LinkTrial
+from weberlink.apps.doctor.link_trial import Measurement
 from weberlink.protocol import Role
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import ProbingEndpoint
@@ -85,5 +85,5 @@ class MeasuredLink:
         self.was_encoding |= slave.endpoint.is_peer_encoding(slave.local(now))
 
     @property
-    def samples(self) -> LinkSamples:
-        return LinkSamples(self.endpoint.asked, self.endpoint.heard, self.measurement.delays, self.measurement.silences)
+    def trial(self) -> LinkTrial:
+        return self.measurement.result()

@@ -4,16 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from weberlink.apps.doctor import Finding, Machine, Needs
-from weberlink.apps.doctor.findings import Check
-from weberlink.apps.doctor.host_trial import HostRequest, HostTrial
+from weberlink.apps.doctor import CHECKS, Finding, Machine, Needs, examine
 from weberlink.apps.doctor.machine import Unreadable
-from weberlink.apps.doctor.report import run
-from weberlink.apps.doctor.trial import RightsRequest, RightsTrial
+from weberlink.apps.doctor.trial import HostTrial, RightsTrial, Stretch
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"
-GRANTED = {"granted": True, "detail": "granted"}
 REFUSED = {"granted": False, "detail": "not permitted: needs something"}
 GRANTS: dict[str, dict[str, bool | str]] = {
     "priority": {"granted": True, "detail": "SCHED_FIFO 50"},
@@ -28,8 +24,9 @@ TRIAL = RightsTrial(
     lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
     missed=0,
 )
-STRETCH: dict[str, float | None] = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
+STRETCH: Stretch = {"p99_us": 60.0, "missed": 0.0, "steal": 0.001}
 HOST = HostTrial(asleep=[STRETCH] * 4, awake=[STRETCH] * 4)
+BUILD = {"number": "3.14.0", "is_debug": False, "is_free_threaded": False, "is_dev_mode": False}
 FILES: Mapping[str, str] = {
     "proc/version": "Linux version 6.1.0-21-rt-amd64 (debian-kernel@lists.debian.org) #1 SMP PREEMPT_RT Debian",
     "proc/cmdline": "root=/dev/sda1 quiet",
@@ -76,22 +73,19 @@ def machine(tmp_path: Path, files: Mapping[str, str | None] | None = None, **ans
 
 
 def _answers() -> dict[str, Any]:
-    def trial(_request: RightsRequest) -> RightsTrial:
-        return TRIAL
-
-    def host_trial(_request: HostRequest) -> HostTrial:
-        return HOST
-
     def run_tool(*command: str) -> tuple[int, str]:
         raise Unreadable(f"{command[0]} is not there")
 
     return {
         "user": 1000,
         "affinity": lambda: frozenset({0, 1}),
-        "limit": lambda _which: 98,
+        "limit": lambda _which: -1,
         "resolution_ns": lambda: 1.0,
-        "trial": trial,
-        "host_trial": host_trial,
+        "rights_trial": lambda **_: TRIAL,
+        "host_trial": lambda **_: HOST,
+        "drivers": tuple,
+        "python": lambda: BUILD,
+        "version": lambda _package: "1.0",
         "which": lambda _name: None,
         "run": run_tool,
         "bind": lambda _host, _port: None,
@@ -103,10 +97,7 @@ def _answers() -> dict[str, Any]:
     }
 
 
-def look(check: Check, here: Machine, needs: Needs | None = None) -> list[Finding]:
-    return list(run(check, here, needs or Needs()))
-
-
-def graded(findings: list[Finding]) -> dict[str, str]:
-    """Grade of each check."""
-    return {each.check: each.grade.value for each in findings}
+def look(row: str, here: Machine, needs: Needs | None = None) -> dict[str, Finding]:
+    """Findings of one row of the table by the name of their check."""
+    report = examine(needs or Needs(), here, [each for each in CHECKS if each.name == row])
+    return {each.check: each for each in report.findings}

@@ -1,4 +1,4 @@
-"""doctor --network: known links are measured right, in virtual time, and the slave's robot stays at rest."""
+"""doctor --link: known links are measured right, in virtual time, and the slave's robot stays at rest."""
 
 from math import sqrt
 from random import Random
@@ -7,7 +7,7 @@ import pytest
 
 from tests.apps.doctor.links import MeasuredLink
 from weberlink.apps.doctor.link_figures import LinkFigures, Way, figures, lost_answers, lost_questions
-from weberlink.apps.doctor.link_measurement import PERIOD_S
+from weberlink.apps.doctor.link_trial import PERIOD_S
 from weberlink.protocol import UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.probing import Heard
@@ -26,7 +26,7 @@ LINKS = {
 def test_known_link_is_measured_right(name: str) -> None:
     to_slave, to_master = LINKS[name]
     link = MeasuredLink(to_slave, to_master, seconds=6.0).run()
-    found = figures(link.samples)
+    found = figures(link.trial)
     least = to_slave.delay_s + to_master.delay_s
     assert found.rtt_s[0] == pytest.approx(least, abs=4 * TICK_S)
     assert found.rtt_s[1] == pytest.approx(least + 0.5 * (to_slave.jitter_s + to_master.jitter_s), abs=2 * TICK_S)
@@ -58,19 +58,19 @@ def test_measured_slave_is_never_led() -> None:
 
 def test_outage_is_a_long_loop_age() -> None:
     cut = Emulation(delay_s=0.001, blackouts=((2.0, 0.4),))
-    found = figures(MeasuredLink(cut, cut, seconds=3.0).run().samples)
+    found = figures(MeasuredLink(cut, cut, seconds=3.0).run().trial)
     assert found.loop_age_s == pytest.approx(0.4, abs=3 * PERIOD_S)
     assert found.silences == 0
 
 
 def test_outage_past_the_limit_is_silence() -> None:
     cut = Emulation(delay_s=0.001, blackouts=((2.0, 0.4),))
-    assert figures(MeasuredLink(cut, cut, seconds=3.0, silence=0.2).run().samples).silences == 1
+    assert figures(MeasuredLink(cut, cut, seconds=3.0, silence=0.2).run().trial).silences == 1
 
 
 def test_new_session_begins_new_numbers() -> None:
     cut = Emulation(delay_s=0.001, blackouts=((2.0, 4.0),))
-    found = figures(MeasuredLink(cut, cut, seconds=6.0, silence=0.1).run().samples)
+    found = figures(MeasuredLink(cut, cut, seconds=6.0, silence=0.1).run().trial)
     assert found.to_master.loss < 0.05
     assert found.loop_age_s == pytest.approx(4.0, abs=0.2)
 
@@ -113,10 +113,10 @@ def test_reordered_answers_are_not_lost() -> None:
 def test_nothing_answered_is_an_error() -> None:
     link = MeasuredLink(CLEAR, CLEAR)
     with pytest.raises(ValueError, match="answered no question"):
-        figures(link.samples)
+        figures(link.trial)
 
 
 def test_document_has_numbers_only() -> None:
-    found: LinkFigures = figures(MeasuredLink(CLEAR, CLEAR, seconds=1.0).run().samples)
+    found: LinkFigures = figures(MeasuredLink(CLEAR, CLEAR, seconds=1.0).run().trial)
     assert found.document["rtt_ms"]["p50"] == pytest.approx(41.0, abs=2.0)
     assert found.document["to_slave"]["loss"] == 0.0

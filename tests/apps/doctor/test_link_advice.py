@@ -1,4 +1,4 @@
-"""Settings that doctor --network recommends: by the limits of a session, accepted by the file, and enough."""
+"""Settings that doctor --link recommends: by the limits of a session, accepted by the file, and enough."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.system.systems import CONFIGS
-from weberlink.apps.doctor.findings import Finding, Grade
 from weberlink.apps.doctor.link_advice import recommend, silence_needs
 from weberlink.apps.doctor.link_figures import LinkFigures, Way
+from weberlink.apps.doctor.report import Finding, Grade
 from weberlink.system.configuration import MASTER, Configuration, load
 
 LOOPBACK, DELAY, ROTATION, ARMS = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation", "arms"))
@@ -60,7 +60,7 @@ def test_none_is_left_where_it_does_not_bear_the_round_trip(file: Path) -> None:
 def test_silence_limit_covers_each_need(seen: float) -> None:
     figures = link(0.1, 0.005, loss=0.5, loop_age=seen)
     needs = silence_needs(figures, 0.001)
-    assert needs.losses > silence_needs(link(0.1, 0.005, loss=0.01), 0.001).losses
+    assert needs[0] > silence_needs(link(0.1, 0.005, loss=0.01), 0.001)[0]
     (line,) = [line for line in lines(list(found(figures).values())) if "silence" in line]
     limit = float(line.partition("=")[2])
     assert 1e3 * max(needs) <= limit <= 1e3 * max(needs) + 10

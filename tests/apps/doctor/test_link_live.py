@@ -1,4 +1,4 @@
-"""doctor --network against a waiting slave: two processes, sockets, and a link with known faults."""
+"""doctor --link against a waiting slave: two processes, sockets, and a link with known faults."""
 
 import json
 import subprocess
@@ -31,7 +31,7 @@ def test_waiting_slave_is_measured_and_stays_at_rest(tmp_path: Path) -> None:
     slave = subprocess.Popen([*PROGRAM, "slave", *common, "--json", str(summary)], stdout=subprocess.DEVNULL)
     try:
         until(lambda: _is_bound(address), "the slave to listen")
-        doctor = [*PROGRAM, "doctor", *common, "--network", address, "--duration", "2", "--json", "-"]
+        doctor = [*PROGRAM, "doctor", *common, "--link", address, "--duration", "2", "--json", "-"]
         found = subprocess.run(doctor, capture_output=True, text=True, check=False, timeout=60)
     finally:
         slave.terminate()

@@ -1,7 +1,8 @@
-"""The report of doctor --network: one line for each thing that is wrong, and lines that can be copied."""
+"""The report of doctor --link: one line for each thing that is wrong, and lines that can be copied."""
 
 import io
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ from tests.system.systems import CONFIGS
 from weberlink.anywhere.nat import ANY, Behaviour, Nat
 from weberlink.anywhere.stun import WayOut
 from weberlink.apps.doctor import DoctorReport, Grade
+from weberlink.apps.doctor.link_figures import LinkTrial
 from weberlink.apps.doctor.link_report import judge, judge_way_out, stun_servers, towards
-from weberlink.apps.doctor.link_trial import LinkTrial
+from weberlink.apps.doctor.link_trial import received
 from weberlink.cli import app
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.emulation import Emulation
@@ -28,9 +30,7 @@ INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADD
 def measured(faults: Emulation, *paths: PathFacts) -> LinkTrial:
     """A trial in virtual time, as it comes from its process."""
     link = MeasuredLink(faults, faults, seconds=2.0).run()
-    samples = link.samples
-    sent = json.dumps([samples.asked, samples.heard, samples.delays])
-    return LinkTrial(*json.loads(sent), samples.silences, [path._asdict() for path in paths], "in real time: yes")
+    return received(**json.loads(json.dumps(asdict(link.measurement.result(paths, "in real time: yes")))))
 
 
 def report(
@@ -59,8 +59,7 @@ def test_report_fits_a_terminal_and_lines_can_be_copied() -> None:
 
 
 def test_json_has_figures_nat_and_paths() -> None:
-    nat = Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH)
-    found = report(measured(Emulation(delay_s=0.01), PathFacts(remote="a:1")), WayOut(nat), ANYWHERE)
+    found = report(measured(Emulation(delay_s=0.01), PathFacts(remote="a:1")), MAPPED, ANYWHERE)
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["nat"]["mapping"] == ["address-and-port-dependent"]
     assert document["nat"]["needs_relay"] is True
@@ -75,45 +74,39 @@ def test_failed_measurement_is_one_problem(trial: LinkTrial) -> None:
     assert found.document["link"] is None
 
 
-def way_out_lines(way_out: WayOut, *overrides: str) -> list[tuple[Grade, str, str | None]]:
-    link = load(ANYWHERE, overrides, [MASTER]).system.link
-    return [(each.grade, each.found, each.fix) for each in judge_way_out(way_out, link)]
+MAPPED = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH))
+UNCLEAR = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, ANY, ANY))
+REACHED = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, INDEPENDENT, INDEPENDENT))
+OUTSIDE = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), False, INDEPENDENT, INDEPENDENT))
+BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
 
 
-def test_blocked_udp_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None, by_tcp=("relay.example:3478",)))
-    assert grade is Grade.PROBLEM
-    assert found == "UDP is blocked between here and relay.example:3478, which answers by TCP only"
-
-
-def test_server_that_is_down_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None))
-    assert grade is Grade.PROBLEM
-    assert found.startswith("relay.example:3478 answers neither by UDP nor by TCP")
-
-
-def test_unknown_name_is_one_line() -> None:
-    ((grade, found, _),) = way_out_lines(WayOut(None, unresolved=("relay.example",)))
-    assert (grade, found) == (Grade.PROBLEM, "relay.example cannot be resolved")
-
-
-def test_dependent_mapping_asks_for_a_relay_where_the_file_has_none() -> None:
-    nat = WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, BOTH, BOTH))
-    assert [grade for grade, _, _ in way_out_lines(nat)] == [Grade.OK, Grade.OK]
-    ((grade, found, fix), _) = way_out_lines(nat, "link.turn=null")
-    assert grade is Grade.ADVICE
-    assert "reached by a relay only" in found
-    assert fix is not None and "link.turn" in fix
-
-
-def test_mapping_that_is_not_known_is_said() -> None:
-    lines = way_out_lines(WayOut(Nat(SERVER, ("198.51.100.7", 20_000), True, ANY, ANY)))
-    assert [grade for grade, _, _ in lines] == [Grade.UNKNOWN, Grade.OK]
+@pytest.mark.parametrize(
+    ("way_out", "overrides", "grade", "words", "fix"),
+    [
+        (OUTSIDE, (), Grade.OK, "no NAT: this host is 198.51.100.7:20000 outside too", None),
+        (REACHED, (), Grade.OK, "peers can reach it without a relay", None),
+        (MAPPED, (), Grade.OK, "reached by a relay only", None),  # the file has one
+        (MAPPED, ("link.turn=null",), Grade.ADVICE, "reached by a relay only", "link.turn"),
+        (UNCLEAR, (), Grade.UNKNOWN, "a server with two addresses would tell more", "docs/relay.md"),
+        (BLOCKED, (), Grade.PROBLEM, "UDP is blocked between here and relay.example:3478, which", "another network"),
+        (WayOut(None), (), Grade.PROBLEM, "relay.example:3478 answers neither by UDP nor by TCP", "systemctl"),
+        (WayOut(None, unresolved=("a.b",)), (), Grade.PROBLEM, "a.b cannot be resolved", "link.stun"),
+    ],
+)
+def test_way_out_is_judged(
+    way_out: WayOut, overrides: tuple[str, ...], grade: Grade, words: str, fix: str | None
+) -> None:
+    first, *others = judge_way_out(way_out, load(ANYWHERE, overrides, [MASTER]).system.link)
+    assert first.grade is grade
+    assert words in first.found
+    assert first.fix is None if fix is None else fix in (first.fix or "")
+    assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)
 
 
 def test_servers_of_the_file_are_asked() -> None:
     assert stun_servers(load(LOOPBACK, (), [MASTER]).system.link) == []
-    assert set(stun_servers(load(ANYWHERE, (), [MASTER]).system.link)) == {("relay.example", 3478)}
+    assert set(stun_servers(load(ANYWHERE, (), [MASTER]).system.link)) == {"relay.example:3478"}
 
 
 @pytest.mark.parametrize(
@@ -133,9 +126,9 @@ def test_peer_is_a_label_or_an_address(file: Path, peer: str, added: str) -> Non
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--network", "robot"], "--network: needs a FILE"),
-        ([str(ANYWHERE), "--network", "nobody", "--set", "link.peer_store=EMPTY"], "nobody"),
-        ([str(CONFIGS / "lan.yaml"), "--network", "robot", "--set", "link.key_file=EMPTY/key"], "link.key_file"),
+        (["--link", "robot"], "--link: needs a FILE"),
+        ([str(ANYWHERE), "--link", "nobody", "--set", "link.peer_store=EMPTY"], "nobody"),
+        ([str(CONFIGS / "lan.yaml"), "--link", "robot", "--set", "link.key_file=EMPTY/key"], "link.key_file"),
     ],
 )
 def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: Path) -> None:
@@ -148,6 +141,6 @@ def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: P
 
 def test_blocked_udp_is_not_said_twice() -> None:
     trial = LinkTrial(failure="no path to robot: UDP is blocked between here and relay.example:3478")
-    found = report(trial, WayOut(None, by_tcp=("relay.example:3478",)), ANYWHERE)
+    found = report(trial, BLOCKED, ANYWHERE)
     assert found.count(Grade.PROBLEM) == 1
     assert found.document["failure"] == trial.failure

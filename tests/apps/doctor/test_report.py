@@ -13,17 +13,16 @@ from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner
 
-from tests.apps.doctor.machines import FILES, HOST, graded, machine
+from tests.apps.doctor.machines import FILES, HOST, machine
 from tests.examples import examples
 from tests.system.systems import CONFIGS
-from weberlink.apps.doctor import DoctorReport, Finding, Grade, Machine, Needs, examine
+from weberlink.apps.doctor import CHECKS, Check, DoctorReport, Finding, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.machine import Unreadable
-from weberlink.apps.doctor.report import CHECKS, run
 from weberlink.cli import app
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import load
 
-REAL = {name: group for name, group in CHECKS.items() if name not in ("rights", "host", "devices")}
+READ = [row for row in CHECKS if row.area not in ("rights", "host", "devices")]
 """Checks that start no process and ask no library of devices."""
 
 
@@ -33,27 +32,16 @@ def shown(found: DoctorReport) -> list[str]:
     return stream.getvalue().splitlines()
 
 
-def everything(found: DoctorReport) -> list[Finding]:
-    return [each for group in found.findings.values() for each in group]
-
-
 def test_ideal_machine_has_no_findings_to_fix(tmp_path: Path) -> None:
     found = examine(Needs(), machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None))
-    wrong = [
-        each for each in everything(found) if each.grade is not Grade.OK and each.check not in ("device", "memory lock")
-    ]
-    assert wrong == []
+    assert [each for each in found.findings if each.grade is not Grade.OK] == []
 
 
 def test_missing_files_are_unknown_with_a_reason(tmp_path: Path) -> None:
-    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), REAL)
-    grades = graded(everything(found))
-    assert grades["clock source"] == "unknown"
-    assert grades["throttling"] == "unknown"
-    assert grades["receive buffer"] == "unknown"
-    for each in everything(found):
-        if each.grade is Grade.UNKNOWN:
-            assert "no such file" in each.found or "cannot be read" in each.found, each
+    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), READ)
+    dark = {each.check: each.found for each in found.findings if each.grade is Grade.UNKNOWN}
+    assert {"clock source", "throttling", "receive buffer"} <= set(dark)
+    assert all("no such file" in words or "cannot be read" in words for words in dark.values())
 
 
 @examples(25)
@@ -61,39 +49,48 @@ def test_missing_files_are_unknown_with_a_reason(tmp_path: Path) -> None:
 def test_arbitrary_files_never_raise(tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]) -> None:
     host = machine(tmp_path_factory.mktemp("machine"), {name: text.replace("\0", "") for name, text in files.items()})
     needs = Needs(listen=("0.0.0.0", 47000), slave=("robot", 47000), cpus=(0, 1))
-    for each in everything(examine(needs, host, REAL)):
+    for each in examine(needs, host, READ).findings:
         assert (each.fix is None) == (each.grade is Grade.OK) or each.grade is Grade.UNKNOWN
 
 
+def row(*findings: Finding | Exception, fix: str | None = None) -> Check:
+    """A row whose judgement is these findings; an exception is raised."""
+
+    def judge(_machine: Machine, _needs: Needs) -> Iterator[Finding]:
+        for each in findings:
+            if isinstance(each, Exception):
+                raise each
+            yield each
+
+    return Check("area", "clock", judge, fix)
+
+
 def test_failing_check_becomes_a_finding(tmp_path: Path) -> None:
-    def clock_of_tomorrow(_machine: Machine, _needs: Needs) -> Iterator[Finding]:
-        yield Finding("first", Grade.OK, "seen")
-        raise ZeroDivisionError("no\nclock")
-
-    def locked(_machine: Machine, _needs: Needs) -> Iterator[Finding]:
-        raise Unreadable("/x cannot be read without root")
-        yield
-
-    host = machine(tmp_path)
-    assert [each.found for each in run(clock_of_tomorrow, host, Needs())] == [
-        "seen",
-        "clock of tomorrow: ZeroDivisionError: no clock",
+    rows = [
+        row(Finding(Grade.OK, "seen"), ZeroDivisionError("no\nclock")),
+        row(Unreadable("/x cannot be read without root")),
     ]
-    assert list(run(locked, host, Needs())) == [
-        Finding("locked", Grade.UNKNOWN, "locked: /x cannot be read without root")
+    assert examine(Needs(), machine(tmp_path), rows).findings == [
+        Finding(Grade.OK, "seen", None, "clock", "area"),
+        Finding(Grade.UNKNOWN, "clock: ZeroDivisionError: no clock", None, "clock", "area"),
+        Finding(Grade.UNKNOWN, "clock: /x cannot be read without root", None, "clock", "area"),
     ]
+
+
+def test_fix_of_the_row_is_for_findings_that_need_one(tmp_path: Path) -> None:
+    found = [Finding(Grade.OK, "a"), Finding(Grade.ADVICE, "b"), Finding(Grade.PROBLEM, "c", "own")]
+    report = examine(Needs(), machine(tmp_path), [row(*found, fix="common")])
+    assert [each.fix for each in report.findings] == [None, "common", "own"]
 
 
 def test_fix_is_printed_on_one_unbroken_line(tmp_path: Path) -> None:
     fix = "echo " + "long " * 40 + "| sudo tee /x"
-    group = {"area": (lambda _machine, _needs: iter([Finding("a", Grade.PROBLEM, "it is so", fix)]),)}
-    lines = shown(examine(Needs(), machine(tmp_path), group))
+    lines = shown(examine(Needs(), machine(tmp_path), [row(Finding(Grade.PROBLEM, "it is so", fix))]))
     assert lines == ["area", "  problem it is so", f"          -> {fix}", "1 problem, 0 advice, 0 unknown"]
 
 
 def test_long_finding_is_wrapped_at_words(tmp_path: Path) -> None:
-    group = {"area": (lambda _machine, _needs: iter([Finding("a", Grade.OK, "word " * 20)]),)}
-    lines = shown(examine(Needs(), machine(tmp_path), group))
+    lines = shown(examine(Needs(), machine(tmp_path), [row(Finding(Grade.OK, "word " * 20))]))
     assert lines[1].startswith("  ok      word ")
     assert lines[2].startswith(" " * 10 + "word")
     assert max(map(len, lines)) <= 80
@@ -102,14 +99,14 @@ def test_long_finding_is_wrapped_at_words(tmp_path: Path) -> None:
 @pytest.fixture
 def soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trial of the host takes seconds; its own tests make a real one."""
-    monkeypatch.setattr(Machine, "host_trial", lambda _machine, _request: HOST)
+    monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
 
 
 @pytest.mark.usefixtures("soon_seen_host")
 def test_report_of_this_machine_fits_80_columns(tmp_path: Path) -> None:
     generate(tmp_path / "weberlink.key")
     found = examine(Needs.of(load(CONFIGS / "lan.yaml", [f"link.key_file={tmp_path / 'weberlink.key'}"])), Machine())
-    checks = {each.check for each in everything(found)}
+    checks = {each.check for each in found.findings}
     assert {"clock source", "scheduling", "memory lock", "punctuality", "host", "port", "key file", "Python"} <= checks
     for line in shown(found):
         assert len(line) <= 80 or line.startswith(" " * 10 + "-> ") or str(tmp_path) in line, line

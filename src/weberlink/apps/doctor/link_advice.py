@@ -6,10 +6,9 @@ Every threshold is one by which a session itself decides (`weberlink.protocol.he
 
 from collections.abc import Iterator
 from math import ceil
-from typing import NamedTuple
 
-from weberlink.apps.doctor.findings import Finding, advice, ok, problem
 from weberlink.apps.doctor.link_figures import LinkFigures
+from weberlink.apps.doctor.report import Finding, advice, ok, problem
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.session import LONGEST_SILENCE
@@ -25,12 +24,22 @@ def recommend(figures: LinkFigures, configuration: Configuration) -> Iterator[Fi
     system = configuration.system
     yield longest_round_trip(figures, system)
     yield silence(figures, system)
-    yield scheme(figures, Parts(configuration))
-    yield playout(figures, system)
-    yield from lookahead(system)
-
-
-# --- the two limits of the link
+    scheme, round_trip = system.control.scheme, figures.rtt_s[1]
+    said = uncontrolled_delay(Parts(configuration), round_trip)
+    if said is None:
+        yield ok(f"control scheme {scheme}: round trip {1e3 * round_trip:.1f} ms", "control scheme")
+    else:
+        yield advice(f"{said}; on both hosts:", "--set control.scheme=bounded", "control scheme")
+    playout_ms = system.link.playout_ms
+    late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
+    found = f"play-out {playout_ms:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"
+    if playout_ms == 0.0:
+        yield ok(found, "play-out")
+    else:  # docs/anywhere/link.md
+        found += "; it adds more to the error of the force than it hides"
+        yield advice(found, "--set link.playout_ms=0", "play-out")
+    if system.codec.joints is None:
+        yield from lookahead(system)
 
 
 def needed_round_trip(figures: LinkFigures, tick_period: float) -> float:
@@ -54,44 +63,30 @@ def longest_round_trip(figures: LinkFigures, system: System) -> Finding:
 def silence(figures: LinkFigures, system: System) -> Finding:
     """Whether the silence limit is long enough for this link, or how long it must be."""
     check, limit_ms = "silence limit", system.link.silence_ms
-    needs = silence_needs(figures, system.tick_period)
-    needed_ms = SILENCE_STEP_MS * ceil(1e3 * max(needs) / SILENCE_STEP_MS - 1e-9)
+    losses, longest = silence_needs(figures, system.tick_period)
+    needed_ms = SILENCE_STEP_MS * ceil(1e3 * max(losses, longest) / SILENCE_STEP_MS - 1e-9)
     why = (
-        f"losses ask for {1e3 * needs.losses:.0f} ms, the longest time without an answer, beside the round trip, was "
-        f"{1e3 * needs.longest:.0f} ms"
+        f"losses ask for {1e3 * losses:.0f} ms, the longest time without an answer, beside the round trip, was "
+        f"{1e3 * longest:.0f} ms"
     )
     if needed_ms > 1e3 * LONGEST_SILENCE:
         return problem(f"no silence limit is long enough: {why}", "use another network", check)
     if limit_ms >= needed_ms:
         return ok(f"silence limit: {limit_ms:g} ms are enough: {why}", check)
     found = f"silence limit: {limit_ms:g} ms are too short: {why}; on both hosts:"
-    is_met = figures.silences == 0 and needs.longest < 1e-3 * limit_ms
-    return (advice if is_met else problem)(found, f"--set link.silence_ms={needed_ms}", check)
+    grade = advice if figures.silences == 0 and longest < 1e-3 * limit_ms else problem
+    return grade(found, f"--set link.silence_ms={needed_ms}", check)
 
 
-class SilenceNeeds(NamedTuple):
+def silence_needs(figures: LinkFigures, tick_period: float) -> tuple[float, float]:
     """Least silence limits [s].
 
-    Args:
-        losses: for which heartbeats can be dense enough that losses hardly ever cause a silence.
-        longest: the largest loop age of the measurement, without the round trip.
+    Returns:
+        That for which heartbeats can be dense enough that losses hardly ever cause a silence, and the largest loop age
+        of the measurement without the round trip.
     """
-
-    losses: float
-    longest: float
-
-
-def silence_needs(figures: LinkFigures, tick_period: float) -> SilenceNeeds:
-    return SilenceNeeds(
-        _least_silence(figures, tick_period),
-        max(0.0, figures.loop_age_s - needed_round_trip(figures, tick_period)),
-    )
-
-
-def _least_silence(figures: LinkFigures, tick_period: float) -> float:
-    """The shortest limit, in steps, for which heartbeats may be less dense than on a hopeless path [s]."""
-    loss = figures.to_slave.loss, figures.to_master.loss
-    round_trip = needed_round_trip(figures, tick_period)
+    loss, round_trip = (figures.to_slave.loss, figures.to_master.loss), needed_round_trip(figures, tick_period)
+    longest = max(0.0, figures.loop_age_s - round_trip)
     for step in range(1, round(1e3 * LONGEST_SILENCE / SILENCE_STEP_MS) + 1):
         limit = 1e-3 * SILENCE_STEP_MS * step
         schedule = HeartbeatSchedule(0.0, silence=limit, tick_period=tick_period)
@@ -99,44 +94,20 @@ def _least_silence(figures: LinkFigures, tick_period: float) -> float:
         densest = schedule.reach
         schedule.adapt(*loss, figures.rtt_s[1], figures.jitter_s[1], round_trip)
         if schedule.reach > densest:  # else it would need more heartbeats than it may send
-            return limit
-    return 2.0 * LONGEST_SILENCE
-
-
-# --- control scheme, play-out, look-ahead
-
-
-def scheme(figures: LinkFigures, parts: Parts) -> Finding:
-    """Whether the control scheme bears the round trip."""
-    check, configured, round_trip = "control scheme", parts.system.control.scheme, figures.rtt_s[1]
-    said = uncontrolled_delay(parts, round_trip)
-    if said is None:
-        return ok(f"control scheme {configured}: round trip {1e3 * round_trip:.1f} ms", check)
-    return advice(f"{said}; on both hosts:", "--set control.scheme=bounded", check)
-
-
-def playout(figures: LinkFigures, system: System) -> Finding:
-    """What share of the jitter samples wait for; that costs more than it hides (docs/anywhere/link.md)."""
-    check, configured = "play-out", system.link.playout_ms
-    late_ms = 1e3 * max(figures.to_slave.late_s, figures.to_master.late_s)
-    found = f"play-out {configured:g} ms: 1 % of the datagrams are more than {late_ms:.1f} ms late"
-    if configured == 0.0:
-        return ok(found, check)
-    return advice(f"{found}; it adds more to the error of the force than it hides", "--set link.playout_ms=0", check)
+            return limit, longest
+    return 2.0 * LONGEST_SILENCE, longest
 
 
 def lookahead(system: System) -> Iterator[Finding]:
     """Whether the look-ahead of the file suits its control scheme (docs/prediction.md)."""
-    check, uncontrolled = "look-ahead", system.control.scheme == "none"
-    if system.codec.joints is not None:
-        return
     used = {name: getattr(system.codec, name).lookahead_ms for name in ("force", "position")}
     used = {name: ms for name, ms in used.items() if ms > 0.0}
-    if uncontrolled:
+    if not used:
+        yield ok("look-ahead 0 ms", "look-ahead")
+    elif system.control.scheme != "none":
+        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items())
+        yield ok(f"look-ahead {text}; it saves some updates, and adds its delay", "look-ahead")
+    else:
         for name, ms in used.items():
             found = f"look-ahead of {name} {ms:g} ms: one more delay, and nothing controls it; on both hosts:"
-            yield advice(found, f"--set codec.{name}.lookahead_ms=0", check)
-    if not (used and uncontrolled):
-        text = ", ".join(f"{name} {ms:g} ms" for name, ms in used.items())
-        note = "; it saves some updates, and adds its delay" if used else ""
-        yield ok(f"look-ahead {text or '0 ms'}{note}", check)
+            yield advice(found, f"--set codec.{name}.lookahead_ms=0", "look-ahead")

@@ -1,7 +1,7 @@
 """Figures of a link, from the questions and answers of `weberlink.protocol.probing`."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -10,20 +10,26 @@ from weberlink.protocol.probing import Heard
 
 
 @dataclass(frozen=True, slots=True)
-class LinkSamples:
-    """What a measurement recorded; times on the clock of the master.
+class LinkTrial:
+    """What a measurement recorded; times on the clock of the master [s].
 
     Args:
-        asked: departure of each question [s].
+        asked: departure of each question.
         heard: every datagram of the slave; those before the first question tell only how the numbers go on.
-        delays: (at, round trip, jitter) [s] as the endpoint measured them, in order.
+        jitters: as the endpoint measured it, in order.
         silences: how often the session fell silent, at the limit of the file.
+        paths: in use at the end.
+        priority: what came of real-time rights.
+        failure: why there is no result.
     """
 
-    asked: Sequence[float]
-    heard: Sequence[Heard]
-    delays: Sequence[tuple[float, float, float]]
+    asked: Sequence[float] = ()
+    heard: Sequence[Heard] = ()
+    jitters: Sequence[float] = ()
     silences: int = 0
+    paths: list[dict[str, Any]] = field(default_factory=list)
+    priority: str = ""
+    failure: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,18 @@ class Way:
     burst: float
     longest_burst: int
 
+    @classmethod
+    def of(cls, delays: Sequence[float], runs: Sequence[int], sent: int) -> "Way":
+        median, late = nearest_rank(delays, 0.5), nearest_rank(delays, 0.99) - min(delays)
+        lost = sum(runs)
+        return cls(median, late, lost / sent if sent else 0.0, lost / len(runs) if runs else 0.0, max(runs, default=0))
+
+    @property
+    def document(self) -> dict[str, float]:
+        """For JSON."""
+        figures = asdict(self)
+        return {"delay_ms": 1e3 * figures.pop("delay_s"), "late_p99_ms": 1e3 * figures.pop("late_s"), **figures}
+
 
 @dataclass(frozen=True, slots=True)
 class LinkFigures:
@@ -52,101 +70,68 @@ class LinkFigures:
     Args:
         questions, answers: how many were sent, and how many were answered.
         seconds: from the first question to the last.
+        silences: how often the session fell silent.
         rtt_s: round trip [s]: its least, 50 %, 99 %, largest.
-        to_slave, to_master: each direction.
         jitter_s: as the endpoint measured it [s]: 50 % and 99 % of the time at most this.
         loop_age_s: largest loop age [s], which silence limit and round trip bound (`weberlink.protocol.liveness`).
-        silences: how often the session fell silent.
+        to_slave, to_master: each direction.
     """
 
     questions: int
     answers: int
     seconds: float
+    silences: int
     rtt_s: tuple[float, float, float, float]
-    to_slave: Way
-    to_master: Way
     jitter_s: tuple[float, float]
     loop_age_s: float
-    silences: int
+    to_slave: Way
+    to_master: Way
 
     @property
     def document(self) -> dict[str, Any]:
         """For JSON, in ms and shares."""
-        least, median, late, most = (1e3 * value for value in self.rtt_s)
         return {
-            "questions": self.questions,
-            "answers": self.answers,
-            "seconds": self.seconds,
-            "rtt_ms": {"min": least, "p50": median, "p99": late, "max": most},
-            "jitter_ms": {"p50": 1e3 * self.jitter_s[0], "p99": 1e3 * self.jitter_s[1]},
+            **{name: getattr(self, name) for name in ("questions", "answers", "seconds", "silences")},
+            "rtt_ms": dict(zip(("min", "p50", "p99", "max"), (1e3 * value for value in self.rtt_s), strict=True)),
+            "jitter_ms": dict(zip(("p50", "p99"), (1e3 * value for value in self.jitter_s), strict=True)),
             "loop_age_ms": 1e3 * self.loop_age_s,
-            "silences": self.silences,
-            "to_slave": _way_document(self.to_slave),
-            "to_master": _way_document(self.to_master),
+            "to_slave": self.to_slave.document,
+            "to_master": self.to_master.document,
         }
 
 
-def _way_document(way: Way) -> dict[str, float]:
-    return {
-        "delay_ms": 1e3 * way.delay_s,
-        "late_p99_ms": 1e3 * way.late_s,
-        "loss": way.loss,
-        "burst": way.burst,
-        "longest_burst": way.longest_burst,
-    }
-
-
-def figures(samples: LinkSamples) -> LinkFigures:
+def figures(trial: LinkTrial) -> LinkFigures:
     """Compute the figures.
 
     Raises:
         ValueError: no question was answered.
     """
-    asked = samples.asked
-    answers = sorted((each for each in samples.heard if each.question is not None), key=lambda each: each.question or 0)
-    timed = [
-        (each.at - asked[each.question], each.delay)
-        for each in answers
-        if each.question is not None and each.delay is not None
-    ]
+    asked, heard = trial.asked, trial.heard
+    answered = {each.question: each for each in heard if each.question is not None}
+    timed = [(each.at - asked[question], each.delay) for question, each in answered.items() if each.delay is not None]
     if not timed:
         raise ValueError("the slave answered no question")
-    jitters = [jitter for _, _, jitter in samples.delays] or [0.0]
-    trips = [trip for trip, _ in timed]
-    inward = [delay for _, delay in timed]
+    jitters = trial.jitters or [0.0]
+    trips, inward = [trip for trip, _ in timed], [delay for _, delay in timed]
     outward = [max(0.0, trip - delay) for trip, delay in timed]
     return LinkFigures(
         questions=len(asked),
-        answers=len(answers),
+        answers=len(answered),
         seconds=asked[-1] - asked[0],
+        silences=trial.silences,
         rtt_s=(min(trips), nearest_rank(trips, 0.5), nearest_rank(trips, 0.99), max(trips)),
-        to_slave=_way(outward, lost_questions(len(asked), samples.heard), len(asked)),
-        to_master=_way(inward, *lost_answers(samples.heard)),
         jitter_s=(nearest_rank(jitters, 0.5), nearest_rank(jitters, 0.99)),
-        loop_age_s=loop_age(asked, samples.heard),
-        silences=samples.silences,
-    )
-
-
-def _way(delays: Sequence[float], runs: Sequence[int], sent: int) -> Way:
-    return Way(
-        delay_s=nearest_rank(list(delays), 0.5),
-        late_s=nearest_rank(list(delays), 0.99) - min(delays),
-        loss=sum(runs) / sent if sent else 0.0,
-        burst=sum(runs) / len(runs) if runs else 0.0,
-        longest_burst=max(runs, default=0),
+        loop_age_s=loop_age(asked, heard),
+        to_slave=Way.of(outward, lost_questions(len(asked), heard), len(asked)),
+        to_master=Way.of(inward, *lost_answers(heard)),
     )
 
 
 def lost_answers(heard: Iterable[Heard]) -> tuple[list[int], int]:
     """Runs of the slave's datagrams that never came, and how many of its datagrams count."""
-    runs: list[int] = []
-    sent = 0
-    for numbers in _numbers(heard).values():
-        ordered = sorted(numbers)
-        runs += [after - before - 1 for before, after in pairwise(ordered) if after - before > 1]
-        sent += ordered[-1] - ordered[0] + 1
-    return runs, sent
+    sessions = [sorted(numbers) for numbers in _numbers(heard).values()]
+    runs = [after - before - 1 for each in sessions for before, after in pairwise(each) if after - before > 1]
+    return runs, sum(each[-1] - each[0] + 1 for each in sessions)
 
 
 def lost_questions(count: int, heard: Sequence[Heard]) -> list[int]:
@@ -157,26 +142,20 @@ def lost_questions(count: int, heard: Sequence[Heard]) -> list[int]:
 
     Args:
         count: of all questions.
-        heard: as of `LinkSamples`.
+        heard: as of `LinkTrial`.
     """
     answers = {each.question: each for each in heard if each.question is not None}
     numbers = _numbers(heard)
     share = len(answers) / max(1, sum(map(len, numbers.values())))
     runs = []
-    bounds = [-1, *sorted(answers), count]
-    for before, after in pairwise(bounds):
-        missing = after - before - 1
-        if missing == 0:
-            continue
+    for before, after in pairwise([-1, *sorted(answers), count]):
+        missing, unheard = after - before - 1, 0
         first, last = answers.get(before), answers.get(after)
-        unheard = 0
         if first is not None and last is not None and first.session == last.session:
             between = range(first.sequence + 1, last.sequence)
             unheard = sum(number not in numbers[first.session] for number in between)
-        lost = missing - min(missing, round(unheard * share))
-        if lost > 0:
-            runs.append(lost)
-    return runs
+        runs.append(missing - min(missing, round(unheard * share)))
+    return [run for run in runs if run > 0]
 
 
 def _numbers(heard: Iterable[Heard]) -> dict[int, set[int]]:
@@ -194,10 +173,8 @@ def loop_age(asked: Sequence[float], heard: Iterable[Heard]) -> float:
     """
     largest, newest = 0.0, None
     for each in heard:
-        if each.question is None:
-            continue
-        if newest is not None:
-            largest = max(largest, each.at - newest)
-        left = asked[each.question]
-        newest = left if newest is None else max(newest, left)
+        if each.question is not None:
+            left = asked[each.question]
+            largest = largest if newest is None else max(largest, each.at - newest)
+            newest = left if newest is None else max(newest, left)
     return largest

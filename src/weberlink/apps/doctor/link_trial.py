@@ -8,86 +8,158 @@ import asyncio
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
-from random import Random
-from socket import socket
-from subprocess import TimeoutExpired
 from time import monotonic, time_ns
 from typing import Any
 
 import uvloop
 
-from weberlink.apps.doctor.link_figures import LinkSamples
-from weberlink.apps.doctor.link_measurement import ANSWER_S, WARM_UP_S, Measurement
+from weberlink.apps.doctor.link_figures import LinkTrial
 from weberlink.apps.doctor.trial import run_child
-from weberlink.protocol import Role
+from weberlink.protocol import PeerClosed, PeerSilent, Refused, Role, State
 from weberlink.protocol.aio.hand_over import address_of
 from weberlink.protocol.aio.udp import UdpShell
-from weberlink.protocol.emulation import EmulatedLink
-from weberlink.protocol.events import Address
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
-from weberlink.system import description
+from weberlink.system.composition.acquaintance import acquaintance
 from weberlink.system.composition.channels import streams
-from weberlink.system.composition.link import Identity, build_endpoint, build_link, build_security
-from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, System, load
+from weberlink.system.composition.joint_channels import joint_streams
+from weberlink.system.composition.link import Identity, build_endpoint, build_security
+from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
+from weberlink.system.daemon import emulated_link, finder
+from weberlink.system.description import default_name
 
+PERIOD_S = 0.005
+"""Between two questions: as dense as the updates of a busy session."""
+LEAST_PAUSE_S = 0.001
+"""Resolution of the timers of uvloop."""
+WARM_UP_S = 1.0
+"""From the session's beginning to the first question, in which the ends map their clocks."""
+ANSWER_S = 5.0
+"""Longest time until the slave answers a call."""
 PATH_S = 40.0
 """Longest time until a path is found."""
-ENDS_S = 2.0
-"""Time for the process that finds paths to end."""
 
 
-@dataclass(frozen=True, slots=True)
-class LinkRequest:
-    """What to measure.
+class Measurement:
+    """What a master without a device does: call, wait, ask, and wait for the last answers.
 
     Args:
-        file: the configuration.
-        overrides: of it.
-        seconds: for how long.
+        endpoint: not yet connected.
+        now: [s].
+        seconds: for how long to ask.
+        patience: longest time until the session [s].
     """
 
-    file: str
-    overrides: Sequence[str]
-    seconds: float
+    def __init__(self, endpoint: ProbingEndpoint, now: float, seconds: float, patience: float = ANSWER_S) -> None:
+        self._endpoint = endpoint
+        self._seconds = seconds
+        self._give_up_at = now + patience
+        self._patience = patience
+        self._first_at: float | None = None
+        self._due = now
+        self._jitters: list[float] = []
+        self._silences = 0
+        self.failure: str | None = None
+        self.is_done = False
+        endpoint.report_encoding(now, is_encoding=False)
+        endpoint.connect(now)
+
+    def service(self, now: float) -> float:
+        """Do what is due; returns when to be called again [s]."""
+        endpoint = self._endpoint
+        self._hear()
+        endpoint.report_encoding(now, is_encoding=False)
+        if self._first_at is None and not self.is_done:
+            self._wait(now)
+        if self._first_at is None or self.is_done:
+            return now + PERIOD_S
+        last_at = self._first_at + self._seconds
+        if now > last_at + max(0.1, 2.0 * ((endpoint.rtt or 0.0) + endpoint.jitter)):  # the last answers have come
+            self.finish(now)
+        elif self._due <= min(now, last_at):
+            endpoint.ask(now)
+            if endpoint.rtt is not None:
+                self._jitters.append(endpoint.jitter)
+            # What this process was too late for is left out: questions in a heap would measure its own stall.
+            self._due = max(self._due + PERIOD_S, now)
+        return max(self._due, now + LEAST_PAUSE_S)
+
+    def finish(self, now: float, failure: str | None = None) -> None:
+        """Leave the session."""
+        self.failure = self.failure or failure
+        self.is_done = True
+        if self._endpoint.state is not State.CLOSED:
+            self._endpoint.close(now, "measured")
+
+    def result(self, paths: Sequence[Any] = (), priority: str = "") -> LinkTrial:
+        endpoint, used = self._endpoint, [path._asdict() for path in paths]
+        return LinkTrial(endpoint.asked, endpoint.heard, self._jitters, self._silences, used, priority, self.failure)
+
+    def _wait(self, now: float) -> None:
+        endpoint = self._endpoint
+        if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
+            self._due = self._first_at = now + WARM_UP_S
+        elif now > self._give_up_at:
+            why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
+            self.finish(now, why)
+
+    def _hear(self) -> None:
+        while (event := self._endpoint.next_event()) is not None:
+            match event:
+                case PeerSilent():
+                    self._silences += self._first_at is not None
+                case Refused(message):
+                    self.failure, self.is_done = f"refused: {message}", True
+                case PeerClosed(reason) if self._first_at is not None:
+                    self.failure, self.is_done = f"the slave left: {reason}", True
 
 
-@dataclass(frozen=True, slots=True)
-class LinkTrial:
-    """Result: the fields of `LinkSamples`, the paths in use at the end, and why there is no result, if so."""
-
-    asked: list[float] = field(default_factory=list)
-    heard: list[Any] = field(default_factory=list)
-    delays: list[Any] = field(default_factory=list)
-    silences: int = 0
-    paths: list[dict[str, Any]] = field(default_factory=list)
-    priority: str = ""
-    """What came of real-time rights."""
-    failure: str | None = None
-
-    @property
-    def samples(self) -> LinkSamples:
-        return LinkSamples(
-            self.asked, [Heard(*each) for each in self.heard], [(*each,) for each in self.delays], self.silences
-        )
+def run_link_trial(file: Path, overrides: Sequence[str], seconds: float) -> LinkTrial:
+    """Measure the link of a file for some seconds in a child process; a failure is in the result."""
+    request = {"file": str(file), "overrides": list(overrides), "seconds": seconds}
+    return run_child(__name__, received, "link", request, seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
 
 
-def run_link_trial(request: LinkRequest) -> LinkTrial:
-    """Run the measurement in a child process; a failure is in the result."""
-    return run_child(__name__, request, LinkTrial, request.seconds + WARM_UP_S + PATH_S + 2.0 * ANSWER_S)
+def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
+    """A result as it comes from the child."""
+    return LinkTrial(heard=[Heard(*each) for each in heard], **fields)
 
 
-async def measure(measurement: Measurement, shell: UdpShell) -> None:
-    """Run a measurement to its end.
+def build_probe(configuration: Configuration, epoch: float) -> ProbingEndpoint:
+    """The endpoint of a master that measures.
 
     Raises:
-        OSError: the port cannot be opened, or a name does not resolve.
+        ConfigurationError: the key cannot be read, or the peer is not known.
     """
+    system, link = configuration.system, configuration.system.link
+    name, expects = default_name(MASTER, link.listen), ""
+    if link.security == "peers":
+        known = acquaintance(configuration, MASTER)
+        name, expects = known.own, known.expects
+    forward, backward = streams(system) if system.codec.joints is None else joint_streams(system)
+    endpoint = build_endpoint(
+        system,
+        Role.INITIATOR,
+        build_security(configuration),
+        os.urandom,
+        epoch,
+        forward,
+        backward,
+        split_address(link.slave) if link.path == "direct" else address_of(expects),
+        Identity(name, expects, take_over=False, stamp=lambda _now: time_ns()),
+        ProbingEndpoint,
+    )
+    assert isinstance(endpoint, ProbingEndpoint)
+    return endpoint
+
+
+async def _measure(measurement: Measurement, shell: UdpShell) -> None:
+    """Run a measurement to its end. Raises OSError if the port cannot be opened, or a name does not resolve."""
     await shell.open(asyncio.get_running_loop())
     try:
         while not measurement.is_done:
@@ -100,123 +172,34 @@ async def measure(measurement: Measurement, shell: UdpShell) -> None:
         shell.close()
 
 
-def build_probe(configuration: Configuration, epoch: float) -> ProbingEndpoint:
-    """The endpoint of a master that measures.
-
-    Raises:
-        ConfigurationError: the key cannot be read, or the peer is not known.
-    """
-    system = configuration.system
-    link, identity = system.link, _identity(configuration)
-    forward, backward = _streams(system)
-    endpoint = build_endpoint(
-        system,
-        Role.INITIATOR,
-        build_security(configuration),
-        os.urandom,
-        epoch,
-        forward,
-        backward,
-        split_address(link.slave) if link.path == "direct" else address_of(identity.expects),
-        identity,
-        ProbingEndpoint,
-    )
-    assert isinstance(endpoint, ProbingEndpoint)
-    return endpoint
-
-
-def _streams(system: System) -> Any:
-    if system.codec.joints is None:
-        return streams(system)
-    from weberlink.system.composition.joint_channels import joint_streams  # noqa: PLC0415 - for arms alone
-
-    return joint_streams(system)
-
-
-def _identity(configuration: Configuration) -> Identity:
-    link = configuration.system.link
-    name, expects = description.default_name(MASTER, link.listen), ""
-    if link.security == "peers":
-        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
-
-        known = acquaintance(configuration, MASTER)
-        name, expects = known.own, known.expects
-    return Identity(name, expects, take_over=False, stamp=lambda _now: time_ns())
-
-
-def _emulated_link(configuration: Configuration, epoch: float) -> EmulatedLink[Address] | None:
-    emulate = configuration.system.link.emulate
-    if emulate is None:
-        return None
-    uniform = Random(f"{emulate.seed}/{MASTER}").random  # noqa: S311
-    return build_link(emulate.directions[0], uniform, epoch)
-
-
-@contextmanager
-def finder(configuration: Configuration) -> Iterator[socket | None]:
-    """The socket to the process that finds paths, which has ended when this is left; None for a direct path.
-
-    Raises:
-        ConfigurationError: a package that it needs is not installed.
-    """
-    if configuration.system.link.path == "direct":
-        yield None
-        return
-    from weberlink.anywhere.order import start_finder  # noqa: PLC0415 - where a file asks for it
-    from weberlink.system.composition.acquaintance import acquaintance, finder_order  # noqa: PLC0415
-
-    peers = acquaintance(configuration, MASTER).peers
-    process, end = start_finder(finder_order(configuration, MASTER, peers, take_over=False))
-    try:
-        yield end
-    finally:
-        end.close()
-        try:
-            process.wait(ENDS_S)
-        except TimeoutExpired:
-            process.kill()
-            process.wait()
-
-
-def trial(request: LinkRequest) -> LinkTrial:
+def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
     """Measure; changes the scheduling class of this process."""
     try:
-        configuration = load(Path(request.file), request.overrides, sides=[MASTER])
-        epoch = monotonic()
+        configuration = load(Path(file), overrides, sides=[MASTER])
+        system, epoch = configuration.system, monotonic()
         endpoint = build_probe(configuration, epoch)
-        with finder(configuration) as end:  # before the rights are taken, so that it gets none
-            return _measured(configuration, endpoint, epoch, end, request.seconds)
+        is_direct = system.link.path == "direct"
+        peers = () if is_direct else acquaintance(configuration, MASTER).peers
+        # The process that finds paths starts before the rights are taken, so that it gets none.
+        with nullcontext() if is_direct else finder(configuration, MASTER, peers, take_over=False) as end:
+            grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
+            measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if is_direct else PATH_S)
+            emulated = emulated_link(MASTER, system, epoch)
+            shell = UdpShell(
+                endpoint,
+                now=monotonic,
+                link=None if emulated is None else emulated.link,
+                dscp=system.link.dscp,
+                finder=end,
+                on_no_path=lambda why: measurement.finish(monotonic(), why),
+            )
+            with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+                runner.run(_measure(measurement, shell))
+            granted = "in real time" if grant else "not in real time"
+            return measurement.result(shell.paths, f"{granted}: {grant.detail}")
     except (ConfigurationError, OSError) as error:
-        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        return LinkTrial(failure=text)
-
-
-def _measured(
-    configuration: Configuration, endpoint: ProbingEndpoint, epoch: float, end: socket | None, seconds: float
-) -> LinkTrial:
-    system = configuration.system
-    grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
-    measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if end is None else PATH_S)
-    shell = UdpShell(
-        endpoint,
-        now=monotonic,
-        link=_emulated_link(configuration, epoch),
-        dscp=system.link.dscp,
-        finder=end,
-        on_no_path=lambda why: measurement.finish(monotonic(), why),
-    )
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(measure(measurement, shell))
-    return LinkTrial(
-        endpoint.asked,
-        endpoint.heard,
-        measurement.delays,
-        measurement.silences,
-        [path._asdict() for path in shell.paths],
-        f"{'in real time' if grant else 'not in real time'}: {grant.detail}",
-        measurement.failure,
-    )
+        return LinkTrial(failure=getattr(error, "strerror", None) or str(error))
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(asdict(trial(LinkRequest(**json.loads(sys.argv[1]))))))
+    sys.stdout.write(json.dumps(asdict(trial(**json.loads(sys.argv[2])))))

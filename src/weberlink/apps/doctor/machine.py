@@ -2,18 +2,25 @@
 
 import ctypes
 import os
+import platform
+import re
 import resource
 import shutil
 import socket
 import subprocess
+import sys
+import sysconfig
 import threading
 from collections.abc import Mapping, Sequence
+from errno import EACCES, ENOENT
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import CLOCK_MONOTONIC, clock_getres
 from typing import Any
 
-from weberlink.apps.doctor.host_trial import HostRequest, HostTrial, run_host_trial
-from weberlink.apps.doctor.trial import RightsRequest, RightsTrial, run_trial
+from weberlink.apps.devices import DriverStatus, survey
+from weberlink.apps.doctor.trial import run_host_trial, run_rights_trial
+from weberlink.compiled import is_compiled
 
 LOOK_UP_LIMIT_S = 3.0
 """How long a name service may take to answer."""
@@ -39,16 +46,15 @@ class Machine:
         self.variables = variables
         self.user = os.geteuid()
 
-    def read(self, path: str) -> str:
-        """The text of a file, stripped. Raises Unreadable."""
+    def read(self, path: str, default: str | None = None) -> str:
+        """The text of a file, stripped. Raises Unreadable where it cannot be read, unless there is a default."""
         try:
             return (self.root / path.lstrip("/")).read_text(encoding="utf-8", errors="replace").strip()
-        except FileNotFoundError:
-            raise Unreadable(f"{path}: this kernel has no such file") from None
-        except PermissionError:
-            raise Unreadable(f"{path} cannot be read without root") from None
         except OSError as error:
-            raise Unreadable(f"{path} cannot be read: {error.strerror}") from None
+            if default is not None:
+                return default
+            reasons = {ENOENT: f"{path}: this kernel has no such file", EACCES: f"{path} cannot be read without root"}
+            raise Unreadable(reasons.get(error.errno or 0, f"{path} cannot be read: {error.strerror}")) from None
 
     def number(self, path: str) -> int:
         """The number in a file. Raises Unreadable if it cannot be read or holds something else."""
@@ -58,19 +64,22 @@ class Machine:
         except ValueError:
             raise Unreadable(f"{path} holds no number but {text[:40]!r}") from None
 
-    def has(self, path: str) -> bool:
+    def may_have(self, path: str) -> bool:
+        """Whether a file exists; also where only root can tell."""
         try:
-            return (self.root / path.lstrip("/")).exists()
-        except OSError:
-            return False
+            (self.root / path.lstrip("/")).stat()
+        except OSError as error:
+            return error.errno == EACCES
+        return True
 
     def find(self, pattern: str) -> list[str]:
         """Paths that match, from the root, in natural order."""
-        return sorted((f"/{path.relative_to(self.root)}" for path in self.root.glob(pattern.lstrip("/"))), key=_natural)
+        paths = [f"/{path.relative_to(self.root)}" for path in self.root.glob(pattern.lstrip("/"))]
+        return sorted(paths, key=lambda path: [int(number) for number in re.findall(r"\d+", path)])
 
     @property
     def in_container(self) -> bool:
-        return self.has("/.dockerenv") or self.has("/run/.containerenv")
+        return self.may_have("/.dockerenv") or self.may_have("/run/.containerenv")
 
     def affinity(self) -> frozenset[int]:
         """Processors that this process may run on."""
@@ -84,14 +93,30 @@ class Machine:
         """Resolution of the kernel's timers."""
         return 1e9 * clock_getres(CLOCK_MONOTONIC)
 
-    def trial(self, request: RightsRequest) -> RightsTrial:
-        return run_trial(request)
+    # Programs and libraries of this machine; static, for tests to replace.
+    rights_trial = staticmethod(run_rights_trial)
+    host_trial = staticmethod(run_host_trial)
+    which = staticmethod(shutil.which)
+    is_compiled = staticmethod(is_compiled)
 
-    def host_trial(self, request: HostRequest) -> HostTrial:
-        return run_host_trial(request)
+    def drivers(self) -> Sequence[DriverStatus]:
+        return survey().drivers
 
-    def which(self, name: str) -> str | None:
-        return shutil.which(name)
+    def python(self) -> dict[str, Any]:
+        """Version and kind of the build of Python."""
+        return {
+            "number": platform.python_version(),
+            "is_debug": bool(sysconfig.get_config_var("Py_DEBUG")),
+            "is_free_threaded": bool(sysconfig.get_config_var("Py_GIL_DISABLED")),
+            "is_dev_mode": sys.flags.dev_mode,
+        }
+
+    def version(self, package: str) -> str | None:
+        """Version of an installed package; None if it is not installed."""
+        try:
+            return version(package)
+        except PackageNotFoundError:
+            return None
 
     def space(self, path: Path) -> tuple[int, int]:
         """Total and free bytes of a file system."""
@@ -117,12 +142,12 @@ class Machine:
 
     def bind(self, host: str, port: int) -> None:
         """Bind a UDP port and release it. Raises OSError if that fails."""
-        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        with _udp(host) as probe:
             probe.bind((host, port))
 
     def route(self, address: str) -> str:
         """Own address on the route to another; sends nothing. Raises OSError if there is no route."""
-        with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        with _udp(address) as probe:
             probe.connect((address, 9))
             return str(probe.getsockname()[0])
 
@@ -148,6 +173,5 @@ class Machine:
         return list(dict.fromkeys(str(entry[4][0]) for entry in found))
 
 
-def _natural(path: str) -> list[tuple[int, str]]:
-    digits = "".join(letter if letter.isdigit() else " " for letter in path).split()
-    return [(int(number), path) for number in digits] or [(0, path)]
+def _udp(address: str) -> socket.socket:
+    return socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_DGRAM)

@@ -9,7 +9,8 @@ from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.configuration.model import RealtimeSettings, split_address
 
 DEFAULTS = RealtimeSettings()
-DEFAULT_RATE_HZ = 1000.0
+PLAIN = ("sides", "rate_hz", "priority", "lock_memory", "wakeful", "busy_poll", "cpus", "encrypted", "silence_s")
+"""Needs that go into JSON as they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,7 @@ class Needs:
     file: Path | None = None
     sides: Sequence[str] = SIDES
     """Those that run on this machine."""
-    rate_hz: float = DEFAULT_RATE_HZ
+    rate_hz: float = 1000.0
     priority: int = DEFAULTS.priority
     """Of SCHED_FIFO; 0 for the ordinary scheduler."""
     lock_memory: bool = DEFAULTS.lock_memory
@@ -78,18 +79,10 @@ class Needs:
     def document(self) -> dict[str, Any]:
         """For JSON; of the key it says only whether one is used."""
         return {
+            **{name: getattr(self, name) for name in PLAIN},
             "file": None if self.file is None else str(self.file),
-            "sides": list(self.sides),
-            "rate_hz": self.rate_hz,
-            "priority": self.priority,
-            "lock_memory": self.lock_memory,
-            "wakeful": self.wakeful,
-            "busy_poll": self.busy_poll,
-            "cpus": None if self.cpus is None else list(self.cpus),
             "listen": _joined(self.listen),
             "slave": _joined(self.slave),
-            "encrypted": self.encrypted,
-            "silence_s": self.silence_s,
             "drivers": dict(self.drivers),
         }
 

@@ -1,12 +1,12 @@
-"""Checks of the network and the key file: receive buffer, port, slave address, firewall, pre-shared key."""
+"""Network and key file: receive buffer, port, slave address, firewall, pre-shared key."""
 
 import shlex
 import stat
 from ipaddress import ip_address
 
-from weberlink.apps.doctor.findings import Finding, advice, ok, problem, unknown
-from weberlink.apps.doctor.machine import Machine, Unreadable
+from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
+from weberlink.apps.doctor.report import Finding, advice, ok, problem, unknown
 from weberlink.protocol import keys
 from weberlink.system.configuration.model import is_placeholder
 from weberlink.telemetry.runtime_directory import user_name
@@ -14,12 +14,18 @@ from weberlink.telemetry.runtime_directory import user_name
 CHARGED_BYTES = 832
 """What the kernel charges a receive buffer for a datagram of ours that came over loopback (Linux 6.18, x86-64: 256 of
 them fill 212992 bytes). A network card whose driver keeps larger buffers is charged more."""
+FIREWALL_TOOLS = {
+    "ufw": "sudo ufw status | grep -w {port}    (to open it: sudo ufw allow {port}/udp)",
+    "firewall-cmd": "sudo firewall-cmd --query-port={port}/udp    (to open it: --add-port={port}/udp)",
+    "nft": "sudo nft list ruleset | grep -w -e drop -e reject -e {port}",
+    "iptables": "sudo iptables -S INPUT | grep -w -e DROP -e REJECT -e {port}",
+}
+"""How to see whether a UDP port is open, by tool; the first one installed is named."""
 
 
 def receive_buffer(machine: Machine, needs: Needs) -> Finding:
     """Whether the socket holds all updates of a stall as long as the silence limit, at one update per tick."""
-    size = machine.number("/proc/sys/net/core/rmem_default")
-    largest = machine.number("/proc/sys/net/core/rmem_max")
+    size, largest = (machine.number(f"/proc/sys/net/core/rmem_{name}") for name in ("default", "max"))
     holds_ms = 1e3 * size / CHARGED_BYTES / needs.rate_hz
     found = f"UDP receive buffer {size} B holds {holds_ms:.0f} ms at one update per tick"
     if holds_ms >= 1e3 * needs.silence_s:
@@ -36,41 +42,26 @@ def port(machine: Machine, needs: Needs) -> Finding:
     try:
         machine.bind(address, number)
     except OSError as error:
-        inodes = _inodes(machine, number)
-        holder = _holder(machine, inodes)
+        # The second column of /proc/net/udp ends in the port, the tenth is the inode.
+        lines = [line for path in ("udp", "udp6") for line in machine.read(f"/proc/net/{path}", "").splitlines()[1:]]
+        rows = [row for line in lines if len(row := line.split()) > 9]
+        sockets = {f"socket:[{row[9]}]" for row in rows if row[1].endswith(f":{number:04X}")}
+        holder = _holder(machine, sockets)
         if "weberlink.system.daemon" in holder:
             return ok(f"UDP port {number} is held by a running weberlink daemon")
-        if inodes:
+        if sockets:
             by = f" by {holder.split()[0]}" if holder else ""
             return problem(f"UDP port {number} is in use{by}", f"see by whom: sudo ss -lunp 'sport = :{number}'")
-        return problem(
-            f"UDP {address}:{number} cannot be listened on: {error.strerror}",
-            "in the file: link.listen, with 0.0.0.0 or an address of `ip -brief address`",
-        )
+        return problem(f"UDP {address}:{number} cannot be listened on: {error.strerror}")
     return ok(f"UDP port {number} is free")
 
 
-def _inodes(machine: Machine, number: int) -> set[str]:
-    """Inodes of sockets with this local port: the second column of /proc/net/udp ends in it, the tenth is the inode."""
-    inodes: set[str] = set()
-    for path in ("/proc/net/udp", "/proc/net/udp6"):
-        try:
-            lines = machine.read(path).splitlines()[1:]
-        except Unreadable:
-            continue
-        rows = (line.split() for line in lines)
-        inodes.update(row[9] for row in rows if len(row) > 9 and int(row[1].rpartition(":")[2], 16) == number)
-    return inodes
-
-
-def _holder(machine: Machine, inodes: set[str]) -> str:
+def _holder(machine: Machine, sockets: set[str]) -> str:
     """The command line of the process that has one of these sockets; empty if this user may not see it."""
-    sockets = {f"socket:[{inode}]" for inode in inodes}
     for link in (machine.root / "proc").glob("[0-9]*/fd/*"):
         try:
             if str(link.readlink()) in sockets:
-                command = (link.parents[1] / "cmdline").read_bytes()
-                return " ".join(command.decode(errors="replace").split("\0")).strip()
+                return (link.parents[1] / "cmdline").read_bytes().decode(errors="replace").replace("\0", " ").strip()
         except OSError:
             continue
     return ""
@@ -86,32 +77,21 @@ def slave_address(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 -
         address = machine.resolve(name)[0]
     except OSError as error:
         return problem(f"{name} cannot be resolved: {error.strerror}", set_it)
-    ip = ip_address(address.partition("%")[0])
     if is_placeholder(address):
         return problem(f"link.slave is {name}, an address reserved for documentation", set_it)
     try:
         own = machine.route(address)
     except OSError as error:
         return problem(f"no route to {name}: {error.strerror}", f"ip route get {address}")
-    if ip.is_loopback or address == own:
+    if ip_address(address.partition("%")[0]).is_loopback or address == own:
         return ok(f"{name} is this host")
-    route = f"{name}: route from {own}"
+    found = f"{name}: route from {own}"
     if machine.which("ping") is None:
-        return ok(f"{route}; not pinged (no ping here)")
+        return ok(f"{found}; not pinged (no ping here)")
     # A slave answers only with the key, so its host is pinged instead.
-    status, _ = machine.run("ping", "-n", "-c", "1", "-W", "1", address)
-    if status == 0:
-        return ok(f"{route}, answers a ping")
-    return unknown(f"{route}; no answer to a ping, perhaps because of a firewall", f"ping -c 3 {address}")
-
-
-FIREWALL_TOOLS = {
-    "ufw": "sudo ufw status | grep -w {port}    (to open it: sudo ufw allow {port}/udp)",
-    "firewall-cmd": "sudo firewall-cmd --query-port={port}/udp    (to open it: --add-port={port}/udp)",
-    "nft": "sudo nft list ruleset | grep -w -e drop -e reject -e {port}",
-    "iptables": "sudo iptables -S INPUT | grep -w -e DROP -e REJECT -e {port}",
-}
-"""How to see whether a UDP port is open, by tool; the first one installed is named."""
+    if machine.run("ping", "-n", "-c", "1", "-W", "1", address)[0] == 0:
+        return ok(f"{found}, answers a ping")
+    return unknown(f"{found}; no answer to a ping, perhaps because of a firewall", f"ping -c 3 {address}")
 
 
 def firewall(machine: Machine, needs: Needs) -> Finding:
@@ -121,10 +101,10 @@ def firewall(machine: Machine, needs: Needs) -> Finding:
     address, number = needs.listen
     if address.startswith("127.") or address in ("localhost", "::1"):
         return ok("the slave listens on loopback, which firewalls rarely filter")
-    for tool, command in FIREWALL_TOOLS.items():
-        if machine.which(tool) is not None:
-            return unknown(f"UDP port {number} must be open; not checked here", command.format(port=number))
-    return ok(f"no firewall tool found ({', '.join(FIREWALL_TOOLS)})")
+    tool = next(filter(machine.which, FIREWALL_TOOLS), None)
+    if tool is None:
+        return ok(f"no firewall tool found ({', '.join(FIREWALL_TOOLS)})")
+    return unknown(f"UDP port {number} must be open; not checked here", FIREWALL_TOOLS[tool].format(port=number))
 
 
 def key_file(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one for each finding
@@ -133,30 +113,25 @@ def key_file(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one 
     if path is None:
         if needs.file is None:
             return ok("no file, so no key to check")
-        if needs.encrypted:
-            return ok("weberlink loopback makes a key for each session")
-        return ok("the file uses no key: datagrams are not encrypted")
-    quoted = shlex.quote(str(path))
+        made = "weberlink loopback makes a key for each session"
+        return ok(made if needs.encrypted else "the file uses no key: datagrams are not encrypted")
+    name, quoted = f"key file {path}", shlex.quote(str(path))
     try:
         status = path.lstat()
     except FileNotFoundError:
-        return problem(f"there is no key file {path}", f"weberlink keygen {quoted}    (or copy the other host's)")
+        return problem(f"there is no {name}", f"weberlink keygen {quoted}    (or copy the other host's)")
     except OSError as error:
-        return problem(f"key file {path} cannot be read: {error.strerror}", f"ls -ld {quoted}")
+        return problem(f"{name} cannot be read: {error.strerror}", f"ls -ld {quoted}")
     if stat.S_ISLNK(status.st_mode):
-        return problem(
-            f"key file {path} is a symbolic link, which daemons do not follow",
-            f"in the file, the key file itself: link.key_file: {shlex.quote(str(path.resolve()))}",
-        )
+        fix = f"in the file, the key file itself: link.key_file: {shlex.quote(str(path.resolve()))}"
+        return problem(f"{name} is a symbolic link, which daemons do not follow", fix)
     if status.st_uid != machine.user:
         owner, user = user_name(status.st_uid), user_name(machine.user)
-        return problem(
-            f"key file {path} belongs to {owner}, this is {user}", f"run as {owner}, or: sudo chown {user} {quoted}"
-        )
+        return problem(f"{name} belongs to {owner}, this is {user}", f"run as {owner}, or: sudo chown {user} {quoted}")
     try:
         keys.load(path)
     except keys.KeyFileError as error:
         found, _, fix = str(error).partition("; ")
-        open_to_others = status.st_mode & 0o077
-        return problem(found, f"chmod 600 {quoted}" if open_to_others else fix or f"weberlink keygen {quoted}.new")
-    return ok(f"key file {path}: mode 0600, a key of {8 * keys.KEY_BYTES} bits")
+        fix = f"chmod 600 {quoted}" if status.st_mode & 0o077 else fix
+        return problem(found, fix or f"weberlink keygen {quoted}.new")
+    return ok(f"{name}: mode 0600, a key of {8 * keys.KEY_BYTES} bits")

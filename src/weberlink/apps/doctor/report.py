@@ -1,37 +1,64 @@
-"""Runs all checks and shows their findings as text or JSON."""
+"""Findings on a machine or a link, and the report that shows them as text or JSON."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
-from weberlink.apps.doctor import host, kernel, network, processors, rights, software
-from weberlink.apps.doctor.findings import Check, Finding, Grade, unknown
-from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
 
-CHECKS: Mapping[str, tuple[Check, ...]] = {
-    "kernel": (kernel.preemption, kernel.timers, kernel.throttling),
-    "clocks": (kernel.clock_source, kernel.wall_clock),
-    "processors": (
-        processors.processors,
-        processors.isolation,
-        processors.governor,
-        processors.idle_states,
-        processors.cpu_quota,
-    ),
-    "rights": (rights.rights,),
-    "host": (host.host,),
-    "memory": (rights.swap, rights.huge_pages, rights.shared_memory),
-    "network": (network.receive_buffer, network.port, network.slave_address, network.firewall),
-    "key": (network.key_file,),
-    "devices": (software.devices,),
-    "software": (software.python, software.compiled, software.uvloop, software.extras),
-}
-"""Checks by the heading of the report that they stand under."""
+
+class Grade(StrEnum):
+    """How well the machine suits a session in one respect."""
+
+    OK = "ok"
+    ADVICE = "advice"
+    """A session runs, but the fix would make it more punctual or easier to operate."""
+    PROBLEM = "problem"
+    """The session does not work as configured, or not in time."""
+    UNKNOWN = "unknown"
+    """It could not be read; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One result.
+
+    Args:
+        grade: how good it is.
+        found: what was found.
+        fix: a command, or a line of a configuration; None where nothing is to be done.
+        check: short name, the same on every machine.
+        area: heading of the report that it stands under.
+    """
+
+    grade: Grade
+    found: str
+    fix: str | None = None
+    check: str = ""
+    area: str = ""
+
+
+def ok(found: str, check: str = "") -> Finding:
+    return Finding(Grade.OK, found, None, check)
+
+
+def advice(found: str, fix: str | None = None, check: str = "") -> Finding:
+    return Finding(Grade.ADVICE, found, fix, check)
+
+
+def problem(found: str, fix: str | None = None, check: str = "") -> Finding:
+    return Finding(Grade.PROBLEM, found, fix, check)
+
+
+def unknown(found: str, fix: str | None = None, check: str = "") -> Finding:
+    return Finding(Grade.UNKNOWN, found, fix, check)
+
 
 INDENT = 10
 COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red", Grade.UNKNOWN: "magenta"}
@@ -39,35 +66,32 @@ COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red",
 
 @dataclass(frozen=True, slots=True)
 class DoctorReport:
-    """Findings by heading, the needs that they were compared with, and further figures for JSON."""
+    """Findings in the order of their areas, the needs that they were compared with, and further figures for JSON."""
 
     needs: Needs
-    findings: Mapping[str, tuple[Finding, ...]]
+    findings: Sequence[Finding]
     measured: Mapping[str, Any] = field(default_factory=dict)
 
     def count(self, grade: Grade) -> int:
-        return sum(each.grade is grade for found in self.findings.values() for each in found)
+        return sum(each.grade is grade for each in self.findings)
 
     @property
     def document(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "needs": self.needs.document,
-            "findings": [
-                {"area": area, **asdict(each)} for area, findings in self.findings.items() for each in findings
-            ],
+            "findings": [asdict(each) for each in self.findings],
             "counts": {grade.value: self.count(grade) for grade in Grade},
             **self.measured,
         }
 
     def show(self, console: Console) -> None:
         """Print each finding, and below it its fix, unwrapped so that it can be copied."""
-        for area, findings in self.findings.items():
+        width = console.width - INDENT
+        for area, findings in groupby(self.findings, lambda each: each.area):
             console.print(Text(area, style="bold"))
             for each in findings:
-                first, *others = wrap(
-                    each.found, console.width - INDENT, break_long_words=False, break_on_hyphens=False
-                )
+                first, *others = wrap(each.found, width, break_long_words=False, break_on_hyphens=False)
                 head = Text.assemble("  ", (f"{each.grade.value:{INDENT - 2}}", COLOURS[each.grade]), first)
                 console.print(head, *(Text(" " * INDENT + line) for line in others), sep="\n", soft_wrap=True)
                 if each.fix is not None:
@@ -75,27 +99,3 @@ class DoctorReport:
         problems, tips, dark = (self.count(grade) for grade in (Grade.PROBLEM, Grade.ADVICE, Grade.UNKNOWN))
         summary = f"{problems} problem{'' if problems == 1 else 's'}, {tips} advice, {dark} unknown"
         console.print(Text(summary, style="bold red" if problems else "bold green"))
-
-
-def examine(
-    needs: Needs, machine: Machine | None = None, checks: Mapping[str, tuple[Check, ...]] = CHECKS
-) -> DoctorReport:
-    """Run the checks."""
-    here = machine or Machine()
-    return DoctorReport(
-        needs,
-        {area: tuple(each for check in group for each in run(check, here, needs)) for area, group in checks.items()},
-    )
-
-
-def run(check: Check, machine: Machine, needs: Needs) -> Iterator[Finding]:
-    """The findings of a check; an error becomes the last finding, so that it hides no other check."""
-    name = check.__name__.replace("_", " ")
-    try:
-        found = check(machine, needs)
-        for each in [found] if isinstance(found, Finding) else found:
-            yield replace(each, check=each.check or name)
-    except Unreadable as error:
-        yield unknown(f"{name}: {error}", check=name)
-    except Exception as error:  # a machine that no test covers must not stop the report
-        yield unknown(f"{name}: {type(error).__name__}: {' '.join(str(error).split())}", check=name)
