@@ -110,6 +110,10 @@ def python(flag: str) -> dict[str, Any]:
     return {"python": lambda: BUILD | {flag: True}}
 
 
+def has(*names: str) -> dict[str, Any]:
+    return {"which": lambda name: f"/bin/{name}" if name in names else None}
+
+
 TAKEN = stretches(steal=[0.2] * 4)
 WORSE_AWAKE = on_host(stretches(steal=[0.0] * 4), stretches(steal=[0.009, 0.03, 0.03, 0.03]))
 MISSED_AWAKE = on_host(stretches(), stretches(missed=0.03))

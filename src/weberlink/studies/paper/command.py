@@ -221,6 +221,7 @@ def _as_json(condition: PaperCondition) -> dict[str, Any]:
         "title": condition.title,
         "signals": condition.units,
         "claims": [found.as_json() for found in condition.results],
+        "observations": [asdict(one) for one in condition.observations],
     }
 
 

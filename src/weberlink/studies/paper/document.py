@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
-from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, ClaimResult, measure
+from weberlink.studies.paper.claims import CLAIMS, WEBER, ClaimResult, measure
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,6 @@ def _lines(conditions: Sequence[PaperCondition], caption: str, *, drawn: bool) -
             yield "\nNot measured in this run: no signals were given."
             continue
         yield from _claims(condition)
-        yield from _rates(condition)
         if drawn:
             yield from _figures(condition)
     if drawn:
@@ -114,19 +113,6 @@ def _exceptions(found: ClaimResult) -> str:
     parts = [f"{unit} ({_signed(found.ratios[unit] - 1.0)})" for unit in found.failing]
     parts += [f"{unit} (never reaches the quality)" for unit in found.unreached]
     return ", ".join(parts) or "-"
-
-
-def _rates(condition: PaperCondition) -> Iterator[str]:
-    yield f"\nPackets per second at k = {WEBER:.2f}, and the RMS error in JND:\n"
-    yield "| signal | " + " | ".join(PREDICTORS) + " |"
-    yield "|---|" + "---|" * len(PREDICTORS)
-    at = {(one.unit, one.predictor): one for one in condition.observations if one.weber == WEBER}
-    for unit in condition.units:
-        cells = [
-            f"{one.packets_per_s:.1f} ({one.quality:.2f})" if (one := at.get((unit, name))) is not None else "-"
-            for name in PREDICTORS
-        ]
-        yield f"| {unit} | " + " | ".join(cells) + " |"
 
 
 def _figures(condition: PaperCondition) -> Iterator[str]:
