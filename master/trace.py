@@ -222,7 +222,7 @@ def _recorded(path: Path, sides: Sequence[Side]) -> Array:
 def _arrays(path: Path) -> Array:
     """The rows of an npz file, shape (n, 7)."""
     try:
-        with np.load(path, allow_pickle=False) as held:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:  # np.load leaves a damaged file open
             table = np.array([held[name] for name in COLUMNS], dtype=np.float64).T
     except FileNotFoundError:
         raise TraceError(f"{path}: not found") from None

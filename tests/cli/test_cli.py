@@ -199,7 +199,9 @@ def test_simulate_refuses_drivers_led_by_programs() -> None:
 def test_simulate_completes_every_shipped_file(name: str, key: Path) -> None:
     result = run("simulate", CONFIGS / name, "--duration", 2, "--json", "-", *with_key(key))
     assert result.exit_code == 0
-    assert all(line.startswith("weberlink: note: ") for line in result.stderr.splitlines())
+    assert all(
+        line.startswith("weberlink: note: ") or " s, after " in line for line in result.stderr.splitlines()
+    )  # the progress of a slow machine
     summary = json.loads(result.stdout)
     assert summary["outcome"] == "completed"
     assert summary["faults"] == {"master": {}, "slave": {}}

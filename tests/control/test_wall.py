@@ -48,12 +48,25 @@ def test_a_surface_that_agrees_is_displayed_as_it_is() -> None:
     assert contact.at(at(-0.006), at(3.6), at(-0.004), 0.0) == at(3.6)
 
 
-def test_a_surface_that_is_right_from_the_first_touch_gives_the_stiffness() -> None:
-    """No further sample comes: the account must not take the contact for a stiffer one, and keep too little of it."""
-    contact = FeltContact(SETTINGS)
-    contact.learn(None, at(0.02), at(-0.00004), at(-0.00004))
-    contact.learn(Wall(480.0), at(0.04), at(-0.00008), at(-0.00008))
-    assert contact.stiffness == 480.0
+def test_a_surface_that_is_right_from_the_first_touch_says_what_the_contact_may_store() -> None:
+    """No further sample comes: the account must not take the contact for a stiff one, and forget what was put in."""
+    master = BoundedMaster(SETTINGS)
+    wall, hand = Wall(480.0), at(0.001)
+
+    def tick() -> Vector:
+        master.observe(hand, TICK, 0.0, 0, Quality(0.0, 0.0))
+        master.command(hand)
+        force = master.render(wall.at(0.0, hand))
+        master.displayed(force)
+        return force
+
+    tick()
+    master.learn(wall, at(0.04), at(-0.00008))
+    for step in range(101):
+        hand = at(-0.0001 * step)
+        assert tick() == wall.at(0.0, hand)
+    stored = 0.5 * 480.0 * 0.01**2
+    assert master.energy == pytest.approx(ACCOUNT.allowance + stored, rel=0.05)
 
 
 def test_a_robot_that_is_free_in_the_wall_removes_it_at_once_or_slowly() -> None:

@@ -24,7 +24,7 @@ what was put in and not taken out, and at E <= 0 nothing is displayed. The proof
   hand pays for sampling and holding.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from weberlink.control.contract import AccountParameters
 
@@ -79,14 +79,18 @@ class Account:
         if self.energy < full and elapsed > 0.0:
             self.energy = min(full, self.energy + self._refill * elapsed + self._damping * moved / elapsed)
 
-    def share(self, force: float, stiffness: float, elapsed: float) -> float:
+    def share(self, force: float, stiffness: float, elapsed: float, softest: float = inf) -> float:
         """The share of a force of this size [N], of a contact of this stiffness [N/m], that may be displayed, 0..1.
+
+        Of what the hand has put in, as much is kept as the contact stores, or the softest one that it may be [N/m].
 
         The part that the hand has not pressed in itself rises with a limited rate: a wall that is felt late rises, and
         does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        most = self._allowance + stored  # what friction and damping took is not kept
+        most = self._allowance + 0.5 * force * force / min(
+            stiffness, softest
+        )  # what friction and damping took is not kept
         if self.energy + self._taken > most:
             self.energy = min(self.energy, most)
             self._taken = most - self.energy

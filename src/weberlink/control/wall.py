@@ -5,6 +5,8 @@ newest that is known of the robot: its force, by the decoder, and its position, 
 ago. Without delay this is the decoded force itself. A robot that goes into the wall and feels nothing removes it.
 """
 
+from math import inf
+
 from weberlink.control.contract import LEAST_CONTACT, SchemeParameters, WallModel
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract
 
@@ -28,6 +30,7 @@ class FeltContact:
 
     Attributes:
         stiffness: of the contact, or that of the robot's coupling if none is known [N/m].
+        softest: that of the decoded surface, as long as no sample has shown the stiffness [N/m]; otherwise infinite.
         normal: of the wall; None without one.
     """
 
@@ -45,6 +48,7 @@ class FeltContact:
         "_squares",
         "_surface",
         "normal",
+        "softest",
         "stiffness",
     )
 
@@ -55,7 +59,7 @@ class FeltContact:
     def reset(self) -> None:
         """Forget the contact and its stiffness."""
         self._squares = self._products = 0.0
-        self.stiffness = self._coupling
+        self.stiffness, self.softest = self._coupling, inf
         self.forget()
 
     def forget(self) -> None:
@@ -106,7 +110,7 @@ class FeltContact:
             self._apart = abs(dot(n, subtract(position, robot))) > WRONG
             self._offset = self._found = self._measured = dot(n, position) + dot(n, force) / self.stiffness
         if surface is not None and self._squares == 0.0:  # right from the first touch, it is the last news
-            self.stiffness = min(self._coupling, max(SOFTEST, surface.stiffness))
+            self.softest = max(SOFTEST, surface.stiffness)
         fits = surface is not None and self.stiffness < SAME * surface.stiffness < SAME * SAME * self.stiffness
         self._surface = surface if fits else None
 
@@ -117,6 +121,7 @@ class FeltContact:
         self._products = FORGET * self._products + share * share * way * fall
         if self._squares > 0.1 * LEAST_WAY * LEAST_WAY:
             self.stiffness = min(self._coupling, max(SOFTEST, self._products / self._squares))
+            self.softest = inf
 
     def at(self, hand: Vector, force: Vector, robot: Vector, tick: float) -> Vector:
         """The force of the contact at the hand [N].

@@ -120,6 +120,7 @@ class Side:
         """Number of the session, as the endpoint counts them; 0 before the first."""
         self._encodes = False
         self._is_fresh = True
+        self._is_paused = False
         self._is_unfounded = False
         self._last_reading_at = nan
         self._peer_tick = 0.0
@@ -389,7 +390,7 @@ class Side:
         for channel in self._channels:
             channel.reset()
         self.port.reset()
-        self._encodes = self.engaged = False
+        self._encodes = self.engaged = self._is_paused = False
 
     def _give_up(self, fault: Fault, why: str, now: float) -> None:
         """The slave does not serve this master: fade out, and end the run as failed."""
@@ -476,7 +477,10 @@ class Side:
         self._encodes, self.engaged = encodes, engaged
         begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
         if (pace.stalled and self._leads) or (begins and not self._is_fresh):
-            self._restart(anew=pace.stalled or not encoded)
+            self._restart(anew=pace.stalled or not self._is_paused)
+        # The robot's news stay away while the hand holds on; to let go, or a stall, ends that. A robot has let go then.
+        holds = self._leads and encodes and not engaged and not pace.stalled
+        self._is_paused = holds and (was_engaged or self._is_paused)
         if was_engaged and not engaged and not self._leads and not pace.settling:
             self._let_go()
         self._is_fresh = self._is_fresh and not engaged
