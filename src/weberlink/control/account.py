@@ -88,9 +88,8 @@ class Account:
         does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        most = self._allowance + 0.5 * force * force / min(
-            stiffness, softest
-        )  # what friction and damping took is not kept
+        least = min(stiffness, softest)
+        most = self._allowance + 0.5 * force * force / least  # what friction and damping took is not kept
         if self.energy + self._taken > most:
             self.energy = min(self.energy, most)
             self._taken = most - self.energy

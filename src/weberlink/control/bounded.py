@@ -130,10 +130,8 @@ class BoundedMaster:
         if self._position is not None and self._sent:
             force = self._contact.at(self._position, force, self._sent.ago(self._rtt), self._tick)
         self._stated = force
-        contact = self._contact
-        share = self._account.share(
-            hypot(force[0], force[1], force[2]), contact.stiffness, self._elapsed, contact.softest
-        )
+        size, contact = hypot(force[0], force[1], force[2]), self._contact
+        share = self._account.share(size, contact.stiffness, self._elapsed, contact.softest)
         return force if share == 1.0 else (share * force[0], share * force[1], share * force[2])
 
     def displayed(self, force: Vector) -> None:
