@@ -57,7 +57,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
         list[Path],
         typer.Argument(
             metavar="TRACE...",
-            help="Recorded signals: files (CSV or MCAP); or shipped ones: tue_rigid_1, tue for all that begin so, "
+            help="Recorded signals: files (CSV, npz or MCAP); or shipped ones: tue_rigid_1, tue for all that begin so, "
             "recordings for all.",
         ),
     ],
