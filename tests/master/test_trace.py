@@ -117,6 +117,15 @@ def test_an_invalid_npz_file_is_refused_in_one_line(tmp_path: Path, changed: dic
     assert "\n" not in str(caught.value)
 
 
+def gives_trace_or_error(path: Path) -> None:
+    try:
+        trace = read_trace(path)
+    except TraceError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(trace.time_s) >= 2
+
+
 @given(place=st.integers(0, 2000), value=st.integers(0, 255))
 def test_a_damaged_npz_file_gives_trace_or_error(
     tmp_path_factory: pytest.TempPathFactory, place: int, value: int
@@ -126,20 +135,10 @@ def test_a_damaged_npz_file_gives_trace_or_error(
     content = bytearray(path.read_bytes())
     content[place % len(content)] = value
     path.write_bytes(content)
-    try:
-        trace = read_trace(path)
-    except TraceError as error:
-        assert "\n" not in str(error)
-    else:
-        assert len(trace.time_s) >= 2
+    gives_trace_or_error(path)
 
 
 @given(content=st.binary(max_size=200))
 def test_any_bytes_give_trace_or_error(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     path = written(tmp_path_factory.mktemp("t") / "a.csv", HEADER.encode() + content)
-    try:
-        trace = read_trace(path)
-    except TraceError as error:
-        assert "\n" not in str(error)
-    else:
-        assert len(trace.time_s) >= 2
+    gives_trace_or_error(path)

@@ -82,14 +82,15 @@ class Account:
     def share(self, force: float, stiffness: float, elapsed: float, softest: float = inf) -> float:
         """The share of a force of this size [N], of a contact of this stiffness [N/m], that may be displayed, 0..1.
 
-        Of what the hand has put in, as much is kept as the contact stores, or the softest one that it may be [N/m].
+        E is at most the allowance and what a spring stores at this force: of this stiffness, or of the softer one that
+        the contact may have, `softest` [N/m].
 
         The part that the hand has not pressed in itself rises with a limited rate: a wall that is felt late rises, and
         does not kick the hand.
         """
         stored = 0.5 * force * force / stiffness
-        least = min(stiffness, softest)
-        most = self._allowance + 0.5 * force * force / least  # what friction and damping took is not kept
+        softer = min(stiffness, softest)
+        most = self._allowance + 0.5 * force * force / softer  # what friction and damping took is not kept
         if self.energy + self._taken > most:
             self.energy = min(self.energy, most)
             self._taken = most - self.energy

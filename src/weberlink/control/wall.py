@@ -109,7 +109,7 @@ class FeltContact:
                     self._fit(along, dot(n, subtract(last[0], force)))
             self._apart = abs(dot(n, subtract(position, robot))) > WRONG
             self._offset = self._found = self._measured = dot(n, position) + dot(n, force) / self.stiffness
-        if surface is not None and self._squares == 0.0:  # right from the first touch, it is the last news
+        if surface is not None and self._squares == 0.0:  # a surface that is right brings no sample to fit
             self.softest = max(SOFTEST, surface.stiffness)
         fits = surface is not None and self.stiffness < SAME * surface.stiffness < SAME * SAME * self.stiffness
         self._surface = surface if fits else None

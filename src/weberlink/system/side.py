@@ -478,7 +478,8 @@ class Side:
         begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
         if (pace.stalled and self._leads) or (begins and not self._is_fresh):
             self._restart(anew=pace.stalled or not self._is_paused)
-        # The robot's news stay away while the hand holds on; to let go, or a stall, ends that. A robot has let go then.
+        # A pause: the operator still leads, but the encoder of the robot is not heard. The robot releases then, so only
+        # the operator's end may continue with its contact and energy.
         holds = self._leads and encodes and not engaged and not pace.stalled
         self._is_paused = holds and (was_engaged or self._is_paused)
         if was_engaged and not engaged and not self._leads and not pace.settling:
@@ -486,8 +487,11 @@ class Side:
         self._is_fresh = self._is_fresh and not engaged
 
     def _restart(self, *, anew: bool) -> None:
-        """Fade in from zero with complete updates; `anew` also takes what the scheme holds of a contact and its energy:
-        the hand that let go, or stood still in a stall, is elsewhere."""
+        """Fade in from zero, and send complete updates.
+
+        Args:
+            anew: reset the control scheme too: after a release or a stall, hand and robot may be elsewhere.
+        """
         for channel in self.outgoing:
             channel.encoder.restart()
         if anew:

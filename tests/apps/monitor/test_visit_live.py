@@ -250,7 +250,7 @@ def test_wall_stops_the_handle_and_packets_are_counted(visited: Visited) -> None
 
 @pytest.mark.realtime(alone=True)
 def test_closed_connection_fades_the_force(visited: Visited) -> None:
-    assert visited.released_ms < SILENCE_MS  # the close released it, not the silence of the pointer
+    assert visited.released_ms < SILENCE_MS  # by the close, and at the latest by the silence of the pointer
     assert 0 < visited.fade_ticks <= RAMP_TICKS
 
 
