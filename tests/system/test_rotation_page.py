@@ -1,4 +1,4 @@
-"""docs/turning.md, and what docs/devices/mujoco.md says of turning, is what there is."""
+"""docs/rotation.md, and what docs/devices/mujoco.md says of turning, is what there is."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ from weberlink.slave.robots.mjcf.options import RotationOptions
 from weberlink.slave.robots.point import PointOptions, PointRobot, ToolOptions
 
 DOCS = CONFIGS.parent / "docs"
-PAGE = (DOCS / "turning.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "rotation.md").read_text(encoding="utf-8")
 MUJOCO = (DOCS / "devices" / "mujoco.md").read_text(encoding="utf-8")
 
 
