@@ -1,4 +1,4 @@
-"""A sampled mutation test: small faults in what codes, carries, controls and protects, and which of them the suite notices.
+"""A sampled mutation test: small faults in what codes, carries, controls and protects, and which the suite notices.
 
     python -m trials.mutants --count 20
 
