@@ -12,8 +12,9 @@ FRANKA := $(VENV)/franka
 
 MINUTES ?= 60
 TIMES ?= 10
+COUNT ?= 20
 
-.PHONY: system demo test compiled test-compiled hunt lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
@@ -48,6 +49,9 @@ test-compiled: compiled  ## the whole test suite on the compiled build
 
 hunt: $(DEV)  ## every property at ten times the examples, other ones each time; TIMES=100 for a night
 	$(BIN)/python -m pytest -n auto -m "hunt or (hypothesis and not realtime)" --hunt $(TIMES)
+
+mutants: $(DEV)  ## small faults in what codes, carries, controls and protects, and which the suite notices: COUNT=20, minutes
+	$(BIN)/python -m trials.mutants --count $(COUNT)
 
 lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, beside live sessions; installs torch: 7 GB
 	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial

@@ -55,6 +55,7 @@ class Parameters(NamedTuple):
         silence: time without a fresh datagram after which the peer counts as gone [s].
         longest_round_trip: largest one that this end allows [s].
         opens: whether this end begins the sessions, as the initiator does.
+        rekey_after: datagrams after which the key of a direction is replaced, if it was not by time.
     """
 
     outgoing: DirectionLayout
@@ -64,6 +65,7 @@ class Parameters(NamedTuple):
     silence: float
     longest_round_trip: float
     opens: bool
+    rekey_after: int = REKEY_AFTER
 
     def tick_at(self, departure: float) -> int:
         """The tick of an end nearest to a time on its clock [s], which the other end computes alike."""
@@ -140,7 +142,7 @@ class Sender:
         self._next_sequence = first_sequence
         self._phase = 0
         self._rekey_at = now + REKEY_AFTER_S
-        self._rekey_from = first_sequence + REKEY_AFTER
+        self._rekey_from = first_sequence + parameters.rekey_after
         self.heartbeats = HeartbeatSchedule(now, silence=parameters.silence, tick_period=parameters.tick_period)
         self.negotiation = ParameterNegotiation()
         self.round_trip = RoundTripAgreement(
@@ -293,7 +295,7 @@ class Sender:
         if now >= self._rekey_at or sequence >= self._rekey_from:
             self._protection.rekey_outgoing()
             self._phase ^= PHASE
-            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + REKEY_AFTER
+            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._parameters.rekey_after
         if self._phase:
             clear = _PHASED[clear[0]] + clear[1:]
         return self._protection.seal(sequence, clear)

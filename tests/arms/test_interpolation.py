@@ -64,6 +64,14 @@ def test_time_is_monotonic_and_late_by_the_lag(steps: list[tuple[float, float]])
         last = reading.at
 
 
+def test_a_sample_that_is_not_newer_changes_nothing() -> None:
+    interpolation = Interpolation(0.0)
+    for at, value in ((1.0, 1.0), (2.0, 2.0), (1.5, 9.0), (2.0, 9.0)):
+        interpolation.add(TimedValues(at, (value,)))
+    assert interpolation.at(1.5).values == (1.5,)
+    assert interpolation.at(3.0).values == (2.0,)
+
+
 def test_nothing_is_made_up_before_the_first_sample() -> None:
     with pytest.raises(LookupError):
         Interpolation(0.0).at(1.0)

@@ -5,7 +5,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -17,6 +17,22 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.worker import Worker
 
 ROOT = Path(__file__).parents[2]
+
+
+class Pushed:
+    """An exchange of forces."""
+
+    def __init__(self) -> None:
+        self.pushed: list[float] = []
+
+    def open(self) -> int:
+        return 0
+
+    def exchange(self, force: float) -> int:
+        self.pushed.append(force)
+        return 0
+
+    def close(self) -> None: ...
 
 
 @contextmanager
@@ -81,6 +97,31 @@ def test_a_command_that_nobody_renews_does_not_last() -> None:
         command_until(worker, "push", lambda: "push" in exchange.commands)
         wait_for(lambda: exchange.commands[-1] == REST)
         command_until(worker, "push", lambda: exchange.commands[-1] == "push")
+
+
+def test_after_a_pause_of_the_commands_the_output_rests_and_rises_anew() -> None:
+    """A host that stood still goes on with a fresh command; the device must not get all of it at once."""
+    now, forces = 0.0, Pushed()
+    worker = Worker(forces, rest=0.0, period=0.01, on_command=True, stale=0.05, bad_replies=3,
+                    scale=lambda force, share: force * share, ramp=0.05, clock=lambda: now)  # fmt: skip
+    worker.start()
+    try:
+
+        def pushed(elapsed: float) -> float:
+            nonlocal now
+            now += elapsed
+            done = len(forces.pushed)
+            worker.command(2.0, now)
+            wait_for(lambda: len(forces.pushed) > done)
+            return forces.pushed[-1]
+
+        assert [pushed(0.01) for _ in range(8)][-1] == 2.0
+        assert pushed(0.06) == 0.0
+        rise = [pushed(0.01) for _ in range(6)]
+        assert all(b - a <= 2.0 * 0.01 / 0.05 + 1e-9 for a, b in pairwise([0.0, *rise]))
+        assert rise[-1] == 2.0
+    finally:
+        worker.stop()
 
 
 def test_a_command_of_the_last_session_is_forgotten() -> None:

@@ -4,7 +4,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.protocol.counters import LOSS_PATIENCE, REPLAY_WINDOW, LossMeter, ReplayWindow, expand, expand_counter
@@ -36,6 +36,9 @@ def test_a_counter_that_starts_just_below_the_wrap() -> None:
 
 
 @given(st.lists(st.integers(0, 3 * REPLAY_WINDOW), max_size=200))
+@example([REPLAY_WINDOW, 0, 1])
+@example([REPLAY_WINDOW - 1, 0])
+@example([1, REPLAY_WINDOW + 1, 1, 2])
 def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
     window = ReplayWindow()
     marked: set[int] = set()

@@ -10,17 +10,17 @@ from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.heartbeat import INTRODUCTIONS
 from weberlink.protocol.security import Security
-from weberlink.protocol.sending import REKEY_AFTER_S, Parameters
+from weberlink.protocol.sending import REKEY_AFTER, REKEY_AFTER_S, Parameters
 from weberlink.protocol.session import Session
 from weberlink.protocol.wire import PHASE, DirectionLayout
 from weberlink.update import PreviousSample, Update
 
 
 def pair(
-    security: Security, first_sequence: int = 1, silence: float = 0.1
+    security: Security, first_sequence: int = 1, silence: float = 0.1, rekey_after: int = REKEY_AFTER
 ) -> tuple[Session, Session, Statistics, Statistics]:
     layout = DirectionLayout([forms(3)])
-    parameters = Parameters(layout, layout, 0.0, 0.001, silence, 0.4, opens=False)
+    parameters = Parameters(layout, layout, 0.0, 0.001, silence, 0.4, opens=False, rekey_after=rekey_after)
     made: list[Session] = []
     counted: list[Statistics] = []
     for side, protection in enumerate(exchanged(security)):
@@ -138,8 +138,11 @@ def test_updates_before_the_first_report_are_untimed() -> None:
     assert isinstance(deliver(receiver, sender.sender.send_update(0.02, sample_update(2)), 0.02), UpdateReceived)
 
 
-def test_an_update_that_goes_on_after_its_end_is_malformed() -> None:
-    """No owner can send it, a peer with a fault can."""
+@pytest.mark.parametrize(
+    ("lag", "extra", "reason"), [(0, b"\1", DropReason.MALFORMED), (20, b"", DropReason.IMPLAUSIBLE)]
+)
+def test_an_update_beyond_its_end_or_before_its_clock_is_dropped(lag: int, extra: bytes, reason: DropReason) -> None:
+    """No owner can send it, a peer with a fault can: bytes too many, or a tick below 0."""
     direction = DirectionLayout([forms(3)])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1, 0.4, opens=False)
@@ -147,12 +150,29 @@ def test_an_update_that_goes_on_after_its_end_is_malformed() -> None:
     receiver = agreed(Session(protections[1], parameters, Statistics(), 0.0, 0.0, longest_round_trip=0.4))
     receiver.clock.learn(0.0, 0.0, 0.0)
     outcomes = []
-    for sequence, extra in ((1, b"\1"), (2, b"")):
+    for sequence, behind, more in ((1, lag, extra), (2, 0, b"")):
         envelope = (sequence, 0, receiver.clock.stamp(0.01)[0], receiver.liveness.echo(0.01), (None,))
-        clear = layout.pack(envelope, 0, Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))) + extra
+        clear = layout.pack(envelope, behind, Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))) + more
         outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
-    assert outcomes[0] is DropReason.MALFORMED
+    assert outcomes[0] is reason
     assert isinstance(outcomes[1], UpdateReceived)
+
+
+def test_a_report_that_is_overtaken_changes_nothing() -> None:
+    sender, receiver, counted, _ = pair(Checksum(), silence=10.0)
+    reports = []
+    for now, lost in ((2.0, 5), (4.0, 40)):
+        for _ in range(lost):
+            sender.sender.send_heartbeat(now)  # is lost
+        for step in range(5):
+            deliver(receiver, sender.sender.send_heartbeat(now), now)
+            deliver(sender, receiver.sender.send_heartbeat(now), now) if step == 0 else None
+        reports.append(receiver.sender.send_heartbeat(now + 1.0))
+    deliver(sender, reports[1], 5.0)
+    newest = counted.outgoing_loss
+    assert newest > 0.0
+    deliver(sender, reports[0], 5.0)
+    assert counted.outgoing_loss == newest
 
 
 def test_a_farewell_arrives_however_late() -> None:
@@ -162,14 +182,17 @@ def test_a_farewell_arrives_however_late() -> None:
 
 
 @pytest.mark.parametrize("security", suites())
-def test_keys_are_replaced_without_a_loss(security: Security) -> None:
+@pytest.mark.parametrize(("period", "rekey_after", "changes"), [(1.0, 2**20, 400 // REKEY_AFTER_S), (0.01, 100, 4)])
+def test_keys_are_replaced_by_time_and_by_count_without_a_loss(
+    security: Security, period: float, rekey_after: int, changes: int
+) -> None:
     """Datagrams of both keys arrive mixed at each change; one that was sealed before it may come after."""
-    sender, receiver, counted, received = pair(security, silence=10.0)
+    sender, receiver, counted, received = pair(security, silence=10.0, rekey_after=rekey_after)
     phases: list[int] = []
     held: list[bytes] = []
     for step in range(1, 400):
-        now = step * 1.0
-        data = sender.sender.send_update(now, sample_update(1000 * step))
+        now = step * period
+        data = sender.sender.send_update(now, sample_update(round(1000 * now)))
         phases.append(data[0] & PHASE)
         if step % 7 == 0:
             held.append(data)
@@ -178,7 +201,7 @@ def test_keys_are_replaced_without_a_loss(security: Security) -> None:
         if held and step % 7 == 2:
             assert deliver(receiver, held.pop(), now) is DropReason.SUPERSEDED
         assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
-    assert sum(earlier != later for earlier, later in pairwise(phases)) == 400 // REKEY_AFTER_S
+    assert sum(earlier != later for earlier, later in pairwise(phases)) == changes
     assert counted.repeats == received.lost == 0
 
 

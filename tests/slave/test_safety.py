@@ -1,8 +1,8 @@
-from itertools import pairwise
+from itertools import pairwise, product
 from math import inf
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.control.contract import LEAST_CONTACT
@@ -13,6 +13,7 @@ from weberlink.slave.safety import REBOUND, TRIP_PAUSE, CommandGuard, Follower, 
 WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 TICK = 1e-3
 coordinates = st.floats(-1.0, 1.0)
+directions = st.tuples(coordinates, coordinates, coordinates).filter(lambda v: norm(v) > 0.1).map(unit)
 
 
 def guard(retract: float = 0.0) -> CommandGuard:
@@ -151,29 +152,38 @@ def test_after_a_trip_it_follows_again_once_the_hand_is_out_and_the_pause_is_ove
 
 
 @given(
+    st.sampled_from([*product((-0.1, 0.1), repeat=3), (0.0, 0.0, 0.05)]),
     st.lists(
         st.one_of(
             st.tuples(coordinates, coordinates, coordinates),
-            st.sampled_from(["hold", "release", "trip", "reset"]),
+            st.tuples(st.sampled_from(["hold", "release", "trip", "reset"]), directions),
         ),
         min_size=1,
         max_size=60,
-    )
+    ),
 )
-def test_whatever_interrupts_it_the_robot_never_jumps_nor_does_what_is_shown(steps: list[Vector | str]) -> None:
+@example((-0.1, -0.1, -0.1), [(-1.0, -1.0, -1.0), ("release", (-1.0, 0.0, 0.0)), *[("hold", (1.0, 0.0, 0.0))] * 20])
+@example((0.1, 0.1, 0.1), [("trip", (0.0, 0.0, 1.0)), *[(0.0, 0.0, 0.0)] * 20])
+def test_in_every_state_the_robot_stays_in_the_workspace_and_nothing_jumps(
+    start: Vector, steps: list[Vector | tuple[str, Vector]]
+) -> None:
     guarding = guard(retract=0.01)
-    last, share = (0.0, 0.0, 0.05), 0.0
+    guarding.place(start)
+    last, share = start, 0.0
     for step in steps:
-        following = guarding.following
-        if step == "release":
-            guarding.release((0.0, 0.0, 5.0))
-        elif step == "trip":
-            guarding.trip((3.0, 0.0, 4.0))
-        elif step == "reset":
-            guarding.reset()
-        applied = guarding.hold(TICK) if isinstance(step, str) else guarding.follow(step, TICK)
-        speed = 1.0 if following and not isinstance(step, str) else 0.1
+        following, interrupts = guarding.following, len(step) == 2
+        match step:
+            case "release", out:
+                guarding.release(scale(out, 5.0))
+            case "trip", out:
+                guarding.trip(scale(out, 5.0))
+            case "reset", _:
+                guarding.reset()
+        applied = guarding.hold(TICK) if interrupts else guarding.follow(step, TICK)  # type: ignore[arg-type]
+        assert all(low <= value <= high for value, low, high in zip(applied, *WORKSPACE, strict=True))
+        speed = 1.0 if following and not interrupts else 0.1
         assert distance(applied, last) <= speed * TICK * (1 + 1e-6) + 1e-12
+        assert guarding.clipped == (guarding.following and applied != step)
         shown = norm(guarding.shown((0.0, 0.0, 1.0)))
         assert shown - share <= TICK / 0.05 * (1 + 1e-9)
         last, share = applied, shown
@@ -184,7 +194,6 @@ def test_whatever_interrupts_it_the_robot_never_jumps_nor_does_what_is_shown(ste
 MOST, COUPLING = 6.0, 2500.0
 near = st.floats(-0.05, 0.05)
 places = st.tuples(near, near, near)
-directions = st.tuples(coordinates, coordinates, coordinates).filter(lambda v: norm(v) > 0.1).map(unit)
 
 
 def pressed(target: Vector, tip: Vector, outward: Vector, stiffness: float = COUPLING) -> float:

@@ -285,6 +285,14 @@ def test_strong_contact_trips_until_the_hand_leaves_it() -> None:
     assert max(norm(output(step.master)) for step in run[end.index :]) > 1.0  # it works again
 
 
+def test_a_trip_outlives_the_session() -> None:
+    """The master stands still for so long that the slave gives the session up; the hand is still deep then."""
+    built, run = stopped("master", 4.0, "slave.limits.trip_n=3", "codec.force.predictor=zoh")
+    again = next(step for step in run if step.slave.at > BEGIN + 4.0 and step.slave.state == State.ENGAGED.value)
+    assert built.slave.endpoint.sessions == 2
+    assert {step.slave.fault for step in run[again.index - 1000 : again.index + 100]} == {Fault.TRIPPED}
+
+
 def test_simulated_robot_without_trip_limit_never_trips() -> None:
     """At its largest force."""
     simulation = system(

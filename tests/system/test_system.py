@@ -16,6 +16,7 @@ from weberlink.master.devices.operator import OperatorDevice
 from weberlink.protocol import DropReason
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
+from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.states import State
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.slave.robots.contract import RobotFault, RobotReading
@@ -188,6 +189,9 @@ def test_extrapolation_during_silence_is_bounded_by_ramp_limiter_and_horizon() -
     lost = next(step for step in run if step.master.at >= 0.95)
     held = next(step for step in run if step.slave.at >= 0.95 + SILENCE + TICK)
     assert distance(output(held.slave), output(lost.slave)) <= 0.6 * SILENCE * 0.5
+    horizon = 0.95 + HORIZON_SHARE * SILENCE + 2.0 * TICK
+    assert len({output(step.slave) for step in run if 0.96 <= step.slave.at < horizon - 0.01}) > 10
+    assert len({output(step.slave) for step in run if horizon <= step.slave.at < 0.95 + SILENCE}) == 1
 
 
 def test_retreat_backs_off_the_contact() -> None:

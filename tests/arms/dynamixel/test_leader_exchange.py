@@ -194,9 +194,10 @@ class TestComplaints:
         said = _complaint(bench)
         assert said == "shoulder_lift (id 2): has a supply of 3.2 V and needs 3.5 to 7.0 V: check the 5 V supply"
 
-    def test_wrong_zero_is_named(self) -> None:
-        bench = leader_bench(koch(), KochLeaderOptions(offset_rad=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0)))
-        assert "shoulder_lift (id 2): stands at 2.00 rad, outside its range of -1.57 to 0.60" in _complaint(bench)
+    @pytest.mark.parametrize("offset", [2.0, -3.0])
+    def test_wrong_zero_is_named(self, offset: float) -> None:
+        bench = leader_bench(koch(), KochLeaderOptions(offset_rad=(0.0, offset, 0.0, 0.0, 0.0, 0.0)))
+        assert f"shoulder_lift (id 2): stands at {offset:.2f} rad, outside its range of -1.57" in _complaint(bench)
 
     def test_overload_in_session_is_named(self) -> None:
         bench = leader_bench(koch(), KochLeaderOptions())

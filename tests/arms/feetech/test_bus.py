@@ -6,7 +6,8 @@ import pytest
 
 from tests.arms.feetech.virtual import VirtualPort
 from weberlink.arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
-from weberlink.arms.feetech.arm import NAMES, So101Options
+from weberlink.arms.feetech import registers
+from weberlink.arms.feetech.arm import NAMES, So101Options, motor_torques
 from weberlink.arms.feetech.exchange import So101Bus
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.so101_follower import So101FollowerOptions
@@ -96,6 +97,13 @@ def test_late_answers_are_not_taken_for_newer_ones(port: VirtualPort) -> None:
     servo.angle = 0.5
     port.emulator.inject("dead", 0)
     assert arm.scale.angles(arm.bus.exchange())[0] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("volts", [5.0, 7.4, 12.0])
+def test_the_torque_of_a_duty_follows_the_supply(volts: float) -> None:
+    still = [registers.Present(2048, 0, 500, round(10.0 * volts), 30, 0)] * 6
+    torques = motor_torques(still, (0.0,) * 6, OPTIONS, (0.002,) * 6)
+    assert torques == pytest.approx([sign * 500 * 0.002 * volts / OPTIONS.rated_v for sign in OPTIONS.sign])
 
 
 def test_settings_last_until_set_back(port: VirtualPort) -> None:

@@ -104,6 +104,24 @@ async def test_two_shells_connect_exchange_updates_and_part(loop: asyncio.Abstra
     assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
 
 
+@pytest.mark.parametrize("is_under_way", [False, True])
+def test_a_farewell_leaves_with_the_socket(is_under_way: bool) -> None:
+    """It waits in the endpoint, or in an emulated link of ten seconds, when the shell is closed."""
+
+    @live
+    async def session(loop: asyncio.AbstractEventLoop) -> None:
+        link: EmulatedLink[Address] = EmulatedLink(Emulation(), Random(1).random)
+        master_shell, master, _slave_shell, slave = await engage(loop, link=link)
+        link.change(Emulation(delay_s=10.0))
+        master.close(monotonic(), "master: device fault")
+        if is_under_way:
+            master_shell.flush(monotonic())
+        master_shell.close()
+        assert await until(slave, PeerClosed, []) == PeerClosed("master: device fault")
+
+    session()
+
+
 @live
 async def test_a_session_lives_on_without_ticks(loop: asyncio.AbstractEventLoop) -> None:
     """Timers alone keep heartbeats going, past several silence limits."""

@@ -120,6 +120,14 @@ def test_angles_beyond_the_range_are_not_commanded() -> None:
     assert arm.emulator.angles[5] == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.parametrize(("weight", "count"), [(-900.0, 0), (900.0, 4095)])
+def test_goals_stay_on_the_turn_of_the_encoder(weight: float, count: int) -> None:
+    """A goal beyond it, here by what the weight takes, is another number to the servo."""
+    arm = Arm(gravity=lambda _: (weight,) * 6)
+    arm.exchange.exchange(START)
+    assert [servo["goal_position"] for servo in arm.emulator.servos] == [count] * 6
+
+
 def test_servo_without_power_is_noticed() -> None:
     arm = Arm()
     arm.go(START, 0.2)

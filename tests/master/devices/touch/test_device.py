@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
 from time import monotonic, sleep
@@ -20,6 +21,7 @@ from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.devices.touch import hdapi
 from weberlink.master.devices.touch.device import TouchDevice, pose
 from weberlink.master.devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
+from weberlink.master.devices.touch.hdapi import HdError
 from weberlink.master.devices.touch.options import TouchOptions
 from weberlink.master.devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop
 
@@ -223,6 +225,40 @@ class Broken:
 
     def hdEndFrame(self, handle: int) -> None:  # noqa: N802
         self.ended += 1
+
+
+class Healthy(Broken):
+    """A library whose frames are in order."""
+
+    def hdGetDoublev(self, name: int, values: Any) -> None: ...  # noqa: N802
+
+    def hdGetIntegerv(self, name: int, values: Any) -> None: ...  # noqa: N802
+
+    def hdCheckCalibration(self) -> int:  # noqa: N802
+        return 0
+
+    def hdGetError(self) -> HdError:  # noqa: N802
+        return HdError(0, 0)
+
+
+def test_a_loop_that_stood_still_starts_from_zero_with_a_command_as_fresh_as_any() -> None:
+    """The daemon may have stood still with it: its first command is a new one."""
+    library: Any = Healthy()
+    memory = ServoMemory(bytearray(MEMORY_SIZE))
+    loop = ServoLoop(library, 0, memory, 0.05, RAMP_S)
+    loop.rests = False
+
+    def frame() -> float:
+        memory.force.write(monotonic(), 2.0, 0.0, 0.0, 0)
+        loop.frame()
+        return library.force[0]
+
+    wait_for(lambda: frame() == 2.0)
+    sleep(0.06)
+    forces = [frame() for _ in range(20)]
+    assert forces[0] == 0.0
+    assert max(b - a for a, b in pairwise(forces)) <= 2.0 * LONGEST_S / RAMP_S * (1 + 1e-9)
+    assert forces[-1] > 0.0
 
 
 def test_error_in_the_callback_sends_zero_and_goes_on() -> None:

@@ -46,9 +46,11 @@ class LoopBench:
         while self.state.phase is Phase.STARTING:
             self.cycle()
 
-    def cycle(self, elapsed: float = CYCLE_S) -> ArmState:
-        """One cycle of the robot; a longer one is a pause of the loop."""
+    def cycle(self, elapsed: float = CYCLE_S, goal: Vector | None = None) -> ArmState:
+        """One cycle of the robot; a longer one is a pause of the loop. A goal is commanded just before it."""
         self.now += elapsed
+        if goal is not None:
+            self.command(goal)
         for _ in range(round(elapsed / CYCLE_S)):
             self.arm.step()
         state = RobotState(self.arm)

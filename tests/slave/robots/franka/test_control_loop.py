@@ -96,6 +96,17 @@ def test_pause_of_the_loop_stops_the_arm() -> None:
     assert bench.loop.pace().startswith("99 of ")
 
 
+def test_commands_that_go_on_during_a_pause_of_the_loop_are_approached_anew() -> None:
+    """The pause was the loop's alone: no command is stale."""
+    fastest = []
+    for pause in (0.001, 0.1):
+        bench = LoopBench(approach_m_s=0.1)
+        bench.lead(ASIDE, 3.0)
+        bench.cycle(pause, START)
+        fastest.append(max(bench.lead(START, 0.001).joint_speed for _ in range(100)))
+    assert fastest[1] < 0.5 * fastest[0]
+
+
 @pytest.mark.parametrize("way", ["order", "orphan"])
 def test_end_leaves_the_arm_at_rest(way: str) -> None:
     bench = LoopBench(approach_m_s=0.5)
