@@ -211,7 +211,8 @@ def foxglove(
     """Show a running session in Foxglove, until Ctrl-C."""
     from weberlink.system.configuration.extras import need  # noqa: PLC0415
 
-    need("foxglove", "foxglove", "weberlink bridge foxglove")
+    for package in ("foxglove", "rosbags"):
+        need(package, "foxglove", "weberlink bridge foxglove")
     from weberlink.apps.bridge.foxglove import run  # noqa: PLC0415
     from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
 

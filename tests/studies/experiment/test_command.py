@@ -234,7 +234,7 @@ class _RatesOnce(io.StringIO):
         self._screen = screen
         self._rating: int | None = rating
 
-    def readline(self, size: int = -1, /) -> str:  # noqa: ARG002
+    def readline(self, size: int = -1, /) -> str:
         if self._rating is None:
             return ""
         if not self._screen.getvalue().endswith("Rating 0 to 5: "):
