@@ -179,8 +179,10 @@ def test_a_wrong_environment_is_one_line_that_names_it(
 def test_check_says_what_a_shipped_file_composes(name: str, key: Path) -> None:
     result = run("check", CONFIGS / name, *with_key(key))
     assert (result.exit_code, result.stderr) == (0, "")
-    assert f"{name}: valid" in result.stdout.splitlines()[0]
-    said = [line for line in result.stdout.splitlines() if line.startswith("warning")]
+    first, *lines = result.stdout.splitlines()
+    assert f"{name}: valid" in first
+    assert max(map(len, lines)) <= 80
+    said = [line for line in lines if line.startswith("warning")]
     # The address of the robot is for the reader to put in.
     placed = [line for line in said if line.startswith("warning   link.slave 192.0.2.1:47000: ")]
     assert len(placed) == (name in BETWEEN_HOSTS)

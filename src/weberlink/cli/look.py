@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated, Literal
 
 import typer
@@ -75,7 +76,10 @@ def check(file: File, set_: Set = None) -> None:
     from weberlink.system.check import describe  # noqa: PLC0415
     from weberlink.system.configuration import load  # noqa: PLC0415
 
-    typer.echo("\n".join(list(describe(load(file, set_ or ())))))
+    for line in list(describe(load(file, set_ or ()))):
+        typer.echo(
+            "\n".join(wrap(line, 80, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False))
+        )
 
 
 def doctor(
