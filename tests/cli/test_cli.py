@@ -99,7 +99,7 @@ def test_completion_knows_commands() -> None:
 # --- wrong arguments
 
 EVALUATE = ["study", "evaluate", OPERATOR]
-ARM, HELD = CONFIGS / "phantom-arm.yaml", "master.device={driver: force_dimension}"
+LAN, ARM, HELD = CONFIGS / "lan.yaml", CONFIGS / "phantom-arm.yaml", "master.device={driver: force_dimension}"
 WRONG: list[tuple[list[object], str]] = [
     (["loopback", "--duration", "three"], "--duration"),
     (["simulate", LOOPBACK, "--duration", "inf"], "--duration"),
@@ -143,6 +143,11 @@ WRONG: list[tuple[list[object], str]] = [
     (["bridge", "ros2", "--depth", "0"], "--depth"),
     (["doctor", "--link", "robot"], "--link: needs a FILE"),
     (["doctor", "--set", "rate_hz=500"], "--set: needs a FILE"),
+    (["doctor", "none.yaml"], "none.yaml"),
+    (["doctor", LAN, "--set", "rate_hz=x"], "rate_hz"),
+    (["doctor", LAN, "--side", "both"], "--side"),
+    (["doctor", LAN, "--link", "robot", "--set", "link.key_file=none.key"], "link.key_file"),
+    (["doctor", CONFIGS / "anywhere.yaml", "--link", "nobody", "--set", "link.peer_store=."], "nobody"),
     (["peer", "--remove"], "--remove"),
     (["configs", "--out", "a.yaml"], "--out"),
 ]
