@@ -44,7 +44,9 @@ def scene_markers(scene: Sequence[Shape], tool: Sequence[Vector]) -> bytes:
     if tool:
         ends = [end for point in tool for end in ((0.0, 0.0, 0.0), point)]
         markers.append(_marker("robot", LINE_LIST, (0.002, 0.0, 0.0), ROBOT, points=ends))
-    return _array(markers, "scene")
+    for number, marker in enumerate(markers):
+        marker.ns, marker.id = "scene", number
+    return _array(markers)
 
 
 def body_markers(newest: Mapping[str, Any], reach: float, at_ns: int) -> bytes:
@@ -55,7 +57,7 @@ def body_markers(newest: Mapping[str, Any], reach: float, at_ns: int) -> bytes:
         reach: of the view, see `reach_of` [m].
         at_ns: time on the wall clock [ns since 1970].
     """
-    size, markers = reach / LEAST_REACH_M, []
+    size, markers = reach / LEAST_REACH_M, list[Any]()
     for side, record in newest.items():
         place, force, colour = ("position", "output", HAND) if side == MASTER else ("output", "raw", ROBOT)
         (x, y, z), (u, v, w) = record[place].tolist(), record[force].tolist()
@@ -63,17 +65,19 @@ def body_markers(newest: Mapping[str, Any], reach: float, at_ns: int) -> bytes:
         if norm(along) < LEAST_FORCE_N:  # an arrow without length, since it has to take the place of the last one
             along = ZERO
         tip = add(at, scale(along, M_PER_N * size))
-        markers.append(_marker(FIXED_FRAME, SPHERE, (0.004 * size,) * 3, colour, at, at_ns=at_ns))
         shaft = (0.0012 * size, 0.0024 * size, min(0.0036 * size, 0.5 * M_PER_N * size * norm(along)))
-        markers.append(_marker(FIXED_FRAME, ARROW, shaft, colour, points=[at, tip], at_ns=at_ns))
-    return _array(markers, "bodies")
+        ball = _marker(FIXED_FRAME, SPHERE, (0.004 * size,) * 3, colour, at, at_ns=at_ns)
+        arrow = _marker(FIXED_FRAME, ARROW, shaft, colour, points=[at, tip], at_ns=at_ns)
+        ball.ns, arrow.ns, arrow.id = side, side, 1
+        markers += ball, arrow
+    return _array(markers)
 
 
 def no_markers() -> bytes:
     """Body of a MarkerArray that removes all markers of its topic."""
     marker = _marker(FIXED_FRAME, SPHERE, (0.0, 0.0, 0.0), SOLID)
     marker.action = DELETE_ALL
-    return _array([marker], "")
+    return _array([marker])
 
 
 def reach_of(scene: Sequence[Shape]) -> float:
@@ -171,8 +175,5 @@ def _marker(
     )  # fmt: skip
 
 
-def _array(markers: Sequence[Any], name: str) -> bytes:
-    """A MarkerArray; a marker takes the place of the earlier one with its name and number."""
-    for number, marker in enumerate(markers):
-        marker.ns, marker.id = name, number
+def _array(markers: Sequence[Any]) -> bytes:
     return encode_body(types().types[MARKERS](list(markers)), MARKERS)

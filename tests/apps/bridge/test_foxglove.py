@@ -156,8 +156,7 @@ def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
             assert [each.action for each in cleared.markers] == [DELETE_ALL]
             assert [each.type for each in newest.markers][-1] == CUBE
             client.messages["/diagnostics"].clear()
-            seen.look()
-            seen.until(client, "/diagnostics")
+            seen.until(client, "/diagnostics", 2)  # the first one tells the end of the former session
             status = parsed(client, "/diagnostics")[-1].status
             assert status[0].hardware_id == "8" and {each.level for each in status} <= {0, 1, 2}
         client.messages["/diagnostics"].clear()

@@ -147,6 +147,7 @@ class TopicBridge(ABC):
             solids, tool = drawn(slave.get("scene") or ()), (slave["robot"].get("tool") or {}).get("points_m") or ()
             self._reach, self._scene = reach_of(solids), scene_markers(solids, tool)
             self._publish(SCENE, MARKERS).put_body(self._scene, time_ns())
+            self._publish(BODIES, MARKERS)
 
     def put(self, feed: RingFeed, records: Records) -> None:
         side = self._sides.get(feed.side)
@@ -177,7 +178,7 @@ class TopicBridge(ABC):
     def look(self, now: float) -> None:
         if now >= self._show_at and self._newest and self._scene is not None:
             self._show_at, now_ns = now + BODIES_S, time_ns()
-            self._publish(BODIES, MARKERS).put_body(body_markers(self._newest, self._reach, now_ns), now_ns)
+            self._publishers[BODIES].put_body(body_markers(self._newest, self._reach, now_ns), now_ns)
         if now >= self._diagnose_at:
             self._diagnose_at = now + DIAGNOSTICS_S
             offset_s = self._offset_s()
