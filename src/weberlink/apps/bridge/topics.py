@@ -94,7 +94,7 @@ class TopicNode(Protocol):
 
 
 class TopicBridge(ABC):
-    """Publishes the records of a session. A subclass tells its own condition in `own_status`.
+    """Publishes the records of a session; all calls come from one thread. A subclass tells its own condition.
 
     Args:
         node: that publishes; closed with the bridge.
@@ -127,6 +127,7 @@ class TopicBridge(ABC):
         """Ticks of sides that have ended, which were overwritten before they were read."""
 
     def begin(self, session: str, feed: RingFeed) -> None:
+        """A side of a session begins; `feed.description` is its configuration, see `weberlink.system.description`."""
         self._session = session
         try:
             arm = arm_in((feed.description or {})["system"])
@@ -150,6 +151,7 @@ class TopicBridge(ABC):
             self._publish(BODIES, MARKERS)
 
     def put(self, feed: RingFeed, records: Records) -> None:
+        """New records of that side, oldest first, at least one."""
         side = self._sides.get(feed.side)
         if side is None:
             return
@@ -167,6 +169,7 @@ class TopicBridge(ABC):
                 publisher.put_body(data[begin : begin + size], now_ns)
 
     def end(self, feed: RingFeed) -> None:
+        """The side has ended; all its records were put."""
         side = self._sides.pop(feed.side, None)
         if side is not None:
             self._ended.append(side.condition.status(monotonic()))
@@ -176,6 +179,7 @@ class TopicBridge(ABC):
             self._session = None
 
     def look(self, now: float) -> None:
+        """Called once a round, after the records."""
         if now >= self._show_at and self._newest and self._scene is not None:
             self._show_at, now_ns = now + BODIES_S, time_ns()
             self._publishers[BODIES].put_body(body_markers(self._newest, self._reach, now_ns), now_ns)
