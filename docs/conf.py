@@ -1,9 +1,15 @@
 """Sphinx configuration of the documentation; `make docs` builds it."""
 
 import json
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from click import Command, Context
+from typer.main import get_command
+
+from weberlink.cli import app
 
 project, author, copyright = "WeberLink", "The WeberLink authors", "The WeberLink authors, Apache-2.0"  # noqa: A001
 release = metadata.version("weberlink")
@@ -15,7 +21,7 @@ myst_heading_anchors = 4
 
 HERE = Path(__file__).parent
 SCHEMA = HERE.parent / "configs" / "weberlink.schema.json"
-REFERENCE = HERE / "configuration.md"
+REFERENCE, COMMANDS = HERE / "configuration.md", HERE / "command-reference.md"
 
 
 def rows(schema: dict[str, Any], definitions: dict[str, Any], path: str) -> list[str]:
@@ -46,8 +52,19 @@ def rows(schema: dict[str, Any], definitions: dict[str, Any], path: str) -> list
 LIMITS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 
 
+def helps(name: str, command: Command) -> Iterator[str]:
+    """The help of a command, or of each member of a group, as a section."""
+    for member, each in getattr(command, "commands", {}).items():
+        yield from helps(f"{name} {member}", each)
+    if not hasattr(command, "commands"):
+        text = command.get_help(Context(command, info_name=name, terminal_width=100, max_content_width=100))
+        yield f"## {name}\n\n```text\n{text}\n```\n"
+
+
 def setup(_app: object) -> None:
-    """Write the configuration reference from the schema."""
+    """Write the reference of the configuration from its schema, and that of the commands from their help."""
+    sections = "\n".join(helps("weberlink", get_command(app)))
+    COMMANDS.write_text(f"# Command reference\n\nGenerated from the program.\n\n{sections}", encoding="utf-8")
     schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
     lines = rows(schema, schema["$defs"], "")
     head = "# Configuration reference\n\nGenerated from the schema. Driver options stand behind their driver.\n\n"

@@ -25,6 +25,9 @@ SAMPLE_S: Final = 1.0
 _LONGEST_READ: Final = LONGEST_DATAGRAM + 5
 """More than the longest datagram in the header of a relay [bytes]."""
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE(4)
+_PKTINFO: Final = 8
+"""IP_PKTINFO of <netinet/in.h>, which Python 3.11 does not name."""
+_PKTINFO_BYTES: Final = 20
 
 Take = Callable[[bytes, Address, float], None]
 
@@ -72,6 +75,8 @@ class ReceiveQueue:
     Attributes:
         socket: non-blocking and bound; closed with the queue.
         is_open: False once `close` was called.
+        called: sender of the newest datagram, and ancillary data with which an answer leaves from the address that was
+            called; None where the socket has one address alone.
     """
 
     def __init__(
@@ -103,8 +108,11 @@ class ReceiveQueue:
         self._budget = WorkBudget(share, MOST_S, now())
         self._resume: asyncio.TimerHandle | None = None
         self._receive: Callable[[int], tuple[bytes, Any]] = bound.recvfrom
+        self.called: tuple[Address, list[tuple[int, int, bytes]]] | None = None
         self._on_dscp = on_dscp
         self._sample_at = inf
+        if on_dscp is None and _ask_for_destination(bound):
+            self._receive = self._receive_called
         if on_dscp is not None and _ask_for_class(bound):
             self._sample_at = -inf
         waiting = select.poll()
@@ -163,6 +171,14 @@ class ReceiveQueue:
                 self._on_dscp(int.from_bytes(value, sys.byteorder) >> 2)
         return data, source
 
+    def _receive_called(self, longest: int) -> tuple[bytes, Any]:
+        """Receive one datagram, and note which address it called."""
+        data, ancillary, _, source = self.socket.recvmsg(longest, socket.CMSG_SPACE(_PKTINFO_BYTES))
+        for level, kind, value in ancillary:  # the interface is left to the system: 4 bytes before, behind in IPv6
+            own = value[:16] + bytes(4) if level == socket.IPPROTO_IPV6 else bytes(4) + value[4:]
+            self.called = address_of(source), [(level, kind, own)]
+        return data, source
+
     def _pause(self) -> None:
         self._forget(self.socket.fileno())
         self._resume = self._loop.call_later(self._budget.wait(), self._go_on)
@@ -196,6 +212,19 @@ def _ask_for_class(bound: socket.socket) -> bool:
             bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS, 1)
         else:
             bound.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
+    except OSError:
+        return False
+    return True
+
+
+def _ask_for_destination(bound: socket.socket) -> bool:
+    """Have the called address delivered with each datagram, if the socket is bound to all; whether the system does."""
+    if bound.getsockname()[0] not in ("0.0.0.0", "::"):  # noqa: S104 - asks
+        return False
+    is_ipv6 = bound.family == socket.AF_INET6
+    level, option = (socket.IPPROTO_IPV6, socket.IPV6_RECVPKTINFO) if is_ipv6 else (socket.IPPROTO_IP, _PKTINFO)
+    try:
+        bound.setsockopt(level, option, 1)
     except OSError:
         return False
     return True

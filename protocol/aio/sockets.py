@@ -149,8 +149,14 @@ class GuardedSocket:
         return (self._peer or self._open).read()
 
     def send(self, data: bytes, address: Address) -> None:
+        name = name_of(address) if "%" in address[0] else address
+        called, self._open.called = self._open.called, None
         try:
-            self._bound.sendto(data, name_of(address) if "%" in address[0] else address)
+            if called is not None and called[0] == address and self._peer is None:
+                # A caller knows the address that it called alone; a peer follows when the own address changes.
+                self._bound.sendmsg((data,), called[1], 0, name)
+                return
+            self._bound.sendto(data, name)
         except OSError:  # refused by the system (peer not there, buffer full, no route): a lost datagram
             return
 

@@ -3,7 +3,6 @@
 import importlib.util
 import socket
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -24,23 +23,6 @@ def complaint(*arguments: object, status: int = 2) -> str:
 def taken_port() -> Iterator[int]:
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield server.getsockname()[1]
-
-
-def test_unknown_scene_names_those_there_are() -> None:
-    assert "no such scene; there are dome, plane" in complaint("--scene", "moon")
-
-
-def test_scene_and_file_exclude_each_other(tmp_path: Path) -> None:
-    assert "give no FILE" in complaint(tmp_path / "mine.yaml", "--scene", "dome")
-
-
-@pytest.mark.parametrize("listen", ["0.0.0.0", "::", "192.0.2.1"])
-def test_public_address_needs_the_public_option(listen: str) -> None:
-    assert "add --public" in complaint("--listen", listen)
-
-
-def test_address_of_another_host_is_one_line() -> None:
-    assert "not an address of this host" in complaint("--listen", "192.0.2.1", "--public", status=1)
 
 
 def test_given_port_in_use_is_one_line(taken_port: int) -> None:

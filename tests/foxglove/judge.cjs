@@ -1,46 +1,19 @@
 // A client of the Foxglove WebSocket protocol out of packages by Foxglove: it reads every topic, checks each message
-// against Foxglove's published schemas, and sets parameters. Run by trial.py; see package.json for the packages.
+// against the schema of its channel, and sets parameters. Run by trial.py; see package.json for the packages.
 //
 // Usage: node judge.cjs URL [parameters]; the second reads no topics. Each line of standard input is a command: {"set": {NAME: VALUE}}, {"get": []},
 // {"watch": [NAME]}, {"settle": true} or {"report": true}. Each line of standard output is an event.
 
 const { parse: parseRos } = require("@foxglove/rosmsg");
-const { MessageReader } = require("@foxglove/rosmsg2-serialization");
-const published = require("@foxglove/schemas/jsonschema");
+const { MessageReader, MessageWriter } = require("@foxglove/rosmsg2-serialization");
 const { FoxgloveClient } = require("@foxglove/ws-protocol");
 const Ajv = require("ajv");
-const protobuf = require("protobufjs");
-const { FileDescriptorSet } = require("protobufjs/ext/descriptor");
 const { createInterface } = require("readline");
 const { WebSocket } = require("ws");
 
-const PREFIX = "foxglove.";
 const ajv = new Ajv({ allErrors: true, strict: false });
 const say = (event, facts) => console.log(JSON.stringify({ event, ...facts }));
 const now = () => performance.timeOrigin + performance.now(); // [ms since 1970]
-
-// As Foxglove reads it: every field that is not there has its default, a message that is not there is null.
-function protobufReader(channel) {
-  const root = protobuf.Root.fromDescriptor(FileDescriptorSet.decode(Buffer.from(channel.schema, "base64")));
-  const type = root.resolveAll().lookupType(channel.schemaName);
-  for (const name of ["Timestamp", "Duration"]) {
-    const time = root.lookup(`.google.protobuf.${name}`);
-    if (!time) continue;
-    time.setup();
-    const before = time.toObject;
-    time.toObject = (message, options) => {
-      const { seconds, nanos } = before.call(time, message, options);
-      return { sec: Number(seconds), nsec: nanos };
-    };
-  }
-  const schema = published[channel.schemaName.slice(PREFIX.length)];
-  if (!channel.schemaName.startsWith(PREFIX) || !schema) throw new Error(`${channel.schemaName} is not published`);
-  const isRight = ajv.compile(schema);
-  return (data) => {
-    const message = type.toObject(type.decode(data), { defaults: true });
-    return [message, isRight(message) ? null : ajv.errorsText(isRight.errors)];
-  };
-}
 
 function jsonReader(channel) {
   const isRight = ajv.compile(JSON.parse(channel.schema));
@@ -50,12 +23,18 @@ function jsonReader(channel) {
   };
 }
 
+// A message is right if Foxglove's writer makes the same bytes of what its reader has read.
 function rosReader(channel) {
-  const reader = new MessageReader(parseRos(channel.schema, { ros2: true }));
-  return (data) => [reader.readMessage(data), null];
+  const definitions = parseRos(channel.schema, { ros2: true });
+  const reader = new MessageReader(definitions);
+  const writer = new MessageWriter(definitions);
+  return (data) => {
+    const message = reader.readMessage(data);
+    return [message, Buffer.compare(writer.writeMessage(message), data) ? "it is written in other bytes" : null];
+  };
 }
 
-const READERS = { protobuf: protobufReader, json: jsonReader, cdr: rosReader };
+const READERS = { json: jsonReader, cdr: rosReader };
 
 class Topic {
   constructor(channel) {

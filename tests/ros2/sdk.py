@@ -24,7 +24,15 @@ from zenoh_ros2_sdk.session import ZenohSession
 
 from weberlink.ros2.messages import types
 
-PACKAGES = ("builtin_interfaces", "std_msgs", "geometry_msgs", "tf2_msgs", "sensor_msgs", "diagnostic_msgs")
+PACKAGES = (
+    "builtin_interfaces",
+    "std_msgs",
+    "geometry_msgs",
+    "tf2_msgs",
+    "sensor_msgs",
+    "diagnostic_msgs",
+    "visualization_msgs",
+)
 POSE = "geometry_msgs/msg/PoseStamped"
 TARGET = "/weberlink/target"
 PATIENCE_S = 30.0
@@ -60,6 +68,8 @@ class Streams(defaultdict[str, Stream]):
         def take(message: Any) -> None:
             if hasattr(message, "header"):
                 self[topic].take(message, message.header.stamp)
+            elif hasattr(message, "markers"):
+                self[topic].take(message, message.markers[0].header.stamp)
             else:
                 first = message.transforms[0]
                 self[f"{topic} {first.child_frame_id}"].take(message, first.header.stamp)

@@ -22,13 +22,16 @@ from weberlink.system.description import Description
 from weberlink.telemetry.ring import RingWriter
 
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+MARKERS = "visualization_msgs/msg/MarkerArray"
 LISTED = {
     "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
     "/tf": ["tf2_msgs/msg/TFMessage"],
+    "/weberlink/bodies": [MARKERS],
     "/weberlink/felt": [WRENCH],
     "/weberlink/hand": [POSE],
     "/weberlink/measured": [WRENCH],
     "/weberlink/robot": [POSE],
+    "/weberlink/scene": [MARKERS],
     "/weberlink/target": [POSE],
 }
 DOMAIN = 5
@@ -79,6 +82,11 @@ def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None
     assert list(newest["/weberlink/felt"]["wrench"]["force"].values()) == last["output"].tolist()
     assert list(newest["/weberlink/robot"]["pose"]["position"].values()) == last["output"].tolist()
     assert list(newest["/weberlink/measured"]["wrench"]["force"].values()) == last["raw"].tolist()
+    places = {
+        each["ns"]: each["pose"]["position"] for each in newest["/weberlink/bodies"]["markers"] if each["id"] == 0
+    }
+    assert list(places["master"].values()) == last["position"].tolist()
+    assert len(newest["/weberlink/scene"]["markers"]) == 2  # of configs/loopback.yaml
     assert [each["child_frame_id"] for each in newest["/tf robot"]["transforms"]] == ["robot", "measured"]
     assert {status["name"] for status in newest["/diagnostics"]["status"]} == {
         f"weberlink: {part}" for part in ("bridge", "master", "slave")

@@ -42,8 +42,8 @@ STREAMS = {
     "/tf robot": "slave",
 }
 """What is received of the topics, and whose ticks they show."""
-ALL = len(TOPICS) + 1
-"""And the diagnostics."""
+ALL = len(TOPICS) + 3
+"""And scene, bodies and diagnostics."""
 PORT = 17_447
 PATIENCE_S = 60.0
 SETTLE_S = 1.0

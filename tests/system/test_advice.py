@@ -44,7 +44,7 @@ def notes(result: Result) -> list[str]:
 
 def checked(*overrides: str) -> list[str]:
     """The lines of `check`, as a run says them."""
-    lines = run("check", *sets(*overrides)).stdout.splitlines()
+    lines = run("check", *sets(*overrides)).stdout.replace("\n" + " " * 10, " ").splitlines()
     return [line.replace("warning   ", "weberlink: note: ") for line in lines if line.startswith("warning")]
 
 

@@ -22,7 +22,7 @@ PACKAGES = {
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),
-    "foxglove": ("foxglove",),
+    "foxglove": ("foxglove", "rosbags"),
     "franka": ("pylibfranka",),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
     "others": ("scipy",),
@@ -40,8 +40,8 @@ PLACES = {
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
-    "ros2": ("ros2", "apps.bridge.ros2", "master.devices.ros2.listener"),
-    "foxglove": ("apps.bridge.foxglove",),
+    "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
+    "foxglove": ("apps.bridge.foxglove", "apps.bridge.parameters"),
     "franka": ("slave.robots.franka.controller",),
     "anywhere": tuple(
         f"anywhere.{each}"

@@ -32,9 +32,9 @@ class Shown(NamedTuple):
     bodies: Rows
 
 
-def topics(side: str, arm: ArmLayout | None) -> dict[str, str]:
-    """Topics of a side, and their types."""
-    if arm is not None:
+def topics(side: str, *, arm: bool) -> dict[str, str]:
+    """Topics of a side and their types; `arm` for those of a session in joint space."""
+    if arm:
         return {_topic(_arm(side)): _STATE}
     body, force = _cartesian(side)
     return {_topic(body): _POSE, _topic(force): _WRENCH, "/tf": _FRAMES}

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from weberlink.cli.output import fail, was_interrupted
+from weberlink.cli.output import errors, fail, failing, was_interrupted
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
@@ -23,14 +23,6 @@ from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, c
 MONITOR_PORT = 8724
 """Port of the live page where none is given."""
 
-File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
-OptionalFile = Annotated[
-    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; by default one that needs no hardware.")
-]
-Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
-]
-
 
 def finite(value: float | None) -> float | None:
     """Refuse nan and inf, which the command line would parse."""
@@ -39,38 +31,32 @@ def finite(value: float | None) -> float | None:
     return value
 
 
+def target(check: Callable[[Path], None], *, or_output: bool = False) -> Callable[..., Path | None]:
+    """A callback that refuses what cannot be written, before anything is computed; "-" can be standard output."""
+
+    def refuse(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
+        written = value is not None and not (or_output and value == STANDARD_OUTPUT)
+        if written and not context.resilient_parsing:  # that of completion
+            with failing(TargetError, MISCONFIGURED, f"{parameter.opts[0]}: "):
+                check(value)  # type: ignore[arg-type]
+        return value
+
+    return refuse
+
+
+file_target, json_target, folder_target = target(check_file), target(check_file, or_output=True), target(check_folder)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
+OptionalFile = Annotated[
+    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; by default one that needs no hardware.")
+]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
+]
 Duration = Annotated[
     float | None,
     typer.Option("--duration", metavar="S", min=0.0, callback=finite, help="Length of the run [s]."),
 ]
-
-
-def file_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
-    """Refuse a file that cannot be written, before anything is computed."""
-    return _target(context, parameter, value, check_file)
-
-
-def json_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
-    """The same; "-" is standard output."""
-    return value if value == STANDARD_OUTPUT else file_target(context, parameter, value)
-
-
-def folder_target(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> Path | None:
-    """Refuse a folder in which nothing can be written, before anything is computed."""
-    return _target(context, parameter, value, check_folder)
-
-
-def _target(
-    context: typer.Context, parameter: typer.CallbackParam, value: Path | None, check: Callable[[Path], None]
-) -> Path | None:
-    if value is not None and not context.resilient_parsing:  # that of completion
-        try:
-            check(value)
-        except TargetError as error:
-            fail(f"{parameter.opts[0]}: {error}", MISCONFIGURED)
-    return value
-
-
 Json = Annotated[
     Path | None,
     typer.Option(
@@ -98,6 +84,26 @@ Dask = Annotated[
 ]
 Csv = Annotated[Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every row as CSV.")]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
+Listen = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Address to serve; one that other hosts can reach needs --public.")
+]
+Public = Annotated[bool, typer.Option("--public", help="Allow other hosts, without encryption.")]
+Port = Annotated[
+    int | None, typer.Option(min=0, max=65535, help=f"Port of the page; 0 for any free one; default: {MONITOR_PORT}.")
+]
+Browse = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")]
+SessionName = Annotated[
+    str | None,
+    typer.Option("--session", metavar="ID", help="Follow one session only, by its launcher's process id."),
+]
+
+
+def check_public(listen: str, public: bool) -> None:
+    """Refuse an address that other hosts can reach, unless that is asked for."""
+    from weberlink.apps.monitor.access import is_loopback  # noqa: PLC0415 - not for the help
+
+    if not (public or is_loopback(listen)):
+        fail(f"--listen {listen}: nothing is encrypted; add --public to serve other hosts all the same", MISCONFIGURED)
 
 
 @contextmanager
@@ -115,7 +121,7 @@ def interruptible() -> Iterator[None]:
 
 
 class CommandGroup(TyperGroup):
-    """A group of commands: help by topic, wrong arguments in one line, Ctrl-C in one line with status 130."""
+    """A group of commands: help by topic, errors in one line, Ctrl-C in one line with status 130."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - of the base class
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
@@ -131,33 +137,21 @@ class CommandGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args[0] not in self.commands and not args[0].startswith("-"):
-            nearest = get_close_matches(args[0], self.commands, n=1)
-            meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
-            ctx.fail(f"there is no command {args[0]!r}; {meant} {', '.join(self.commands)}")
+            ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], list(self.commands))}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with interruptible():
+            with interruptible(), errors():
                 return super().invoke(ctx)
         except BaseException as error:
             if isinstance(error, typer.Exit) or not was_interrupted(error):
                 raise
-            # Of a command that has nothing to keep.
-            typer.echo("weberlink: interrupted; nothing was kept", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            fail("interrupted; nothing was kept", INTERRUPTED)  # of a command that has nothing to keep
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, *args: Any, standalone_mode: bool = True, **kwargs: Any) -> Any:
         try:
-            result = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
+            result = super().main(*args, standalone_mode=False, **kwargs)  # type: ignore[misc]
         except Exception as error:
             # typer gives the class of usage errors no public name; `format_message` identifies them.
             format_message = getattr(error, "format_message", None)
@@ -175,9 +169,11 @@ def one_line(error: Exception, format_message: Callable[[], str]) -> str:
     context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
     if context is None or name is None:
         return " ".join(format_message().replace(": Input should", ": should").split())
-    known = [option for parameter in context.command.get_params(context) for option in parameter.opts]
-    options = [option for option in known if option.startswith("--")]
-    nearest = get_close_matches(name, options, n=1)
-    meant = f"did you mean {nearest[0]}? There are" if nearest else "there are"
+    options = [option for parameter in context.command.get_params(context) for option in parameter.opts]
     command = context.command_path.removeprefix("weberlink").strip() or "weberlink"
-    return f"{command} has no option {name}; {meant} {', '.join(options)}"
+    return f"{command} has no option {name}; {_known(name, [each for each in options if each.startswith('--')])}"
+
+
+def _known(name: str, known: Sequence[str]) -> str:
+    nearest = get_close_matches(name, known, n=1)
+    return (f"did you mean {nearest[0]}? There are" if nearest else "there are") + f" {', '.join(known)}"

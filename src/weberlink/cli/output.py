@@ -47,21 +47,31 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
     Args:
         log: receives the trace of a driver, or of another part by name, that raised an error.
     """
-    from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for the help
-
     try:
         yield
     except RuntimeDirectoryError as error:
         fail(str(error), FAILED)
     except Exception as error:
+        if was_interrupted(error) or isinstance(error, typer.Exit) or hasattr(error, "format_message"):  # of typer
+            raise
+        from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for help
+
         is_wrong_file, fault = isinstance(error, ConfigurationError), fault_of(error)
-        is_theirs = fault is not None and fault.is_foreign
-        if was_interrupted(error) or not (is_wrong_file or is_theirs):
+        if not (is_wrong_file or (fault is not None and fault.is_foreign)):
             raise
         log(trace_of(error))
         if fault is not None and not is_wrong_file:
             fail(fault.text, FAILED)
         fail(str(error), MISCONFIGURED)
+
+
+@contextmanager
+def failing(kind: type[Exception], status: int = FAILED, prefix: str = "") -> Iterator[None]:
+    """Report errors of this kind in one line."""
+    try:
+        yield
+    except kind as error:
+        fail(f"{prefix}{error}", status)
 
 
 def was_interrupted(error: BaseException) -> bool:

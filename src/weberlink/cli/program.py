@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import bridge, doctor, hardware, monitor, peers, records, sessions, shipped, studies, visit
+from weberlink.cli import look, sessions, setup, studies, visit
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -17,8 +17,8 @@ GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Run": (visit.visit, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
-    "Look": (monitor.monitor, sessions.check, doctor.doctor, records.record, bridge.bridge),
-    "Setup": (hardware.device, peers.peer, sessions.keygen, shipped.configs),
+    "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
+    "Setup": (setup.device, setup.peer, setup.keygen, setup.configs),
     "Study": (studies.study,),
 }
 """The commands and groups of commands, as the help lists them."""

@@ -1,4 +1,4 @@
-"""Commands that run a system or one side of it, or check its file."""
+"""Commands that run a system or one side of it."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +25,9 @@ INVITE = ""
 """In place of a code: one is made and shown."""
 
 
+# Each command imports what it needs when it runs.
+
+
 def loopback(
     file: OptionalFile = None,
     duration: Duration = None,
@@ -36,11 +39,7 @@ def loopback(
     """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
 
-    def added() -> list[str]:
-        refuse_peers(path, set_ or ())
-        return free_port(path, set_ or ())
-
-    _live("loopback", path, set_, added, SIDES, duration, json_out, record, log)
+    _live("loopback", path, set_, lambda: one_host(path, set_ or ()), SIDES, duration, json_out, record, log)
 
 
 def master(
@@ -86,7 +85,7 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
         return []
     added = ["link.security=peers"]
     if code is not None:
-        from weberlink.apps.pairing import pair  # noqa: PLC0415 - each command imports what it needs
+        from weberlink.apps.pairing import pair  # noqa: PLC0415
         from weberlink.system.configuration import load  # noqa: PLC0415
 
         paired = pair(load(path, [*overrides, *added], [side]), side, code, label)
@@ -96,8 +95,8 @@ def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | Non
     return [*added, f"link.peer={json.dumps(label)}"]
 
 
-def refuse_peers(path: Path, overrides: Sequence[str]) -> None:
-    """Both sides of one host do not pair; raises ConfigurationError where the file asks for it."""
+def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
+    """Overrides by which both sides meet on this host. Raises ConfigurationError for a file of two that pair."""
     from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
 
     if load(path, overrides).system.link.security == "peers":
@@ -105,27 +104,7 @@ def refuse_peers(path: Path, overrides: Sequence[str]) -> None:
             f"{path}: link.security: peers is for two hosts; for weberlink loopback add --set link.security=session "
             "--set link.path=direct --set link.listen=127.0.0.1:47000"
         )
-
-
-def check(file: File, set_: Set = None) -> None:
-    """Validate FILE; print its parts, their cost and warnings."""
-    from weberlink.system.check import describe  # noqa: PLC0415 - each command imports what it needs
-    from weberlink.system.configuration import load  # noqa: PLC0415
-
-    with errors():
-        lines = list(describe(load(file, set_ or ())))
-    typer.echo("\n".join(lines))
-
-
-def keygen(out: Annotated[Path, typer.Argument(metavar="OUT", help="Where to write the key, with mode 0600.")]) -> None:
-    """Write a new pre-shared key for one master and one slave."""
-    from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
-
-    try:
-        generate(out)
-    except KeyFileError as error:
-        fail(str(error), MISCONFIGURED)
-    typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+    return free_port(path, overrides)
 
 
 def simulate(
@@ -150,15 +129,14 @@ def simulate(
     from weberlink.system.simulate import refuse_live  # noqa: PLC0415
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
-    with errors():
-        configuration = load(file, set_ or ())
-        if trace is not None and configuration.system.codec.joints is not None:
-            raise ConfigurationError(
-                f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
-            )
-        refuse_live(configuration)
-        say_advice(try_out(configuration))
-    with errors(), progress_bar() as progress:
+    configuration = load(file, set_ or ())
+    if trace is not None and configuration.system.codec.joints is not None:
+        raise ConfigurationError(
+            f"--trace: {file}: an arm has joints, not one position; use --record and weberlink record export"
+        )
+    refuse_live(configuration)
+    say_advice(try_out(configuration))
+    with progress_bar() as progress:
         summary, recorder = run(configuration, duration, record, progress, tell)
     problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
     if summary.get("interrupted") and problem is None:
@@ -197,24 +175,16 @@ def _live(
         on_delay = say_advice(parts)
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
         with Session(
-            configuration,
-            overrides,
-            sides,
-            duration,
-            status_display,
-            record,
-            journal,
-            take_over=take_over,
-            tell=tell,
-            on_delay=on_delay,
-        ) as session:
+            configuration, overrides, sides, duration, status_display, record, journal,
+            take_over=take_over, tell=tell, on_delay=on_delay,
+        ) as session:  # fmt: skip
             summary = session.run()
     finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 
 
 def say_advice(parts: "Parts") -> Callable[[float], str | None]:
     """Say the advice on a file; returns what gives that on a measured round trip [s]."""
-    from weberlink.system.advice import advise, on_measured_delay  # noqa: PLC0415 - each command imports what it needs
+    from weberlink.system.advice import advise, on_measured_delay  # noqa: PLC0415
 
     for line in advise(parts):
         tell(f"{NOTE}{line}")
@@ -253,9 +223,7 @@ def journals_to(log: Path | None, json_out: Path | None) -> Iterator[Any]:
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
-    with errors():
-        file = LogFile(log)
-    with file:
+    with LogFile(log) as file:
         yield partial(Journal, file.write)
 
 

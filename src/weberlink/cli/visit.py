@@ -6,9 +6,20 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli.arguments import MONITOR_PORT, Duration, Json, OptionalFile, Set
-from weberlink.cli.output import errors, fail, finish
-from weberlink.system.order import FAILED, MISCONFIGURED
+from weberlink.cli.arguments import (
+    MONITOR_PORT,
+    Browse,
+    Duration,
+    Json,
+    Listen,
+    OptionalFile,
+    Port,
+    Public,
+    Set,
+    check_public,
+)
+from weberlink.cli.output import fail, failing, finish
+from weberlink.system.order import MISCONFIGURED
 
 NAME = "weberlink try"
 LEFT_S = 60.0
@@ -24,20 +35,10 @@ def visit(
         bool, typer.Option("--scripted", help="Let a script move the handle until a visitor takes it.")
     ] = False,
     duration: Duration = None,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0, max=65535, help=f"Port of the page; default: {MONITOR_PORT}, or a free one if that is in use."
-        ),
-    ] = None,
-    browse: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
-    listen: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
-    ] = "127.0.0.1",
-    public: Annotated[
-        bool,
-        typer.Option("--public", help="Allow other hosts, without encryption; who has the printed address may drive."),
-    ] = False,
+    port: Port = None,
+    browse: Browse = False,
+    listen: Listen = "127.0.0.1",
+    public: Public = False,
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
@@ -48,41 +49,32 @@ def visit(
     from weberlink.apps.monitor import access, address  # noqa: PLC0415 - each command imports what it needs
     from weberlink.system.configuration.extras import need  # noqa: PLC0415
 
-    with errors():
-        for package in ("aiohttp", "prometheus_client"):
-            need(package, "monitor", NAME)
-    if not (public or access.is_loopback(listen)):
-        fail(f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED)
+    for package in ("aiohttp", "prometheus_client"):
+        need(package, "monitor", NAME)
+    check_public(listen, public)
     order = visit_order(file, scene, set_ or [], duration, scripted=scripted)
-    try:
+    with failing(address.MonitorError):
         listening = address.bind(listen, MONITOR_PORT if port is None else port, or_any=port is None)
-    except address.MonitorError as error:
-        fail(str(error), FAILED)
-    token = access.new_token()
-    # Visitors of other hosts come and go.
-    left_s = LEFT_S if duration is None and access.is_loopback(listen) else None
-    _tell(f"open {address.url(listening, token)}")
-    _tell(_ends(duration, left_s))
+    token, is_own = access.new_token(), access.is_loopback(listen)
+    left_s = LEFT_S if duration is None and is_own else None  # visitors of other hosts come and go
+    ends = "Ctrl-C ends it" if left_s is None else f"Ctrl-C ends it, and so does a page that is closed for {left_s:g} s"
+    told = [f"open {address.url(listening, token)}"]
+    told.append(ends if duration is None else f"it ends after {duration:g} s, or by Ctrl-C")
     if port is None and listening.getsockname()[1] != MONITOR_PORT:
-        _tell(f"port {MONITOR_PORT} is in use, so this page has another one")
-    if not access.is_loopback(listen):
-        _tell(f"other hosts: {address.public_url(listening, token)}")
-        _tell("warning: who has this address may drive and change the session, and nothing is encrypted")
+        told.append(f"port {MONITOR_PORT} is in use, so this page has another one")
+    if not is_own:
+        told.append(f"other hosts: {address.public_url(listening, token)}")
+        told.append("warning: who has this address may drive and change the session, and nothing is encrypted")
+    for line in told:
+        typer.echo(f"{NAME}: {line}", err=True)
     from weberlink.apps.monitor.program import MonitorSettings, Visit, run  # noqa: PLC0415 - takes most of a second
 
     result = run(MonitorSettings(listen, browse=browse), Visit(order, listening, token, left_s))
     if result is None:
-        raise typer.Exit
+        return
     if result.report is None:
         fail(result.complaint, result.status)
     finish(result.report | {"status": result.status}, NAME, json_out)
-
-
-def _ends(duration: float | None, left_s: float | None) -> str:
-    """How it ends, for the user."""
-    if duration is not None:
-        return f"it ends after {duration:g} s, or by Ctrl-C"
-    return "Ctrl-C ends it" if left_s is None else f"Ctrl-C ends it, and so does a page that is closed for {left_s:g} s"
 
 
 def visit_order(
@@ -103,7 +95,3 @@ def visit_order(
     path = str(files("weberlink.configs") / "try.yaml")
     script = [f"master.device.scripted={str(scripted).lower()}"]
     return VisitOrder(path, (*script, *overrides), SCENES, first, duration)
-
-
-def _tell(text: str) -> None:
-    typer.echo(f"{NAME}: {text}", err=True)

@@ -2,23 +2,17 @@
 
 import json
 import re
-from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 import numpy as np
 import pytest
-from foxglove import Parameter
+from foxglove import Parameter, start_server
 from foxglove.websocket import WebSocketServer
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
-from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from tests.apps import arm_sessions
 from tests.apps.bridge.foxglove_client import FoxgloveClient
@@ -26,19 +20,16 @@ from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from tests.watching.feeds import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
-from weberlink.apps.bridge.foxglove.bridge import FoxgloveBridge
+from weberlink.apps.bridge.foxglove import FoxgloveBridge, FoxgloveServer
+from weberlink.apps.bridge.parameters import LiveParameters
+from weberlink.apps.ros_markers import CUBE, DELETE_ALL, SPHERE
+from weberlink.ros2.messages import decode, types
 from weberlink.system.description import Description
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.ring import RingWriter
 
-MESSAGES = {
-    "foxglove.FrameTransforms": FrameTransforms,
-    "foxglove.JointStates": JointStates,
-    "foxglove.Log": Log,
-    "foxglove.PoseInFrame": PoseInFrame,
-    "foxglove.SceneUpdate": SceneUpdate,
-}
+TOPICS = 14
 
 
 class View:
@@ -85,20 +76,14 @@ def ring(folder: Path, side: str, session: int = 7, described: Any = None) -> Ri
 
 
 def parsed(client: FoxgloveClient, topic: str) -> list[Any]:
-    """Messages as the published classes read them; they have no field that these do not know."""
-    kind = MESSAGES[client.types[topic]]
-    read = [kind.FromString(message) for message in client.messages[topic]]
-    for message in read:
-        before = message.ByteSize()
-        message.DiscardUnknownFields()
-        assert message.ByteSize() == before, topic
-    return read
+    """Messages as ROS reads them."""
+    return [decode(message, client.types[topic]) for message in client.messages[topic]]
 
 
 def test_every_tick_comes_as_it_was_recorded(tmp_path: Path) -> None:
     made = records(300, seed=1)
-    with view(tmp_path) as seen, ring(tmp_path, "slave") as slave, FoxgloveClient(seen.bridge.port) as client:
-        until(lambda: len(client.types) == 13, "all topics")
+    with view(tmp_path) as seen, ring(tmp_path, "slave") as slave, FoxgloveClient(seen.bridge.server.port) as client:
+        until(lambda: len(client.types) == TOPICS, "all topics")
         seen.look()
         client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
         for piece in np.split(made, [1, 100, 299]):
@@ -111,39 +96,35 @@ def test_every_tick_comes_as_it_was_recorded(tmp_path: Path) -> None:
         assert np.frombuffer(body, DTYPE).tobytes() == made.tobytes()
 
 
-def test_messages_are_of_the_published_schemas(tmp_path: Path) -> None:
+def test_messages_are_of_their_ros_types(tmp_path: Path) -> None:
     with view(tmp_path) as seen, ring(tmp_path, "slave") as slave, ring(tmp_path, "master") as master:
         seen.look()
-        with FoxgloveClient(seen.bridge.port) as client:
-            until(lambda: len(client.types) == 13, "all topics")
+        with FoxgloveClient(seen.bridge.server.port) as client:
+            wanted = ("/weberlink/robot", "/weberlink/bodies", "/tf", "/weberlink/log", "/weberlink/felt_error")
+            until(lambda: len(client.types) == TOPICS, "all topics")
             client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
             made = records(50, seed=1)
+            made["at"] = monotonic() + 1e-3 * np.arange(50)
             made["rotation_output"] = made["rotation_raw"] = (0.0, 0.0, np.pi / 2)
             for writer in (slave, master):
                 write(writer, made)
-            for topic in ("/weberlink/robot", "/weberlink/bodies", "/tf", "/weberlink/log", "/weberlink/felt_error"):
+            for topic in wanted:
                 seen.until(client, topic)
-            pose = parsed(client, "/weberlink/robot")[-1]
-            assert pose.frame_id == "weberlink" and pose.timestamp.ToNanoseconds() > 1e18
-            place = [getattr(pose.pose.position, axis) for axis in "xyz"]
-            assert place == made["output"][-1].tolist()
-            turn = [getattr(pose.pose.orientation, axis) for axis in "xyzw"]
+            poses = parsed(client, "/weberlink/robot")
+            assert poses[-1].header.frame_id == "weberlink" and poses[-1].header.stamp.sec > 1e9
+            places = [[getattr(each.pose.position, axis) for axis in "xyz"] for each in poses]
+            assert places == [made["output"][tick].tolist() for tick in (0, 33)], "30 Hz of 1000 Hz"
+            turn = [getattr(poses[-1].pose.orientation, axis) for axis in "xyzw"]
             assert turn == pytest.approx([0.0, 0.0, 0.5**0.5, 0.5**0.5])
-            frames = {each.child_frame_id: each for each in parsed(client, "/tf")[-1].transforms}
-            assert set(frames) == {"hand", "robot"} and frames["hand"].translation.x == made["position"][-1][0]
+            frames = {each.child_frame_id for message in parsed(client, "/tf") for each in message.transforms}
+            assert frames == {"hand", "felt", "robot", "measured"}
             assert {each.name for each in parsed(client, "/weberlink/log")} <= {"master", "slave"}
-            bodies = parsed(client, "/weberlink/bodies")[-1].entities
-            assert [each.id for each in bodies] == ["robot", "hand", "surface"]
+            assert len(parsed(client, "/weberlink/bodies")[-1].markers) == 4
             felt = json.loads(client.messages["/weberlink/felt_error"][-1])
-            assert felt["deadbands"] == pytest.approx(felt["error"] / felt["bound"])
+            assert felt["deadbands"] == pytest.approx(felt["error_n"] / felt["bound_n"], abs=1e-3)
         for topic, name in client.types.items():
-            if name in MESSAGES:
-                files = FileDescriptorSet.FromString(b64decode(client.schemas[topic])).file
-                fields = {f"{file.package}.{kind.name}": kind for file in files for kind in file.message_type}[
-                    name
-                ].field
-                published = MESSAGES[name].DESCRIPTOR.fields_by_name
-                assert {each.name: each.number for each in fields} == {key: of.number for key, of in published.items()}
+            if name not in ("weberlink_msgs/msg/Tick", "weberlink.FeltError"):
+                assert client.schemas[topic] == types().generate_msgdef(name, ros_version=2)[0]
 
 
 def test_a_new_client_is_told_what_was_before(tmp_path: Path) -> None:
@@ -151,35 +132,37 @@ def test_a_new_client_is_told_what_was_before(tmp_path: Path) -> None:
         write(slave, records(20))
         seen.look()
         for _ in range(2):
-            with FoxgloveClient(seen.bridge.port, {"/weberlink/scene", "/weberlink/log"}) as client:
+            with FoxgloveClient(seen.bridge.server.port, {"/weberlink/scene", "/weberlink/log"}) as client:
                 seen.until(client, "/weberlink/scene")
                 seen.until(client, "/weberlink/log")
-                (scene,) = parsed(client, "/weberlink/scene")
-                assert [each.id for each in scene.entities] == ["solid 0", "solid 1"]  # of configs/loopback.yaml
-                texts = [each.message for each in parsed(client, "/weberlink/log")]
+                scene = parsed(client, "/weberlink/scene")[-1]
+                assert [each.type for each in scene.markers] == [CUBE, SPHERE]  # of configs/loopback.yaml
+                texts = [each.msg for each in parsed(client, "/weberlink/log")]
                 assert len(texts) == len(set(texts)) and "began at 1000 Hz" in texts[0]
 
 
 def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
     box = description("slave", "scene-box.yaml")
-    with view(tmp_path) as seen, FoxgloveClient(seen.bridge.port) as client:
+    with view(tmp_path) as seen, FoxgloveClient(seen.bridge.server.port) as client:
         with ring(tmp_path, "slave") as slave:
             write(slave, records(20))
             seen.until(client, "/weberlink/log")
         seen.look()
         with ring(tmp_path, "slave", 8, box) as slave:
             write(slave, records(20))
-            scenes = len(client.messages["/weberlink/scene"])
-            seen.until(client, "/weberlink/scene", scenes + 1)
-            newest = parsed(client, "/weberlink/scene")[-1]
-            assert newest.deletions and [bool(each.cubes) for each in newest.entities][-1]
+            client.messages["/weberlink/scene"].clear()
+            seen.until(client, "/weberlink/scene", 2)
+            cleared, newest = parsed(client, "/weberlink/scene")[:2]
+            assert [each.action for each in cleared.markers] == [DELETE_ALL]
+            assert [each.type for each in newest.markers][-1] == CUBE
             client.messages["/diagnostics"].clear()
-            seen.look()
-            status = json.loads(seen.until(client, "/diagnostics")[-1])["status"]
-            assert status[0]["hardware_id"] == "8" and {each["level"] for each in status} <= {0, 1, 2}
+            seen.until(client, "/diagnostics", 2)  # the first one tells the end of the former session
+            status = parsed(client, "/diagnostics")[-1].status
+            assert status[0].hardware_id == "8" and {each.level for each in status} <= {0, 1, 2}
         client.messages["/diagnostics"].clear()
-        ended = json.loads(seen.until(client, "/diagnostics", 8)[-1])["status"]
-        assert ended[0]["level"] == 3 and ended[0]["message"] == "over"
+        seen.until(client, "/diagnostics", 8)
+        ended = parsed(client, "/diagnostics")[-1].status
+        assert ended[0].level == 3 and ended[0].message == "over"
 
 
 def test_arms_have_joint_states(tmp_path: Path) -> None:
@@ -188,67 +171,75 @@ def test_arms_have_joint_states(tmp_path: Path) -> None:
         folder.mkdir()
         topic = f"/weberlink/{'leader' if side == 'master' else 'follower'}"
         made = arm_sessions.records(side, 30)
+        made["tick"] = 33 + np.arange(30)  # 30 Hz of 1000 Hz
+        made["at"] = monotonic() + 1e-3 * np.arange(30)
         described = {"side": side, "system": arm_sessions.SYSTEM}
-        with view(folder) as seen, FoxgloveClient(seen.bridge.port, {topic, "/weberlink/hand"}) as client:
+        with view(folder) as seen, FoxgloveClient(seen.bridge.server.port, {topic, "/weberlink/hand"}) as client:
             with ring(folder, side, described=described) as writer:
                 seen.look()
-                until(lambda client=client: len(client.types) == 13, "all topics")  # type: ignore[misc]
+                until(lambda client=client: len(client.types) == TOPICS, topic)  # type: ignore[misc]
                 client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
                 write(writer, made)
                 seen.until(client, topic)
-            joints = parsed(client, topic)[-1].joints
-            assert [each.name for each in joints] == [*arm_sessions.NAMES, "gripper"]
-            places = list(arm_sessions.PLACES)
-            assert [each.position for each in joints] == made["joint_position"][-1][places].tolist()
-            assert [each.effort for each in joints] == made[torque][-1][places].tolist()
-            assert not joints[0].HasField("velocity") and not client.messages["/weberlink/hand"]
+            joints, places = parsed(client, topic)[0], list(arm_sessions.PLACES)
+            assert joints.name == [*arm_sessions.NAMES, "gripper"]
+            assert joints.position.tolist() == made["joint_position"][0][places].tolist()
+            assert joints.effort.tolist() == made[torque][0][places].tolist()
+            assert not len(joints.velocity) and not client.messages["/weberlink/hand"]
 
 
-@pytest.mark.parametrize(("allow", "why"), [(False, "--allow-changes"), (True, "no running session")])
-def test_a_refused_parameter_says_why(tmp_path: Path, allow: bool, why: str) -> None:
-    with view(tmp_path, allow_changes=allow) as seen, FoxgloveClient(seen.bridge.port) as client:
-        wish = [{"name": "weber", "value": 0.2}]
+@pytest.mark.parametrize(
+    ("allow", "name", "why"),
+    [
+        (False, "weber", "--allow-changes"),
+        (True, "weber", "no running session"),
+        (True, "stop", "no parameter stop"),
+        (True, "emergency", "no parameter emergency"),
+    ],
+)
+def test_a_refused_parameter_says_why(tmp_path: Path, allow: bool, name: str, why: str) -> None:
+    with view(tmp_path, allow_changes=allow) as seen, FoxgloveClient(seen.bridge.server.port) as client:
+        wish = [{"name": name, "value": 0.2}]
         told = client.answer("setParameters", "status", parameters=wish)
         assert why in told["message"] and told["level"] == 2 and why in seen.said[-1]
         none = client.answer("getParameters", "parameterValues", parameterNames=[], id="1")
         assert none["parameters"] == []
 
 
-def test_a_session_without_a_description_is_shown(tmp_path: Path) -> None:
+def test_ticks_and_events_of_a_session_without_a_description_are_shown(tmp_path: Path) -> None:
     path = tmp_path / "weberlink-7-slave.ring"
     with view(tmp_path) as seen, RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=4096) as slave:
         seen.look()
-        with FoxgloveClient(seen.bridge.port) as client:
-            seen.until(client, "/weberlink/scene")
+        with FoxgloveClient(seen.bridge.server.port) as client:
+            until(lambda: len(client.types) == TOPICS, "all topics")
+            client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
             write(slave, records(20))
-            for topic in ("/weberlink/slave", "/weberlink/bodies", "/weberlink/log", "/diagnostics"):
+            for topic in ("/weberlink/slave", "/weberlink/log", "/diagnostics"):
                 seen.until(client, topic)
-            assert not parsed(client, "/weberlink/scene")[-1].entities
+            assert not client.messages["/weberlink/scene"]
 
 
 def test_layout_names_topics_that_are_there(tmp_path: Path) -> None:
     layout = json.loads((CONFIGS / "foxglove-live-layout.json").read_text(encoding="utf-8"))
     panels = layout["configById"]
-    with view(tmp_path) as seen, FoxgloveClient(seen.bridge.port) as client:
-        until(lambda: len(client.types) == 13, "all topics")
+    with view(tmp_path) as seen, FoxgloveClient(seen.bridge.server.port) as client:
+        until(lambda: len(client.types) == TOPICS, "all topics")
+        known = dict(client.types)
     paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
     assert len(paths) > 15
     for path in paths:
         topic, field, *rest = re.split(r"[.\[]", path)
-        assert topic in client.types, path
-        if client.types[topic] == "weberlink_msgs/msg/Tick":
+        if known[topic] == "weberlink_msgs/msg/Tick":
             assert DTYPE[field].subdtype is not None if rest else DTYPE[field].subdtype is None, path
-        elif client.types[topic] == "foxglove.JointStates":
-            assert field == "joints" and rest[-1] in ("position", "effort"), path
-        else:
+        elif known[topic] == "weberlink.FeltError":
             assert field in json.loads(client.schemas[topic])["properties"], path
-    assert set(panels["3D!weberlink"]["topics"]) < set(client.types)
-    topics = {
-        panel["topicToRender"]: client.types[panel["topicToRender"]]
-        for panel in panels.values()
-        if "topicToRender" in panel
+        else:
+            assert field in {name for name, _ in types().fielddefs[known[topic]][1]}, path
+    assert set(panels["3D!weberlink"]["topics"]) < set(known)
+    shown = {
+        panel["topicToRender"]: known[panel["topicToRender"]] for panel in panels.values() if "topicToRender" in panel
     }
-    assert topics == {"/weberlink/log": "foxglove.Log", "/diagnostics": "diagnostic_msgs/DiagnosticArray"}
+    assert shown == {"/weberlink/log": "rcl_interfaces/msg/Log", "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
     placed = re.findall(r'"(\w+!\w+)"', json.dumps([layout["layout"], panels["Tab!weberlink"]]))
     assert sorted(placed) == sorted(panels)
 
@@ -257,15 +248,16 @@ def test_a_client_may_ask_for_a_change_while_the_server_starts() -> None:
     said: list[str] = []
     asking: list[Thread] = []
 
-    class Hasty(FoxgloveBridge):
-        def _serve(self, listen: str, port: int) -> WebSocketServer:
-            client: Any = None
-            asking.append(Thread(target=self.on_set_parameters, args=(client, [Parameter("weber", value=0.2)])))
-            asking[0].start()
-            asking[0].join(0.1)
-            return super()._serve(listen, port)
+    server = FoxgloveServer(LiveParameters(allow=False, tell=said.append), said.append)
 
-    bridge = Hasty("127.0.0.1", 0, allow_changes=False, tell=said.append)
+    def start(**options: Any) -> WebSocketServer:
+        client: Any = None
+        asking.append(Thread(target=server.on_set_parameters, args=(client, [Parameter("weber", value=0.2)])))
+        asking[0].start()
+        asking[0].join(0.1)
+        return start_server(**options)
+
+    server.serve("127.0.0.1", 0, start)
     asking[0].join(10.0)
-    bridge.close()
+    server.close()
     assert [line.partition(": ")[:1] for line in said] == [("refused",)]

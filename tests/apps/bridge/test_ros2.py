@@ -13,7 +13,8 @@ from tests.apps.arm_sessions import NAMES, SYSTEM
 from tests.watching.feeds import description, records, write
 from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
 from weberlink.apps.bridge.follow import SessionFollower
-from weberlink.apps.bridge.ros2 import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, Ros2Bridge, wall_offset_s
+from weberlink.apps.bridge.ros2 import Ros2Bridge
+from weberlink.apps.bridge.topics import BODIES, DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, SCENE, wall_offset_s
 from weberlink.apps.ros_topics import shown
 from weberlink.ros2.messages import decode
 from weberlink.ros2.names import Qos
@@ -286,6 +287,16 @@ def test_a_clock_that_is_set_moves_the_stamps(live: Live) -> None:
         live.look()
     (message,) = live.node.topics["/weberlink/hand"].messages
     assert message.header.stamp.sec == int(5e8 + made["at"][0])
+
+
+def test_scene_is_repeated_and_bodies_move(live: Live) -> None:
+    with live.ring("master") as ring:
+        live.look()
+        write(ring, made := ticks(3))
+        live.look()
+        scenes, bodies = live.node.topics[SCENE].messages, live.node.topics[BODIES].messages
+    assert len(scenes) >= 2 and all(len(each.markers) == 2 for each in scenes)  # of configs/loopback.yaml
+    assert vector(bodies[-1].markers[0].pose.position) == made["position"][-1].tolist()
 
 
 def test_the_node_is_closed_with_the_bridge(live: Live) -> None:

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, HOST, REFUSED, STRETCH, TRIAL, look, machine
 from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.apps.doctor import CHECKS, Finding, Grade, Machine, Needs, examine
+from weberlink.apps.doctor.kernel import cpu_list
 from weberlink.apps.doctor.machine import Unreadable
 from weberlink.apps.doctor.network import CHARGED_BYTES
-from weberlink.apps.doctor.processors import cpu_list
 from weberlink.apps.doctor.rights import awake_is_better
 from weberlink.apps.doctor.software import optional
 from weberlink.apps.doctor.trial import HostTrial, RightsTrial, Stretch

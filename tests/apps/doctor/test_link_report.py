@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner
 
 from tests.apps.doctor.links import MeasuredLink
 from tests.system.systems import CONFIGS
@@ -17,7 +16,6 @@ from weberlink.apps.doctor import DoctorReport, Grade
 from weberlink.apps.doctor.link_figures import LinkTrial
 from weberlink.apps.doctor.link_report import judge, judge_way_out, stun_servers, towards
 from weberlink.apps.doctor.link_trial import received
-from weberlink.cli import app
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.emulation import Emulation
 from weberlink.system.configuration import MASTER, load
@@ -121,22 +119,6 @@ def test_servers_of_the_file_are_asked() -> None:
 )
 def test_peer_is_a_label_or_an_address(file: Path, peer: str, added: str) -> None:
     assert towards(peer, load(file, (), [MASTER]).system.link, ["a=b"]) == ["a=b", added]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["--link", "robot"], "--link: needs a FILE"),
-        ([str(ANYWHERE), "--link", "nobody", "--set", "link.peer_store=EMPTY"], "nobody"),
-        ([str(CONFIGS / "lan.yaml"), "--link", "robot", "--set", "link.key_file=EMPTY/key"], "link.key_file"),
-    ],
-)
-def test_wrong_use_is_one_line(arguments: list[str], complaint: str, tmp_path: Path) -> None:
-    given = [each.replace("EMPTY", str(tmp_path)) for each in arguments]
-    result = CliRunner().invoke(app, ["doctor", *given])
-    assert result.exit_code == 2, result.output
-    assert complaint in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
 
 
 def test_blocked_udp_is_not_said_twice() -> None:

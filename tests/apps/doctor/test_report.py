@@ -135,22 +135,6 @@ def test_json_is_alone_on_standard_output() -> None:
     assert ended.exit_code == (1 if document["counts"]["problem"] else 0)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["no-such-file.yaml"], "no such file"),
-        (["--set", "rate_hz=500"], "--set: needs a FILE"),
-        ([str(CONFIGS / "lan.yaml"), "--set", "rate_hz=x"], "rate_hz"),
-        ([str(CONFIGS / "lan.yaml"), "--side", "both"], "--side"),
-    ],
-)
-def test_wrong_arguments_are_one_line_and_status_2(arguments: list[str], words: str) -> None:
-    ended = CliRunner().invoke(app, ["doctor", *arguments])
-    assert ended.exit_code == 2
-    assert words in ended.stderr
-    assert len(ended.stderr.splitlines()) == 1
-
-
 def test_needs_follow_the_configuration(tmp_path: Path) -> None:
     overrides = ["rate_hz=500", "realtime.cpus=[0, 1]", "realtime.priority=7", "link.slave=robot:5"]
     needs = Needs.of(load(CONFIGS / "lan.yaml", overrides), ["slave"])

@@ -74,9 +74,10 @@ async def engage(
     *,
     silence: float = 2.0,
     slave_now: Callable[[], float] = monotonic,
+    listen: Address = ANY,
 ) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
     slave = make(Role.RESPONDER, silence=silence)
-    slave_shell = shell_of(slave, now=slave_now, listen=ANY)
+    slave_shell = shell_of(slave, now=slave_now, listen=listen)
     await slave_shell.open(loop)
     slave.connect(monotonic())
     master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]), silence=silence)
@@ -215,6 +216,16 @@ async def test_a_send_that_the_system_refuses_is_a_loss(loop: asyncio.AbstractEv
     while master.statistics.sent < 3:
         await asyncio.sleep(0.01)
     assert master.state is State.CONNECTING
+
+
+@live
+async def test_slave_on_all_addresses_answers_from_the_called_one(loop: asyncio.AbstractEventLoop) -> None:
+    master_shell, master, _, slave = await engage(loop, host="127.0.0.2", listen=("0.0.0.0", 0))
+    for tick in range(20):  # the master follows to the address from which the slave then sends
+        now = monotonic()
+        assert master.send_update(now, sample_update(tick))
+        master_shell.flush(now)
+        assert (await until(slave, UpdateReceived, [])).update == sample_update(tick)  # type: ignore[attr-defined]
 
 
 @pytest.mark.skipif(not socket.has_ipv6, reason="this Python has no IPv6")

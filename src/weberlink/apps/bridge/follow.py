@@ -7,35 +7,18 @@ from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGTERM, signal
 from threading import Event
 from time import monotonic
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from weberlink.system.scoring.session import Records
 from weberlink.watching.rings import RingFeed, RingOpener, find_rings
+
+if TYPE_CHECKING:
+    from weberlink.apps.bridge.topics import TopicBridge
 
 NICENESS = 5
 FIND_S = 0.25
 """Period of looking for rings."""
 
 Tell = Callable[[str], None]
-
-
-class Bridge(Protocol):
-    """What takes the records of a session. All calls come from one thread."""
-
-    def begin(self, session: str, feed: RingFeed) -> None:
-        """A side of a session begins; `feed.description` is its configuration, see `weberlink.system.description`."""
-
-    def put(self, feed: RingFeed, records: Records) -> None:
-        """New records of that side, oldest first, at least one."""
-
-    def end(self, feed: RingFeed) -> None:
-        """The side has ended; all its records were put."""
-
-    def look(self, now: float) -> None:
-        """Called once a round, after the records."""
-
-    def close(self) -> None:
-        """End; called once."""
 
 
 class SessionFollower:
@@ -48,7 +31,7 @@ class SessionFollower:
         where: folder of the rings; None for those of this user.
     """
 
-    def __init__(self, bridge: Bridge, only: str | None, tell: Tell, where: Path | None = None) -> None:
+    def __init__(self, bridge: "TopicBridge", only: str | None, tell: Tell, where: Path | None = None) -> None:
         self._bridge, self._only, self._tell, self._where = bridge, only, tell, where
         self._opener = RingOpener(tell)
         self._find_at = 0.0
@@ -101,7 +84,7 @@ def _lost(count: int) -> str:
     return f"; {count} records were overwritten before they were read" if count else ""
 
 
-def run(bridge: Bridge, only: str | None, period_s: float, tell: Tell) -> None:
+def run(bridge: "TopicBridge", only: str | None, period_s: float, tell: Tell) -> None:
     """Follow sessions until a signal, from the main thread; then close the bridge.
 
     Args:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from weberlink.apps.doctor import kernel, network, processors, rights, software
+from weberlink.apps.doctor import kernel, network, rights, software
 from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
 from weberlink.apps.doctor.report import DoctorReport, Finding, Grade
@@ -48,14 +48,14 @@ CHECKS = (
         kernel.wall_clock,
         "sudo timedatectl set-ntp true    (needs systemd-timesyncd or chrony)",
     ),
-    Check("processors", "processors", processors.processors),
-    Check("processors", "isolation", processors.isolation),
-    Check("processors", "governor", processors.governor, f"echo performance | sudo tee {processors.GOVERNORS}"),
-    Check("processors", "idle states", processors.idle_states, "in the file: realtime: {wakeful: true}"),
+    Check("processors", "processors", kernel.processors),
+    Check("processors", "isolation", kernel.isolation),
+    Check("processors", "governor", kernel.governor, f"echo performance | sudo tee {kernel.GOVERNORS}"),
+    Check("processors", "idle states", kernel.idle_states, "in the file: realtime: {wakeful: true}"),
     Check(
         "processors",
         "cpu quota",
-        processors.control_group,
+        kernel.control_group,
         "podman/docker: run without --cpus; systemd: CPUQuota= (empty) in the unit",
     ),
     Check("rights", "scheduling", rights.scheduling, read=rights.rights),

@@ -1,7 +1,8 @@
-"""Kernel and clocks: preemption, timers, real-time throttling, clock source, wall clock."""
+"""Kernel, clocks and processors: preemption, timers, clock source, isolation, frequency, idle states, quotas."""
 
 import gzip
 import re
+from collections.abc import Iterator
 
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
@@ -21,6 +22,10 @@ REAL_TIME_KERNELS = {
     "debian": "sudo apt install linux-image-rt-amd64    (or -arm64), then restart",
 }
 OTHER_KERNEL = "install the PREEMPT_RT kernel of this distribution, then restart"
+CPUS = "/sys/devices/system/cpu"
+GOVERNORS = f"{CPUS}/cpu*/cpufreq/scaling_governor"
+WAKE_SHARE = 0.1
+"""Share of a tick that waking up from an idle state may take."""
 
 
 def preemption(machine: Machine, _needs: Needs) -> Finding:
@@ -107,3 +112,110 @@ def wall_clock(machine: Machine, _needs: Needs) -> Finding:
     if machine.clock_is_synchronised():
         return ok("wall clock synchronised")
     return advice("wall clock not synchronised; only logs and recordings are dated by it")
+
+
+def processors(machine: Machine, needs: Needs) -> Finding:
+    allowed = machine.affinity()
+    online = f"{len(allowed)} processor{'' if len(allowed) == 1 else 's'} for this process"
+    pin = f"in the file: realtime: {{cpus: [MASTER, SLAVE]}} with two of {', '.join(map(str, sorted(allowed)))}"
+    barred = [f"{side} on {cpu}" for side, cpu in needs.pinned.items() if cpu not in allowed]
+    if barred:
+        return problem(f"the file pins {', '.join(barred)}, which this process may not use", pin)
+    if len(set(needs.pinned.values())) < len(needs.pinned):
+        return advice("the file pins both sides to one processor", pin)
+    if needs.busy_poll and len(allowed) <= len(needs.sides):
+        return problem(
+            f"{online}, and with busy_poll each daemon takes one: little is left for everything else",
+            "in the file: realtime: {busy_poll: false}; or add a processor",
+        )
+    if len(allowed) < len(needs.sides):
+        found = f"{online}, for two daemons and everything else"
+        return advice(found, "add a second processor, or run each side on its own host")
+    return ok(online)
+
+
+def isolation(machine: Machine, needs: Needs) -> Finding:
+    """Whether other tasks are kept off the processors that daemons are pinned to."""
+    isolated = cpu_list(machine.read(f"{CPUS}/isolated", ""))
+    pinned = frozenset(needs.pinned.values())
+    names = ", ".join(map(str, sorted(isolated)))
+    if pinned and pinned <= isolated:
+        return ok(f"daemons pinned to isolated processors {names}")
+    if pinned:
+        wanted = ",".join(map(str, sorted(pinned)))
+        found = f"daemons pinned to processors {wanted}, which other tasks may use too"
+        return advice(found, f"kernel parameter isolcpus={wanted}, then restart")
+    if isolated:
+        pair = ", ".join(map(str, (sorted(isolated) * 2)[:2]))
+        found = f"processors {names} are isolated, and the file pins no daemon to them"
+        return advice(found, f"in the file: realtime: {{cpus: [{pair}]}}")
+    if needs.busy_poll:
+        return advice(
+            "with busy_poll a daemon takes a processor, and the file pins none",
+            "in the file: realtime: {cpus: [MASTER, SLAVE]}, with kernel parameter isolcpus= for the same",
+        )
+    return ok("no processor isolated, no daemon pinned")
+
+
+def cpu_list(text: str) -> frozenset[int]:
+    """Parse a set of processors as the kernel writes it: "0-3,8"."""
+    parts = [re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip()) for part in text.split(",")]
+    return frozenset(number for part in parts if part for number in range(int(part[1]), int(part[2] or part[1]) + 1))
+
+
+def governor(machine: Machine, _needs: Needs) -> Finding:
+    names = [machine.read(path) for path in machine.find(GOVERNORS)]
+    if not names:
+        return ok("no frequency scaling (fixed frequency, or a virtual machine)")
+    if set(names) == {"performance"}:
+        return ok(f"frequency governor performance on {len(names)} processors")
+    return advice(f"frequency governor {', '.join(sorted(set(names)))}: a tick may start at a low frequency")
+
+
+def idle_states(machine: Machine, needs: Needs) -> Finding:
+    """Whether waking up is slow, and daemons do not prevent it."""
+    slow = ", ".join(slow_states(machine, needs))
+    if slow and not needs.wakeful:
+        return advice(f"waking up from {slow} takes more than a tenth of a tick")
+    if slow:
+        return ok(f"waking up from {slow} is slow; daemons prevent these states")
+    latencies_us = [machine.number(path) for path in machine.find(f"{CPUS}/cpu0/cpuidle/state[0-9]*/latency")]
+    if latencies_us:
+        return ok(f"idle states wake up within {max(latencies_us)} us")
+    return ok("the kernel controls no idle states here")
+
+
+def slow_states(machine: Machine, needs: Needs) -> list[str]:
+    """Idle states in use that take more than a tenth of a tick to leave, with their latency."""
+    paths = machine.find(f"{CPUS}/cpu0/cpuidle/state[0-9]*")
+    latencies_us = {path: machine.number(f"{path}/latency") for path in paths if machine.read(f"{path}/disable") == "0"}
+    return [
+        f"{machine.read(f'{path}/name')} ({latency_us} us)"
+        for path, latency_us in latencies_us.items()
+        if latency_us > WAKE_SHARE * needs.period_us
+    ]
+
+
+def control_group(machine: Machine, needs: Needs) -> Iterator[Finding]:
+    """Whether a control group limits processor time. A quota holds for ordinary tasks, not for SCHED_FIFO."""
+    groups: dict[str, str] = {}  # by controller; that of version 2 under the empty name
+    for line in machine.read("/proc/self/cgroup").splitlines():
+        names, _, path = line.partition(":")[2].partition(":")
+        groups.update(dict.fromkeys(names.split(","), path.rstrip("/")))
+    quotas = []
+    for mount, controller in (("/sys/fs/cgroup", ""), ("/sys/fs/cgroup/cpu", "cpu")):
+        path = groups.get(controller, "")
+        for folder in [mount + path.rsplit("/", up)[0] for up in range(path.count("/") + 1)]:
+            old = [machine.read(f"{folder}/cpu.cfs_{name}_us", "") for name in ("quota", "period")]
+            words = old if controller else machine.read(f"{folder}/cpu.max", "").split()
+            if len(words) == 2 and all(word.isdecimal() for word in words) and int(words[1]):  # else "max", -1
+                quotas.append((int(words[0]) / int(words[1]), folder))
+    if quotas:
+        share, where = min(quotas)
+        yield advice(f"{where} limits tasks that are not real-time to {100 * share:.0f} % of a processor")
+    else:
+        yield ok("no control group limits processor time")
+    budget = f"/sys/fs/cgroup/cpu{groups.get('cpu', '')}/cpu.rt_runtime_us"
+    if needs.priority and machine.read(budget, "") == "0":  # only kernels with real-time groups have one
+        found = "the control group has no real-time budget: SCHED_FIFO is refused"
+        yield problem(found, f"echo 950000 | sudo tee {budget}", "real-time group")

@@ -5,9 +5,9 @@ import resource
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from weberlink.apps.doctor.kernel import slow_states
 from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
-from weberlink.apps.doctor.processors import slow_states
 from weberlink.apps.doctor.report import Finding, advice, ok, problem, unknown
 from weberlink.apps.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.realtime.process import HIGHEST_PRIORITY, LATENCY_REQUEST

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from time import monotonic
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
+from weberlink.hardware.emulator import ServedDevice
 from weberlink.hardware.fault import HardwareFault
 
 WIRE_FAULTS = {
@@ -20,17 +21,6 @@ WIRE_FAULTS = {
 WORDS = {"status": "print the state of the device as JSON", "help": "list the commands"}
 
 
-class Pluggable(Protocol):
-    """A device that can be unplugged; see `weberlink.hardware.emulator`."""
-
-    @property
-    def plugged(self) -> bool: ...
-
-    def plug(self) -> None: ...
-
-    def unplug(self) -> None: ...
-
-
 class FaultCommands:
     """Interprets lines of commands.
 
@@ -41,7 +31,7 @@ class FaultCommands:
         out: stream for answers.
     """
 
-    def __init__(self, name: str, emulator: Any, device: Pluggable, out: TextIO) -> None:
+    def __init__(self, name: str, emulator: Any, device: ServedDevice, out: TextIO) -> None:
         self._name = name
         self._emulator = emulator
         self._device = device

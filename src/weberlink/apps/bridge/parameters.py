@@ -14,6 +14,8 @@ from weberlink.watching.session import WatchedSession
 
 NUMBERS = frozenset({"weber", "delay_ms", "jitter_ms", "loss"})
 """Parameters that are numbers; a client may send them as integers."""
+NAMES = NUMBERS | {"predictor"}
+"""All parameters. Every page in a browser of this host can connect, so a client must not stop a session."""
 LOOK_S = 1.0
 """Period of asking what is in force, while a client wants to be told of changes."""
 CLOSED = "parameters are read-only; start the bridge with --allow-changes, and every client of its port may change them"
@@ -62,6 +64,8 @@ class LiveParameters:
         """Ask the daemons to make a change, as the live page does; blocks until they answer."""
         if not self._allow:
             return refusal(CLOSED)
+        if unknown := values.keys() - NAMES:
+            return refusal(f"no parameter {', '.join(sorted(unknown))}; there are {', '.join(sorted(NAMES))}")
         request = {name: float(v) if name in NUMBERS and type(v) is int else v for name, v in values.items()}
         return asyncio.run(self._control.change(next(iter(self._sessions), None), request))
 

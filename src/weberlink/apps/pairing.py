@@ -1,21 +1,25 @@
 """Pair two hosts by a code: `pair` for the commands `slave --invite` and `master --join`."""
 
 import json
+import shlex
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.text import Text
+
+from weberlink.anywhere.invitation import Invitation, read
+from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.anywhere.peers import PeerError, PeerStore
 from weberlink.system.configuration import SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.description import default_name
 
-if TYPE_CHECKING:
-    from weberlink.anywhere.pairing_order import PairingOrder
-
 FAREWELL_S = 5.0
 """How long the pairing process may take to tell the other host that it ends."""
+LINES_BELOW = 5
+"""Rows of the terminal under the QR code: what to do, and the cursor."""
 
 
 def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
@@ -33,8 +37,6 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None) 
     Raises:
         ConfigurationError: there is no mailbox in the file, a package is missing, or the two did not pair; says why.
     """
-    from weberlink.apps.pairing.screen import Screen  # noqa: PLC0415 - after the imports of other commands
-
     asked = "--join" if code else "--invite"
     for package in ("wormhole", "segno"):
         need(package, "anywhere", asked)
@@ -54,10 +56,7 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None) 
     raise ConfigurationError(f"{asked}: the pairing process ended early (exit status {process.returncode})")
 
 
-def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> "PairingOrder":
-    from weberlink.anywhere.invitation import read  # noqa: PLC0415
-    from weberlink.anywhere.pairing_order import PairingOrder  # noqa: PLC0415
-
+def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> PairingOrder:
     link = configuration.system.link
     mailbox = link.mailbox
     if code:
@@ -85,10 +84,8 @@ def _order(configuration: Configuration, side: str, code: str, label: str | None
 
 
 @contextmanager
-def _running(order: "PairingOrder") -> Iterator[subprocess.Popen[str]]:
+def _running(order: PairingOrder) -> Iterator[subprocess.Popen[str]]:
     """The pairing process, which has ended at the end; the other host hears of it if it was early."""
-    from weberlink.anywhere.pairing_order import start_pairing  # noqa: PLC0415
-
     process = start_pairing(order)
     try:
         yield process
@@ -103,3 +100,53 @@ def _running(order: "PairingOrder") -> Iterator[subprocess.Popen[str]]:
             process.wait()
         assert process.stdout is not None
         process.stdout.close()
+
+
+class Screen:
+    """What a user sees while two hosts pair: on standard error, in 80 columns.
+
+    Args:
+        file: the configuration, as the user named it.
+        order: of the pairing.
+    """
+
+    def __init__(self, file: str, order: PairingOrder) -> None:
+        self._file, self._order = file, order
+        self._console = Console(stderr=True)
+
+    def begin(self) -> None:
+        """Say what happens first."""
+        verb = "joining by" if self._order.code else "asking for a code at"
+        self.note(f"{verb} the mailbox {self._order.mailbox}")
+
+    def show(self, event: dict[str, str]) -> None:
+        """Show an event of the pairing process."""
+        if "code" in event:
+            self._invite(event["code"])
+        else:
+            self.note(event["note"])
+
+    def note(self, text: str) -> None:
+        self._write(f"weberlink: {text}")
+
+    def _invite(self, code: str) -> None:
+        self._draw(str(Invitation(code, self._order.mailbox)))
+        self._write(f"Code: {code}")
+        self._write("On the operator's host, with the same mailbox in its file:")
+        self._write(f"  weberlink master {shlex.quote(self._file)} --join {code}")
+        self.note(f"waiting for the operator, for {self._order.lifetime_s / 60:g} min; Ctrl-C ends it")
+
+    def _draw(self, text: str) -> None:
+        """The QR code, above the text so that a small screen keeps the text."""
+        from weberlink.anywhere.qr import drawing  # noqa: PLC0415 - needs an extra
+
+        if not self._console.is_terminal:
+            return
+        lines = drawing(text, self._console.width, self._console.height - LINES_BELOW)
+        if lines is None:
+            self.note("the QR code does not fit on this screen; make it larger, or type the code")
+        for line in lines or ():
+            self._console.print(Text(line, style="bright_white on black"), no_wrap=True, crop=False)
+
+    def _write(self, text: str) -> None:
+        self._console.print(Text(text), soft_wrap=True)

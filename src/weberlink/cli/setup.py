@@ -1,0 +1,147 @@
+"""Commands that set a host up: device, peer, keygen, configs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from weberlink.cli.arguments import CommandGroup, Json, file_target
+from weberlink.cli.output import fail, failing, tell, write
+from weberlink.system.order import MISCONFIGURED
+from weberlink.system.targets import STANDARD_OUTPUT
+
+device = typer.Typer(
+    name="device", cls=CommandGroup, help="List, test or emulate devices and robots.", no_args_is_help=True
+)
+Options = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
+]
+
+# Each command imports what it needs when it runs.
+
+
+@device.command("list")
+def device_list(json_out: Json = None) -> None:
+    """List drivers and plugged devices, and suggest fixes."""
+    from weberlink.apps.devices import survey  # noqa: PLC0415
+
+    found = survey()
+    write(found.document, json_out, found.show)
+
+
+@device.command("test")
+def device_test(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink device list` lists them.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Configuration with options of the driver.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
+    set_: Options = None,
+) -> None:
+    """Test a device step by step, at last with a gentle force.
+
+    It shows the readings, checks signs without force and, after a yes, with a gentle force.
+    """
+    from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run  # noqa: PLC0415
+
+    with failing(DeviceTestError):
+        run(DeviceTestRequest(name, config, tuple(set_ or ())), Dialog(sys.stdin, sys.stdout, yes=yes))
+
+
+@device.command()
+def emulate(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
+    command: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
+        ),
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Path of the serial port; default: weberlink-NAME.")
+    ] = None,
+    faults: Annotated[Path | None, typer.Option(metavar="PATH", help="FIFO that fault commands are read from.")] = None,
+    set_: Options = None,
+) -> None:
+    """Emulate a device, with faults on request, until Ctrl-C."""
+    from weberlink.apps.emulate import run  # noqa: PLC0415
+
+    out = sys.stderr if command else sys.stdout  # the command may use standard output itself
+    raise typer.Exit(run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults))
+
+
+@device.command("rules")
+def device_rules() -> None:
+    """Install the udev rules, which give access without root."""
+    from weberlink.apps import rules  # noqa: PLC0415
+
+    with failing(rules.RulesError):
+        typer.echo("\n".join(rules.install()))
+
+
+def peer(
+    label: Annotated[str | None, typer.Argument(metavar="[NAME]", help="One known peer; default: all.")] = None,
+    rename: Annotated[str | None, typer.Option(metavar="NEW", help="Call the peer NEW.")] = None,
+    remove: Annotated[bool, typer.Option("--remove", help="Forget the peer and its key.")] = False,
+    offline: Annotated[bool, typer.Option("--offline", help="Ask no mailbox server which robots wait.")] = False,
+    store: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the known peers (link.peer_store of a file).")
+    ] = None,
+    json_out: Json = None,
+) -> None:
+    """List known peers and which of them wait; rename or remove one."""
+    from weberlink.anywhere.peers import PeerError, PeerStore  # noqa: PLC0415
+
+    if (rename is not None or remove) and (label is None or (rename is not None and remove)):
+        fail("peer: --rename NEW and --remove are for one peer: weberlink peer NAME --remove", MISCONFIGURED)
+    known = PeerStore(store)
+    with failing(PeerError, MISCONFIGURED, "peer: "):
+        if label is not None and remove:
+            known.remove(label)
+            typer.echo(f"{label} is forgotten; a slave that runs knows it until it is started again")
+        elif label is not None and rename is not None:
+            known.rename(label, rename)
+            typer.echo(f"{label} is now called {rename}")
+        else:
+            from weberlink.apps.peers import acquaintances  # noqa: PLC0415
+
+            found = acquaintances(known, label, ask=not offline)
+            write(found.document, json_out, found.show)
+
+
+def keygen(
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", callback=file_target, help="Where to write the key, with mode 0600.")
+    ],
+) -> None:
+    """Write a new pre-shared key for one master and one slave."""
+    from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
+
+    with failing(KeyFileError, MISCONFIGURED):
+        generate(out)
+    typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+
+
+def configs(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A shipped file to copy, or a folder of them; default: list.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where to copy it; default: here; - for standard output.")
+    ] = None,
+) -> None:
+    """List the shipped files; copy one, with the files it names."""
+    from weberlink.apps.shipped import copy, listing, text_of  # noqa: PLC0415
+
+    if name is None:
+        if out is not None:
+            fail("--out: is for one file: weberlink configs NAME --out FILE", MISCONFIGURED)
+        write({}, None, listing().show)
+    elif out == STANDARD_OUTPUT:
+        typer.echo(text_of(name), nl=False)
+    else:
+        written = copy(name, out)
+        typer.echo("\n".join(map(str, written))) if written else tell(f"{name}: is there already")

@@ -1,0 +1,104 @@
+"""The markers of a scene, and of hand and robot with their forces."""
+
+from math import radians
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.apps.monitor.synthetic_session import EVERY_SHAPE
+from weberlink.apps.ros_markers import (
+    ARROW,
+    CUBE,
+    LINE_LIST,
+    MARKERS,
+    MOST_CELLS,
+    SPHERE,
+    TRIANGLE_LIST,
+    body_markers,
+    reach_of,
+    scene_markers,
+)
+from weberlink.geometry.rotation import turned
+from weberlink.geometry.vector import norm, scale
+from weberlink.ros2.messages import decode
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.message import ENCAPSULATION
+
+COORDINATES = st.floats(-1.0, 1.0)
+DIRECTIONS = st.tuples(COORDINATES, COORDINATES, COORDINATES).filter(lambda v: norm(v) > 1e-3)
+
+
+def markers(body: bytes) -> list[Any]:
+    made: list[Any] = decode(ENCAPSULATION + body, MARKERS).markers
+    return made
+
+
+def numbers(point: Any) -> tuple[float, float, float]:
+    return point.x, point.y, point.z
+
+
+def moved(marker: Any, point: tuple[float, float, float]) -> Any:
+    """A point of a marker in the frame that it is in."""
+    q = marker.pose.orientation
+    return np.add(numbers(marker.pose.position), turned((q.w, q.x, q.y, q.z), point))
+
+
+def test_every_shape_is_a_marker() -> None:
+    made = markers(scene_markers(EVERY_SHAPE, [(0.03, 0.0, 0.0)]))
+    kinds = [CUBE, SPHERE, SPHERE, CUBE, CUBE, TRIANGLE_LIST, CUBE, SPHERE, LINE_LIST]
+    assert [each.type for each in made] == kinds
+    assert [each.header.frame_id for each in made] == ["weberlink"] * 8 + ["robot"]
+    assert len({(each.ns, each.id) for each in made}) == len(made)
+
+
+@given(DIRECTIONS)
+def test_a_plane_lies_across_its_normal(normal: Any) -> None:
+    (plane,) = markers(scene_markers([{"shape": "plane", "point_m": [0.0, 0.0, 0.0], "normal": list(normal)}], []))
+    up = moved(plane, (0.0, 0.0, 1.0)) - moved(plane, (0.0, 0.0, 0.0))
+    assert up == pytest.approx(scale(normal, 1.0 / norm(normal)), abs=1e-6)
+
+
+def test_solids_are_where_the_scene_has_them() -> None:
+    tilted = {"shape": "plane", "point_m": [0.0, 0.0, 0.01], "normal": [0.0, 2.0, 2.0]}
+    box = {"shape": "box", "center_m": [0.1, 0.0, 0.0], "size_m": [0.02, 0.04, 0.06], "rotation_deg": [90.0, 0.0, 30.0]}
+    field = {
+        "shape": "height_field",
+        "center_m": [0, 0, 0.5],
+        "heights_m": [[0, 0.1, 0.2], [0.3, 0, 0]],
+        "spacing_m": 1.0,
+    }
+    plane, block, terrain = markers(scene_markers([tilted, box, field], []))
+    assert moved(plane, (0.0, 0.0, 0.5 * plane.scale.z)) == pytest.approx((0.0, 0.005, 0.005))
+    turn = radians(30.0)
+    assert moved(block, (0.01, 0.0, 0.0)) == pytest.approx((0.1 + 0.01 * np.cos(turn), 0.01 * np.sin(turn), 0.0))
+    assert moved(block, (0.0, 0.02, 0.0)) == pytest.approx((0.1, 0.0, 0.02), abs=1e-9)
+    corners = [moved(terrain, numbers(point)).tolist() for point in terrain.points]
+    assert corners[:3] == [[-1.0, -0.5, 0.5], [0.0, -0.5, 0.6], [-1.0, 0.5, 0.8]] and len(corners) == 12
+
+
+def test_a_large_height_field_is_drawn_to_its_borders() -> None:
+    heights = np.zeros((3, 5 * MOST_CELLS + 7))
+    field = {"shape": "height_field", "center_m": [0, 0, 0], "heights_m": heights.tolist(), "spacing_m": 0.01}
+    (terrain,) = markers(scene_markers([field], []))
+    x, y, _ = np.array([numbers(point) for point in terrain.points]).T
+    assert len(terrain.points) <= 6 * MOST_CELLS
+    assert (x.max() - x.min(), y.max() - y.min()) == pytest.approx((0.01 * (5 * MOST_CELLS + 6), 0.02))
+
+
+@given(st.lists(st.sampled_from(EVERY_SHAPE)))
+def test_reach_holds_every_bounded_center(scene: Any) -> None:
+    assert reach_of(scene) >= max((np.hypot(*shape.get("center_m", (0, 0))[:2]) for shape in scene), default=0.0)
+
+
+@pytest.mark.parametrize(("force", "length"), [(0.001, 0.0), (1.0, 0.007)])
+def test_an_arrow_is_as_long_as_the_force(force: float, length: float) -> None:
+    record = np.zeros(1, DTYPE)[0]
+    record["position"], record["output"] = (0.01, 0.02, 0.03), (0.0, 0.0, force)
+    ball, arrow = markers(body_markers({"master": record}, reach_of([]), 10**18 + 5))
+    assert (ball.type, arrow.type, ball.header.stamp.nanosec) == (SPHERE, ARROW, 5)
+    start, tip = map(numbers, arrow.points)
+    assert start == numbers(ball.pose.position) == (0.01, 0.02, 0.03)
+    assert np.subtract(tip, start) == pytest.approx((0.0, 0.0, length))
