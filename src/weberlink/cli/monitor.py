@@ -66,7 +66,7 @@ def monitor(
 
 def _view(text: str) -> Any:
     """What --view shows."""
-    from weberlink.apps.monitor.view import ViewError, parse_view  # noqa: PLC0415
+    from weberlink.apps.monitor.camera import ViewError, parse_view  # noqa: PLC0415
     from weberlink.system.configuration.extras import need  # noqa: PLC0415
 
     with errors():

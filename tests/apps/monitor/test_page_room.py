@@ -292,14 +292,14 @@ def test_session_is_started_and_stopped(page: Browser, server: ScriptedServer) -
     ready(page, "stop")
     page.click("#stop")
     assert asked(page, server, 1) == [{"type": "session", "do": "stop"}]
-    server.say(figures(ended=True), {"type": "keeper", "state": "idle", "scene": None, "why": None})
+    server.say(figures(ended=True), {"type": "launcher", "state": "idle", "scene": None, "why": None})
     page.wait(lambda: page.text("start") == "Start", "the end")
     page.choose("room-scene", "box")
     page.click("#start")
     assert asked(page, server, 2)[1] == {"type": "session", "do": "start", "scene": "box"}
-    server.say({"type": "keeper", "state": "starting", "scene": "box", "why": None})
+    server.say({"type": "launcher", "state": "starting", "scene": "box", "why": None})
     page.wait(lambda: page.text("notice") == "starting Box …", "the start")
-    server.say({"type": "keeper", "state": "failed", "scene": "box", "why": "port 47000 is in use"})
+    server.say({"type": "launcher", "state": "failed", "scene": "box", "why": "port 47000 is in use"})
     page.wait(lambda: page.text("notice") == "not started: port 47000 is in use", "the failure")
 
 

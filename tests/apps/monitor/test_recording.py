@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.test_watch import told
+from tests.apps.monitor.test_watch import asked, told
 from tests.system.processes import until
-from tests.watching.feeds import description, records, write
-from weberlink.apps.monitor.recording import RecordingDesk, file_name
+from tests.watching.sources import description, records, write
+from weberlink.apps.monitor.recording import RecordingService, file_name
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 
@@ -45,13 +45,13 @@ def test_empty_name_is_session_and_time(name: str | None) -> None:
 class Rig:
     """A session of one ring on this host, a page, and a desk."""
 
-    def __init__(self, folder: Path, ring: RingWriter, feed: RingFeed) -> None:
+    def __init__(self, folder: Path, ring: RingWriter, source: RingSource) -> None:
         self.said: list[str] = []
         self.ring = ring
         self.watch = SessionWatcher(folder / "none", None, self.said.append)
-        self.desk = RecordingDesk(self.watch, folder / "recordings", self.said.append)
-        feed.description = description("slave") | {"changes": []}
-        self.session = WatchedSession("7", feed)
+        self.desk = RecordingService(self.watch, folder / "recordings", self.said.append)
+        source.description = description("slave") | {"changes": []}
+        self.session = WatchedSession("7", source)
         self.watch.put(self.session)
         self.page = Viewer(None, may_change=True)
         self.watch.join(self.page)
@@ -66,8 +66,8 @@ class Rig:
 
     def ask(self, **request: Any) -> dict[str, Any]:
         told_ = {"type": "record", "token": self.watch.requests.token} | request
-        answer = asyncio.run(self.watch.requests.answer(self.page, told_))
-        assert answer is not None and answer["to"] == "record"
+        answer: dict[str, Any] = asyncio.run(asked(self.watch, self.page, told_))
+        assert answer["to"] == "record"
         return answer
 
     def look(self) -> None:
@@ -97,17 +97,17 @@ class Rig:
 def rig(tmp_path: Path) -> Iterator[Rig]:
     path = tmp_path / "weberlink-7-slave.ring"
     ring = RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=10_000)
-    feed = RingFeed(path)
-    rig = Rig(tmp_path, ring, feed)
+    source = RingSource(path)
+    rig = Rig(tmp_path, ring, source)
     yield rig
     rig.desk.close()
     ring.close()
-    feed.close()
+    source.close()
 
 
 def test_missing_package_is_the_reason_that_a_page_is_told(rig: Rig, tmp_path: Path) -> None:
     assert rig.desk.hello(rig.session, rig.page) == {"records": True, "records_why": None}
-    without = RecordingDesk(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
+    without = RecordingService(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
     told_ = without.hello(rig.session, rig.page)
     assert not told_["records"] and "needs a_package_of_no_distribution" in told_["records_why"]
     assert rig.ask(do="start")["why"] == told_["records_why"]
@@ -211,6 +211,5 @@ def test_page_without_rights_cannot_record(rig: Rig) -> None:
     (hello,) = (message for message in told(guest) if message["type"] == "hello")
     assert hello["records"] is False
     request = {"type": "record", "do": "start", "token": rig.watch.requests.token}
-    answer = asyncio.run(rig.watch.requests.answer(guest, request))
-    assert answer is not None and not answer["accepted"]
+    assert not asyncio.run(asked(rig.watch, guest, request))["accepted"]
     assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True

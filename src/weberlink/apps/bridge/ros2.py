@@ -18,7 +18,7 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.recording.message import Origin
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 
 NAME = "ros2"
 NODE = "weberlink"
@@ -38,7 +38,7 @@ class _Side:
     """A side that is published.
 
     Args:
-        feed: of the side.
+        source: of the side.
         condition: for its diagnostics.
         stride: of so many ticks one is published.
         arm: the axes of a session in joint space.
@@ -47,7 +47,7 @@ class _Side:
         before: ticks that were overwritten before the side was found; None until its first records.
     """
 
-    feed: RingFeed
+    source: RingSource
     condition: SideCondition
     stride: int
     arm: ArmLayout | None
@@ -58,7 +58,7 @@ class _Side:
     @property
     def lost(self) -> int:
         """Ticks that were overwritten before they were read."""
-        return 0 if self.before is None else self.feed.lost - self.before
+        return 0 if self.before is None else self.source.lost - self.before
 
     def choose(self, records: Records) -> Records:
         """Those to publish."""
@@ -67,7 +67,7 @@ class _Side:
 
     def times_ns(self, at: NDArray[np.float64]) -> NDArray[np.uint64]:
         """Wall clock of some ticks [ns since 1970]."""
-        return Origin(self.feed.side, self.feed.rate_hz, self.wall_offset_s, 0.0).log_times_ns(at)
+        return Origin(self.source.side, self.source.rate_hz, self.wall_offset_s, 0.0).log_times_ns(at)
 
 
 def wall_offset_s() -> float:
@@ -104,39 +104,39 @@ class Ros2Bridge:
         self._lost = 0
         """Ticks of sides that have ended, which were overwritten before they were read."""
 
-    def begin(self, session: str, feed: RingFeed) -> None:
+    def begin(self, session: str, source: RingSource) -> None:
         self._session = session
         try:
-            arm = arm_in((feed.description or {})["system"])
+            arm = arm_in((source.description or {})["system"])
         except (KeyError, ValueError) as error:
-            self._tell(f"{feed.side} is left out: its description does not tell what it is ({error})")
+            self._tell(f"{source.side} is left out: its description does not tell what it is ({error})")
             return
-        stride = 1 if self._rate_hz is None else max(1, round(feed.rate_hz / self._rate_hz))
+        stride = 1 if self._rate_hz is None else max(1, round(source.rate_hz / self._rate_hz))
         now = monotonic()
-        condition = SideCondition(feed, now)
-        self._sides[feed.side] = _Side(feed, condition, stride, arm, self._offset_s(), now - FRESH_S)
-        for topic, type_name in topics(feed.side, arm).items():
+        condition = SideCondition(source, now)
+        self._sides[source.side] = _Side(source, condition, stride, arm, self._offset_s(), now - FRESH_S)
+        for topic, type_name in topics(source.side, arm).items():
             if topic not in self._publishers:
                 self._publishers[topic] = self._node.publisher(topic, type_name, self._qos)
 
-    def put(self, feed: RingFeed, records: Records) -> None:
-        side = self._sides.get(feed.side)
+    def put(self, source: RingSource, records: Records) -> None:
+        side = self._sides.get(source.side)
         if side is None:
             return
         if side.before is None:
-            side.before = feed.lost
+            side.before = source.lost
         side.condition.take(records, monotonic())
         ticks = side.choose(records)
         if not len(ticks):
             return
-        for topic, _, bodies in shown(feed.side, ticks, side.times_ns(ticks["at"]), side.arm):
+        for topic, _, bodies in shown(source.side, ticks, side.times_ns(ticks["at"]), side.arm):
             publisher, size = self._publishers[topic], bodies.dtype.itemsize
             data, now_ns = bodies.tobytes(), time_ns()
             for begin in range(0, len(data), size):
                 publisher.put_body(data[begin : begin + size], now_ns)
 
-    def end(self, feed: RingFeed) -> None:
-        side = self._sides.pop(feed.side, None)
+    def end(self, source: RingSource) -> None:
+        side = self._sides.pop(source.side, None)
         if side is not None:
             self._ended.append(side.condition.status(monotonic()))
             self._lost += side.lost

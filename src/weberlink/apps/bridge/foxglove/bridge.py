@@ -14,7 +14,7 @@ from weberlink.apps.bridge.foxglove.channels import LOG, SCENE, Channels
 from weberlink.apps.bridge.foxglove.parameters import LiveParameters, as_parameters
 from weberlink.apps.bridge.foxglove.shown import ShownSession
 from weberlink.system.scoring.session import Records
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 
 NAME = "WeberLink"
 FIGURES_S = 1.0
@@ -68,22 +68,22 @@ class FoxgloveBridge(ServerListener):
     def port(self) -> int:
         return self._server.port
 
-    def begin(self, session: str, feed: RingFeed) -> None:
+    def begin(self, session: str, source: RingSource) -> None:
         if self._shown is not None and self._shown.watched.name == session and not self._shown.watched.ended:
-            self._shown.admit(feed)
+            self._shown.admit(source)
         else:
-            self._shown = ShownSession(session, feed, self._channels)
+            self._shown = ShownSession(session, source, self._channels)
             self._parameters.follow(self._shown.watched)
         now = time_ns()
         self._channels.scene.log(self._shown.scene(now), log_time=now)
 
-    def put(self, feed: RingFeed, records: Records) -> None:
+    def put(self, source: RingSource, records: Records) -> None:
         if self._shown is not None:
-            self._shown.put(feed.side, records)
+            self._shown.put(source.side, records)
 
-    def end(self, feed: RingFeed) -> None:
+    def end(self, source: RingSource) -> None:
         if self._shown is not None:
-            self._shown.end(feed.side)
+            self._shown.end(source.side)
 
     def look(self, now: float) -> None:
         shown, at_ns = self._shown, time_ns()

@@ -11,7 +11,6 @@ from weberlink.apps.bridge.diagnostics import SideCondition
 from weberlink.apps.bridge.foxglove import motion
 from weberlink.apps.bridge.foxglove.channels import Channels
 from weberlink.apps.bridge.foxglove.diagnostics import condition, diagnostics
-from weberlink.apps.bridge.foxglove.feed import FollowedFeed
 from weberlink.apps.bridge.foxglove.primitives import moment
 from weberlink.apps.bridge.foxglove.solids import reach_of, scene_update
 from weberlink.system.configuration import MASTER, SLAVE
@@ -20,7 +19,7 @@ from weberlink.system.wording import ALARM, INFO, WARN
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.message import Origin
 from weberlink.watching.events import SessionEvent
-from weberlink.watching.rings import RingFeed, joined
+from weberlink.watching.rings import RingSource, RowSource, joined
 from weberlink.watching.rows import FeltErrorPairs, Thinning, felt_errors
 from weberlink.watching.session import WatchedSession
 
@@ -32,32 +31,34 @@ class ShownSession:
 
     Args:
         name: of the session.
-        feed: of its first side.
+        source: of its first side.
         channels: where it is shown.
     """
 
-    def __init__(self, name: str, feed: RingFeed, channels: Channels) -> None:
+    def __init__(self, name: str, source: RingSource, channels: Channels) -> None:
         self._channels = channels
-        self._feeds = {feed.side: FollowedFeed(feed)}
-        self.watched = WatchedSession(name, self._feeds[feed.side])
+        self._rings: dict[str, RingSource] = {}
+        self._handed: dict[str, RowSource] = {}
+        """The same records, for the watched session: the follower has read the rings already."""
+        self.watched = WatchedSession(name, self._hand(source))
         self._origins: dict[str, Origin] = {}
         self._conditions: dict[str, SideCondition] = {}
-        self._note(feed)
+        self._note(source)
         self._new: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         self._newest: dict[str, tuple[Any, int]] = {}
-        self._felt, self._thinning = FeltErrorPairs(feed.rate_hz), Thinning(feed.rate_hz)
+        self._felt, self._thinning = FeltErrorPairs(source.rate_hz), Thinning(source.rate_hz)
         self._reach = reach_of(self.watched.hello()["scene"])
         self._told = 0
 
-    def admit(self, feed: RingFeed) -> None:
+    def admit(self, source: RingSource) -> None:
         """Add the other side."""
-        self._feeds[feed.side] = FollowedFeed(feed)
-        self.watched.admit(self._feeds[feed.side])
-        self._note(feed)
+        self.watched.admit(self._hand(source))
+        self._note(source)
 
     def put(self, side: str, records: Records) -> None:
         """New records of a side, at least one: its ticks are shown at once, the rest in the next `show`."""
-        self._feeds[side].put(records)
+        self._handed[side].put(records)
+        self._handed[side].written, self._handed[side].lost = self._rings[side].written, self._rings[side].lost
         self._conditions[side].take(records, monotonic())
         self._new[side].append(records)
         times = self._origins[side].log_times_ns(records["at"])
@@ -70,7 +71,7 @@ class ShownSession:
 
     def end(self, side: str) -> None:
         """All records of a side were put."""
-        self._feeds[side].end()
+        self._handed[side].end(in_order=self._rings[side].in_order)
 
     def show(self) -> None:
         """Show what has come since the last call; events in any case."""
@@ -105,10 +106,22 @@ class ShownSession:
         for event in self.watched.log.events:
             self._log(event, client)
 
-    def _note(self, feed: RingFeed) -> None:
-        self._conditions[feed.side] = SideCondition(feed, monotonic())
-        wall_s = feed.began + feed.wall_offset_s
-        self._origins[feed.side] = Origin(feed.side, feed.rate_hz, wall_s, feed.began)
+    def _hand(self, source: RingSource) -> RowSource:
+        self._rings[source.side] = source
+        self._handed[source.side] = RowSource(
+            source.side,
+            source.rate_hz,
+            source.began,
+            source.ring,
+            wall_offset_s=source.wall_offset_s,
+            description=source.description,
+        )
+        return self._handed[source.side]
+
+    def _note(self, source: RingSource) -> None:
+        self._conditions[source.side] = SideCondition(source, monotonic())
+        wall_s = source.began + source.wall_offset_s
+        self._origins[source.side] = Origin(source.side, source.rate_hz, wall_s, source.began)
 
     def _show_bodies(self) -> None:
         channels, newest = self._channels, self._newest

@@ -29,7 +29,7 @@ export class Emergency {
   }
 
   press() {
-    const bySocket = this.link.send({ type: "session", do: "emergency" });
+    const bySocket = this.link.send({ type: "emergency" });
     this.#post();
     this.pressed = performance.now();
     this.waiting = bySocket ? 2 : 1;

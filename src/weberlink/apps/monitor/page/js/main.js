@@ -63,12 +63,13 @@ const TAKE = {
   answer(message) {
     const { to = "change" } = message;
     if (to === "change") controls.answer(message);
-    else if (to === "session" && !emergency.answer(message)) room.answer(message);
+    else if (to === "emergency") emergency.answer(message);
+    else if (to === "session") room.answer(message);
     else if (to === "record") recording.answer(message);
   },
   events: (message) => events.take(message.events),
   recording: (message) => recording.take(message),
-  keeper: (message) => room.take(message),
+  launcher: (message) => room.take(message),
 };
 
 function connect(state) {

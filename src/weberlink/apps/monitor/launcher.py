@@ -7,13 +7,15 @@ factor, predictor, delay, loss) are applied to it again once it runs.
 import asyncio
 import json
 import os
+from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from signal import SIGINT, Signals
+from signal import SIGINT, SIGKILL, Signals
 from time import monotonic
 from typing import Any
 
+from weberlink.apps.monitor.messages import Rooms
 from weberlink.child_process import python
 from weberlink.system.order import COMPLETED, FAILED, NOTE
 from weberlink.system.scenes import SceneChoice
@@ -21,10 +23,8 @@ from weberlink.watching.control import Answer, refusal
 
 STOP_LIMIT_S = 20.0
 """Time from the request to stop to a kill; the launcher gives its daemons 15 s."""
-SETTLE_S = 10.0
-"""How long a new session may take to accept the settings of the one before."""
 SHORTEST_S = 1.0
-"""Length of a session that starts when the time of the visit is almost over [s]."""
+"""Length of a session that starts when the time is almost over [s]."""
 # The program, which ends with this process however this process ends.
 _PROGRAM = (
     "import sys; from signal import SIGTERM; from weberlink.realtime.process import die_with_parent; "
@@ -33,7 +33,7 @@ _PROGRAM = (
 
 
 @dataclass(frozen=True)
-class VisitOrder:
+class TryOrder:
     """What sessions to run.
 
     Args:
@@ -58,24 +58,22 @@ class SessionResult:
     Args:
         status: exit status.
         report: as of `weberlink loopback --json -`; None if it did not begin.
-        notes: lines on standard error, without advice.
-        complaint: the last of them if it failed.
+        complaint: the last line on standard error if it failed.
     """
 
     status: int
     report: dict[str, Any] | None
-    notes: tuple[str, ...]
     complaint: str
 
 
+@dataclass(eq=False)
 class _Child:
-    """A launcher in a process group of its own."""
+    """A session in a process group of its own."""
 
-    def __init__(self, process: asyncio.subprocess.Process, scene: str | None) -> None:
-        self.process = process
-        self.scene = scene
-        self.is_asked_to_end = False
-        self.is_replaced = False
+    process: Process
+    scene: str | None
+    is_asked_to_end: bool = False
+    is_replaced: bool = False
 
     @property
     def name(self) -> str:
@@ -87,17 +85,18 @@ class _Child:
         with suppress(ProcessLookupError):
             self.process.send_signal(number)
 
-    async def finish(self, advise: Callable[[str], None]) -> SessionResult:
-        """Wait for the end; `advise` receives each line of advice as it comes, and the result has the others."""
+    async def finish(self, advise: Callable[[str], None]) -> tuple[SessionResult, list[str]]:
+        """Wait for the end; `advise` receives each line of advice as it comes. Returns the other lines, too."""
         assert self.process.stdout is not None
-        output, notes, _ = await asyncio.gather(self.process.stdout.read(), self._notes(advise), self.process.wait())
+        output, notes, ended = await asyncio.gather(
+            self.process.stdout.read(), self._notes(advise), self.process.wait()
+        )
         report = None
         with suppress(ValueError):
             report = json.loads(output)
-        ended = self.process.returncode
-        status = FAILED if ended is None or ended < 0 else ended
+        status = FAILED if ended < 0 else ended
         complaint = notes.pop() if notes and status != COMPLETED else f"the session ended with status {ended}"
-        return SessionResult(status, report, tuple(notes), complaint)
+        return SessionResult(status, report, complaint), notes
 
     async def _notes(self, advise: Callable[[str], None]) -> list[str]:
         assert self.process.stderr is not None
@@ -111,59 +110,54 @@ class _Child:
         return notes
 
 
-class SessionKeeper:
-    """Starts, stops and restarts the session of a visit.
+class SessionLauncher:
+    """Starts, stops and restarts the session of `weberlink try`.
 
     Args:
         order: what to run.
         tell: called with lines for the user.
-        announce: called with a `keeper` message at every change.
+        announce: called with a `launcher` message at every change.
         inherit: called with the names of the former session and of the new one, to apply the settings of the former.
         program: command that runs `weberlink`.
+
+    Attributes:
+        started: names of all its sessions.
+        last: how the last session that ended did.
+        message: the newest `launcher` message.
     """
 
     def __init__(
         self,
-        order: VisitOrder,
+        order: TryOrder,
         tell: Callable[[str], None],
         announce: Callable[[dict[str, Any]], None],
         inherit: Callable[[str, str], Awaitable[None]],
         program: Sequence[str] = (*python("-c", _PROGRAM, str(os.getpid())),),
     ) -> None:
-        self._order = order
-        self._tell = tell
-        self._announce = announce
-        self._inherit = inherit
+        self._order, self._tell, self._announce, self._inherit = order, tell, announce, inherit
         self._program = program
         self._turn = asyncio.Lock()
         self._child: _Child | None = None
-        self.started: list[str] = []
-        """Names of all its sessions."""
         self._watching: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._deadline: float | None = None
         self._is_closing = False
         self._advised: set[str] = set()
-        self.last: SessionResult | None = None
-        """Of the last session that ended."""
         self._over = asyncio.Event()
-        self._state: dict[str, Any] = {"state": "idle", "scene": order.scene, "why": None}
+        self.started: list[str] = []
+        self.last: SessionResult | None = None
+        self.message: dict[str, Any] = {"type": "launcher", "state": "idle", "scene": order.scene, "why": None}
 
     @property
-    def rooms(self) -> dict[str, Any]:
+    def rooms(self) -> Rooms:
         """What a page may start."""
         scenes = [{"name": name, "title": scene.title} for name, scene in self._order.scenes.items()]
-        return {"start": True, "scenes": scenes, "scene": self._state["scene"]}
-
-    @property
-    def message(self) -> dict[str, Any]:
-        """The `keeper` message."""
-        return {"type": "keeper"} | self._state
+        return {"start": True, "scenes": scenes, "scene": self.message["scene"]}  # type: ignore[typeddict-item]
 
     @property
     def is_starting(self) -> bool:
         """Whether a session was started that was not found yet."""
-        return self._state["state"] == "starting" and self._child is not None
+        return self.message["state"] == "starting" and self._child is not None
 
     def request_stop(self) -> Answer:
         """End the session that is starting."""
@@ -171,10 +165,10 @@ class SessionKeeper:
             self._child.send(SIGINT)
         return {"accepted": True}
 
-    def request_start(self, scene: object) -> Answer:
-        """Begin to start a session, in place of the present one; the result comes as `keeper` messages."""
-        chosen = scene if scene is not None else self._state["scene"]
-        if not (chosen is None or (isinstance(chosen, str) and chosen in self._order.scenes)):
+    def request_start(self, scene: str | None) -> Answer:
+        """Begin to start a session, in place of the present one; the result comes as `launcher` messages."""
+        chosen = scene if scene is not None else self.message["scene"]
+        if chosen is not None and chosen not in self._order.scenes:
             return refusal(f"no such scene; there are {', '.join(self._order.scenes) or 'none to choose'}")
         if self._is_closing:
             return refusal("the program ends")
@@ -201,18 +195,19 @@ class SessionKeeper:
 
     def note_running(self, name: str) -> None:
         """Note that a session was found."""
-        if self._child is not None and name == self._child.name and self._state["state"] == "starting":
+        if self._child is not None and name == self._child.name and self.message["state"] == "starting":
             self._become("running", self._child.scene)
 
     def expect_end(self, name: str | None) -> None:
-        """Note that a session, or every one if there is no name, was asked to end; its end does not end the visit."""
-        if self._child is not None and name in (None, self._child.name):
-            self._child.is_asked_to_end = True
+        """Note that a session, or every one if there is no name, was asked to end; its end does not end the program."""
+        child = self._child
+        if child is not None and name in (None, child.name):
+            child.is_asked_to_end = True
 
     async def run(self, interrupted: asyncio.Event) -> None:
-        """Start the first session; end the last one when the visit is over or interrupted, and wait for its report.
+        """Start the first session; end the last one when it is over or interrupted, and wait for its report.
 
-        A visit is over by itself if its first session does not begin, when a session of limited length has ended, and
+        It is over by itself if its first session does not begin, when a session of limited length has ended, and
         when its time has passed without one.
         """
         await self.start(self._order.scene)
@@ -222,21 +217,17 @@ class SessionKeeper:
             await asyncio.wait(waits, timeout=SHORTEST_S, return_when=asyncio.FIRST_COMPLETED)
         for wait in waits:
             wait.cancel()
-        await self._close()
+        self._is_closing = True
+        async with self._turn:  # a start may be under way
+            await self._end()
+        for task in self._tasks:
+            task.cancel()
 
     def signal(self, number: Signals) -> None:
         """Pass a signal on to the session; the first one ends it in order, and nothing is started any more."""
         self._is_closing = True
         if self._child is not None:
             self._child.send(number)
-
-    async def _close(self) -> None:
-        """End the session and wait for its report."""
-        self._is_closing = True
-        async with self._turn:  # a start may be under way
-            await self._end()
-        for task in self._tasks:
-            task.cancel()
 
     async def _end(self) -> None:
         child, watching = self._child, self._watching
@@ -246,59 +237,48 @@ class SessionKeeper:
             child.send(SIGINT)
         done, _ = await asyncio.wait([watching], timeout=STOP_LIMIT_S)
         if not done:
-            child.send(Signals.SIGKILL)
+            child.send(SIGKILL)
             await asyncio.wait([watching])
 
     async def _launch(self, scene: str | None) -> _Child:
         order = self._order
         overrides = (*order.overrides, *(() if scene is None else order.scenes[scene].overrides))
         arguments = [order.file, "--json", "-", *(part for each in overrides for part in ("--set", each))]
-        left = self._time_left()
-        if left is not None:
-            arguments += ["--duration", f"{max(SHORTEST_S, left):.3f}"]
+        if order.duration_s is not None:  # from the first start on
+            self._deadline = self._deadline or monotonic() + order.duration_s
+            arguments += ["--duration", f"{max(SHORTEST_S, self._deadline - monotonic()):.3f}"]
         process = await asyncio.create_subprocess_exec(
-            *self._program, "loopback", *arguments,
-            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+            *self._program, "loopback", *arguments, stdin=DEVNULL, stdout=PIPE, stderr=PIPE,
             start_new_session=True,  # Ctrl-C reaches this process only, which ends the session in order
         )  # fmt: skip
         return _Child(process, scene)
 
-    def _time_left(self) -> float | None:
-        """Until the visit is over [s]; its time runs from the first start."""
-        if self._order.duration_s is None:
-            return None
-        if self._deadline is None:
-            self._deadline = monotonic() + self._order.duration_s
-            return self._order.duration_s
-        return self._deadline - monotonic()
-
     async def _watch(self, child: _Child) -> None:
         """Until a session ends."""
-        result = await child.finish(self._advise)
+        result, notes = await child.finish(self._advise)
         is_first, self.last, self._child = self.last is None, result, None
-        for note in result.notes:
+        for note in notes:
             self._tell(note)
         if child.is_replaced:
             return
         outcome = None if result.report is None else str(result.report.get("outcome"))
-        if result.status == COMPLETED or child.is_asked_to_end:
-            self._become("idle", child.scene, outcome)
-        else:
-            self._become("failed", child.scene, outcome or result.complaint)
+        has_failed = result.status != COMPLETED and not child.is_asked_to_end
+        why = outcome or result.complaint if has_failed else outcome
+        self._become("failed" if has_failed else "idle", child.scene, why)
         has_not_begun = is_first and result.report is None
         if not child.is_asked_to_end and (has_not_begun or self._order.duration_s is not None):
             self._over.set()
-        elif self._state["state"] == "failed":
-            self._tell(f"the session failed: {self._state['why']}; start another one from the page")
+        elif has_failed:
+            self._tell(f"the session failed: {why}; start another one from the page")
 
     def _advise(self, note: str) -> None:
-        """Tell a line of advice, which every session of a visit may give, once."""
+        """Tell a line of advice, which every session may give, once."""
         if note not in self._advised:
             self._advised.add(note)
             self._tell(note)
 
     def _become(self, state: str, scene: str | None, why: str | None = None) -> None:
-        self._state = {"state": state, "scene": scene, "why": why}
+        self.message = {"type": "launcher", "state": state, "scene": scene, "why": why}
         self._announce(self.message)
 
     def _task(self, work: Any) -> "asyncio.Task[Any]":

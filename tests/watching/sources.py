@@ -1,4 +1,4 @@
-"""Records and feeds made by hand, for what is tested without a daemon."""
+"""Records and sources made by hand, for what is tested without a daemon."""
 
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import RowSource
 
 RATE = 1000.0
 WALL_OFFSET_S = 1_763_000_000.0
@@ -59,33 +60,12 @@ def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
     }
 
 
-class HandFeed:
-    """A feed that is given its records by hand."""
+class HandSource(RowSource):
+    """A source that is given its records by hand."""
 
     def __init__(self, side: str, *, began: float = 10.0, ring: Path = Path("/nonexistent/ring")) -> None:
-        self.side = side
-        self.rate_hz = RATE
-        self.began = began
-        self.description: dict[str, Any] | None = description(side)
-        self.ring = ring
-        self.wall_offset_s = WALL_OFFSET_S
-        self.in_order = True
-        self.written = 0
-        self.lost = 0
-        self.drained = False
+        super().__init__(side, RATE, began, ring, wall_offset_s=WALL_OFFSET_S, description=description(side))
         self.is_closed = False
-        self.over = False
-        self._waiting: list[Records] = []
-
-    def put(self, records: Records) -> None:
-        self._waiting.append(records)
-
-    def read(self) -> Records:
-        read = np.concatenate([np.empty(0, DTYPE), *self._waiting])
-        self._waiting.clear()
-        self.written += len(read)
-        self.drained = self.over
-        return read
 
     def close(self) -> None:
         self.is_closed = True

@@ -14,8 +14,8 @@ from aiohttp import web
 
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
-from tests.watching.feeds import HandFeed, description
-from weberlink.apps.monitor.view import View, ViewDesk, ViewError, parse_view
+from tests.watching.sources import HandSource, description
+from weberlink.apps.monitor.camera import CameraService, View, ViewError, parse_view
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
@@ -34,7 +34,7 @@ def look_at(view: View, look: Look) -> list[str]:
 
     async def run() -> None:
         watch = SessionWatcher(None, "7", said.append)
-        desk = ViewDesk(watch, view, said.append)
+        desk = CameraService(watch, view, said.append)
         application = web.Application()
         application.router.add_get("/view", desk.serve)
         runner = web.AppRunner(application)
@@ -79,19 +79,19 @@ def test_source_that_is_not_there_is_refused(source: str) -> None:
 
 def simulated(folder: Path) -> WatchedSession:
     """A session of the robot `mujoco` with a ring on this host."""
-    feed = HandFeed("slave", ring=folder / "weberlink-7-slave.ring")
-    feed.description = description("slave", "mujoco-arm.yaml") | {
+    source = HandSource("slave", ring=folder / "weberlink-7-slave.ring")
+    source.description = description("slave", "mujoco-arm.yaml") | {
         "file": str(CONFIGS / "mujoco-arm.yaml"),
         "changes": [],
         "pid": PID,
     }
-    return WatchedSession("7", feed)
+    return WatchedSession("7", source)
 
 
 def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     session = simulated(tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(ViewDesk._robot(session)[0]))
+    model = mujoco.MjModel.from_xml_path(str(CameraService._robot(session)[0]))
     pose = PoseWriter(path_of(PID), model.nq)
     try:
         pose.write(monotonic(), np.zeros(model.nq))
@@ -122,7 +122,7 @@ def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
 
 def test_session_without_a_simulated_robot_has_no_view() -> None:
     async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
-        watch.put(WatchedSession("7", HandFeed("slave")))
+        watch.put(WatchedSession("7", HandSource("slave")))
         viewer = Viewer(None, may_change=False)
         watch.join(viewer)
         assert told(viewer)[0]["view"] is None

@@ -15,7 +15,7 @@ LEFT_S = 60.0
 """How long the page of one person may be closed before the session ends [s]."""
 
 
-def visit(
+def try_session(
     file: OptionalFile = None,
     scene: Annotated[
         str | None, typer.Option(metavar="NAME", help="Scene to begin with: dome, plane, box, bumps, cavity, moving.")
@@ -53,7 +53,7 @@ def visit(
             need(package, "monitor", NAME)
     if not (public or access.is_loopback(listen)):
         fail(f"--listen {listen}: the page is not encrypted; add --public to serve it to other hosts", MISCONFIGURED)
-    order = visit_order(file, scene, set_ or [], duration, scripted=scripted)
+    order = try_order(file, scene, set_ or [], duration, scripted=scripted)
     try:
         listening = address.bind(listen, MONITOR_PORT if port is None else port, or_any=port is None)
     except address.MonitorError as error:
@@ -68,9 +68,9 @@ def visit(
     if not access.is_loopback(listen):
         _tell(f"other hosts: {address.public_url(listening, token)}")
         _tell("warning: who has this address may drive and change the session, and nothing is encrypted")
-    from weberlink.apps.monitor.program import MonitorSettings, Visit, run  # noqa: PLC0415 - takes most of a second
+    from weberlink.apps.monitor.program import MonitorSettings, TrySession, run  # noqa: PLC0415 - takes most of a second
 
-    result = run(MonitorSettings(listen, browse=browse), Visit(order, listening, token, left_s))
+    result = run(MonitorSettings(listen, browse=browse), TrySession(order, listening, token, left_s))
     if result is None:
         raise typer.Exit
     if result.report is None:
@@ -85,24 +85,24 @@ def _ends(duration: float | None, left_s: float | None) -> str:
     return "Ctrl-C ends it" if left_s is None else f"Ctrl-C ends it, and so does a page that is closed for {left_s:g} s"
 
 
-def visit_order(
+def try_order(
     file: Path | None, scene: str | None, overrides: list[str], duration: float | None, *, scripted: bool
 ) -> Any:
     """The sessions to run: those of the scenes of the shipped file, or of another file, which has one scene."""
-    from weberlink.apps.monitor.keeper import VisitOrder  # noqa: PLC0415
+    from weberlink.apps.monitor.launcher import TryOrder  # noqa: PLC0415
     from weberlink.system.scenes import SCENES  # noqa: PLC0415
 
     if file is not None:
         if scene is not None:
             fail("--scene is for the shipped configuration; give no FILE", MISCONFIGURED)
         script = ["master.device.scripted=true"] if scripted else []
-        return VisitOrder(str(file), (*overrides, *script), duration_s=duration)
+        return TryOrder(str(file), (*overrides, *script), duration_s=duration)
     first = next(iter(SCENES)) if scene is None else scene
     if first not in SCENES:
         fail(f"--scene {scene}: no such scene; there are {', '.join(SCENES)}", MISCONFIGURED)
     path = str(files("weberlink.configs") / "try.yaml")
     script = [f"master.device.scripted={str(scripted).lower()}"]
-    return VisitOrder(path, (*script, *overrides), SCENES, first, duration)
+    return TryOrder(path, (*script, *overrides), SCENES, first, duration)
 
 
 def _tell(text: str) -> None:

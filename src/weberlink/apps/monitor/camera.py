@@ -125,7 +125,7 @@ class FrameSource:
                 self._came.set()
 
 
-class ViewDesk:
+class CameraService:
     """Serves the view of a session to pages.
 
     Args:
@@ -144,7 +144,7 @@ class ViewDesk:
         watch.attach(self)
 
     def look(self, now: float) -> None:
-        """Nothing to do."""
+        """Frames go to the WebSocket of the picture."""
 
     def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
         """The kind of view of the session; None without one."""
@@ -153,7 +153,7 @@ class ViewDesk:
         return {"view": self._view.kind if is_there else None}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
-        """Nothing to send."""
+        """The page opens the WebSocket itself."""
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
         """Send frames to a page until it leaves, or until there are no more."""
@@ -204,8 +204,8 @@ class ViewDesk:
     @staticmethod
     def _robot(session: WatchedSession) -> list[str] | None:
         """Model and pose of the simulated robot of a session on this host; None without one."""
-        feed = session.feeds.get("slave")
-        described = None if feed is None or session.ended else feed.description
+        source = session.sources.get("slave")
+        described = None if source is None or session.ended else source.description
         if described is None:
             return None
         robot = described.get("system", {}).get("slave", {}).get("robot", {})
