@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.system.control_socket import LiveChangeError, ask, path_beside
+from weberlink.watching.rings import RowSource
 from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
@@ -72,7 +73,7 @@ class SessionControl:
             if answer.get("accepted"):
                 self.agreed.setdefault(session.name, {}).update(settings)
         if link and answer.get("accepted", True):
-            answers = await asyncio.to_thread(_ask_sides, session, link, ANSWER_S)
+            answers = await asyncio.to_thread(_ask_sides, [session], link, ANSWER_S)
             for each in answers.values():
                 self.take(session, each)
             answer |= _joined(answers)
@@ -124,7 +125,7 @@ class SessionControl:
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to stop")
-        return _joined(await asyncio.to_thread(_stop, session, {"stop": why}, ANSWER_S))
+        return _joined(await asyncio.to_thread(_stop, [session], {"stop": why}, ANSWER_S))
 
     def halted_by(self, name: str | None) -> list[WatchedSession]:
         """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
@@ -143,42 +144,43 @@ class SessionControl:
         sessions = self.halted_by(name)
         if not sessions:
             return refusal(f"{NO_SESSION} to stop")
-        with ThreadPoolExecutor(len(sessions)) as threads:
-            answers = list(threads.map(lambda each: _stop(each, {"emergency": True}, EMERGENCY_S), sessions))
-        return _joined({f"{number} {side}": of for number, each in enumerate(answers) for side, of in each.items()})
+        return _joined(_stop(sessions, {"emergency": True}, EMERGENCY_S))
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
         return None if session is None or session.ended else session
 
 
-def _ask_sides(session: WatchedSession, request: dict[str, Any], patience_s: float) -> dict[str, Answer]:
-    """The answers of the sides of a session that run on this host; they are asked at the same time."""
-    rings = {side: source.ring for side, source in session.sources.items() if not source.drained}
-    if not rings:
+def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+    """The answers of the sides of sessions that run on this host; they are asked at the same time."""
+    running = [source for session in sessions for source in session.sources.values() if not source.drained]
+    if not running:
         return {}
-    with ThreadPoolExecutor(len(rings)) as threads:
-        answers = threads.map(lambda ring: ask_daemon(ring, request, patience_s), rings.values())
-        return dict(zip(rings, answers, strict=True))
+    *others, last = running
+    with ThreadPoolExecutor(max(1, len(others))) as threads:  # the last one in this thread
+        asked = {each: threads.submit(ask_daemon, each.ring, request, patience_s) for each in others}
+        answer = ask_daemon(last.ring, request, patience_s)
+        return {each: future.result() for each, future in asked.items()} | {last: answer}
 
 
-def _stop(session: WatchedSession, request: dict[str, Any], patience_s: float) -> dict[str, Answer]:
-    """The answers to a stop; where a side has accepted it, the other may have ended before it was asked."""
-    answers = _ask_sides(session, request, patience_s)
+def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+    """The answers to a stop; where one side has accepted it, another may have ended before it was asked."""
+    answers = _ask_sides(sessions, request, patience_s)
     if not any(answer.get("accepted") for answer in answers.values()):
         return answers
-    ended = {side for side in answers if not path_beside(session.sources[side].ring).exists()}
-    return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
+    return {
+        each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()
+    }
 
 
-def _joined(answers: Mapping[str, Answer]) -> Answer:
+def _joined(answers: Mapping[RowSource, Answer]) -> Answer:
     """One answer for several daemons; it is a refusal, which names the side, unless all of them accepted."""
     joined: Answer = {}
     for answer in answers.values():
         joined |= answer
-    refused = {side: answer.get("why") for side, answer in answers.items() if not answer.get("accepted")}
+    refused = {each: answer.get("why") for each, answer in answers.items() if not answer.get("accepted")}
     if refused or not answers:
-        reasons = dict.fromkeys(f"{side.split()[-1]}: {why}" for side, why in refused.items())
+        reasons = dict.fromkeys(f"{each.side}: {why}" for each, why in refused.items())
         return joined | {"accepted": False, "why": "; ".join(reasons) or NO_SESSION}
     joined.pop("why", None)
     return joined

@@ -176,22 +176,13 @@ class AnswerMessage(TypedDict):
     path: NotRequired[str]
 
 
-class Pong(TypedDict):
-    """The time of a `Ping` again, and that of the server [s]."""
-
-    type: Literal["pong"]
-    to: Literal["ping"]
-    at: float
-    now: float
-
-
-Message = Hello | Samples | Felt | Figures | Events | Handle | Launcher | RecordingState | AnswerMessage | Pong
+Message = Hello | Samples | Felt | Figures | Events | Handle | Launcher | RecordingState | AnswerMessage
 
 # From a page
 
 
 class _Request(TypedDict):
-    """A request; with its token, unless it only asks."""
+    """A request, with the token of the greeting."""
 
     token: NotRequired[str]
 
@@ -238,14 +229,7 @@ class Record(_Request):
     text: NotRequired[str | None]
 
 
-class Ping(_Request):
-    """Asks for a `Pong`; any page may."""
-
-    type: Literal["ping"]
-    at: float
-
-
-Request = Change | Drive | Session | Emergency | Record | Ping
+Request = Change | Drive | Session | Emergency | Record
 
 REQUEST: TypeAdapter[Any] = TypeAdapter(
     Annotated[Request, Field(discriminator="type")],

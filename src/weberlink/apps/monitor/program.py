@@ -79,8 +79,6 @@ def run(settings: MonitorSettings, attempt: TrySession | None = None) -> Session
     Raises:
         MonitorError: the address cannot be used.
     """
-    if attempt is None:  # one that carries the motion of the operator, and their emergency stop, does not stand back
-        os.nice(NICENESS)
     sys.setswitchinterval(SWITCH_S)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(settings, attempt))
@@ -112,7 +110,8 @@ async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> Sessi
         listening = address.bind(settings.listen, settings.port) if attempt is None else attempt.listening
         url = address.url(listening, watch.requests.token)
         stack.callback(Listener(listening, runner.server, allowed, watch.requests, watch.emergency).close)
-        if attempt is None:
+        if attempt is None:  # what carries the motion of the operator does not stand back
+            os.nice(NICENESS)  # of this thread alone: the listener stops sessions at ordinary priority
             say(f"{url} (Ctrl-C ends it)")
         if settings.browse and not webbrowser.open(stack.enter_context(leading_to(url))):
             say(f"no browser found; open {url} yourself")

@@ -13,9 +13,7 @@ from weberlink.watching.control import Answer, refusal
 
 LONGEST_MESSAGE = 4096
 """Longest message of a page [bytes]: it only asks for changes."""
-READS = frozenset({"ping"})
-"""Requests that change nothing: every page may make them, without a token."""
-URGENT = frozenset({"ping", "drive", "emergency"})
+URGENT = frozenset({"drive", "emergency"})
 """Requests that wait for no earlier one of their page; their handlers must not take long."""
 READ_ONLY = "this page is read-only: open the address that weberlink printed, the key in it permits changes"
 UNPROVEN = "this is not the token of the monitor; open the address that it printed"
@@ -53,9 +51,9 @@ class Requests:
             first = error.errors(include_url=False)[0]
             return refusal(f"{'.'.join(map(str, first['loc'])) or 'request'}: {first['msg']}")
         kind = request["type"]
-        if kind not in READS and not viewer.may_change:
+        if not viewer.may_change:
             return refusal(READ_ONLY) | {"to": kind}
-        if kind not in READS and not self.proves(request.get("token")):
+        if not self.proves(request.get("token")):
             return refusal(UNPROVEN) | {"to": kind}
         return request
 

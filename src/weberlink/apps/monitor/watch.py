@@ -81,7 +81,6 @@ class SessionWatcher:
             "drive": self.driving.drive,
             "session": self._session,
             "emergency": self._emergency,
-            "ping": _pong,
         }
 
     def attach(self, part: Attachment) -> None:
@@ -314,8 +313,3 @@ class SessionWatcher:
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
-
-
-async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:
-    """Echo the time of a page, so that it can measure the round trip."""
-    return {"type": "pong", "at": request["at"], "now": monotonic()}

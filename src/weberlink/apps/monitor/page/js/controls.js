@@ -1,8 +1,7 @@
 // Settings that can be changed while the session runs: sends the request and shows the answer.
 
-import { show } from "./format.js";
+import { by, fill, show } from "./dom.js";
 
-const by = (id) => document.getElementById(id);
 const AGREED = ["weber", "predictor"]; // by both ends
 const LINK = ["delay_ms", "loss"]; // of the emulated network
 const NAMES = [...AGREED, ...LINK];
@@ -14,7 +13,9 @@ const SETTLED_MS = 120; // a key held on a slider changes it many times
 export class Controls {
   // `send(message)` returns whether the message was sent.
   constructor(store, send) {
-    Object.assign(this, { store, send, waiting: {} });
+    this.store = store;
+    this.send = send;
+    this.waiting = {};
     for (const name of NAMES) by(name).addEventListener("change", () => this.#settle(name));
     for (const name in SLIDERS) by(name).addEventListener("input", () => this.#label(name, Number(by(name).value)));
   }
@@ -24,7 +25,8 @@ export class Controls {
     const { hello, wanted, ended } = this.store;
     const settings = { ...wanted, ...hello?.link };
     by("link").hidden = !hello?.link;
-    fill(by("predictor"), hello?.predictors ?? [], settings.predictor, reset);
+    fill(by("predictor"), (hello?.predictors ?? []).map((name) => [name, name]));
+    if (settings.predictor && (reset || document.activeElement !== by("predictor"))) by("predictor").value = settings.predictor;
     for (const name in SLIDERS) {
       if (typeof settings[name] !== "number" || name in this.waiting) continue;
       if (reset || document.activeElement !== by(name)) by(name).value = settings[name];
@@ -45,9 +47,8 @@ export class Controls {
     else if (by("answer").dataset.value === "") this.#say("", "");
   }
 
-  // The answer to a change; other answers are not meant for this.
+  /** @param {import("./messages.js").AnswerMessage} message */
   answer(message) {
-    if ((message.to ?? "change") !== "change") return;
     clearTimeout(this.timer);
     const { hello } = this.store;
     if (message.link && hello) hello.link = { ...hello.link, ...message.link };
@@ -80,10 +81,7 @@ export class Controls {
 
   #ask(name, value) {
     delete this.waiting[name];
-    if (!this.send({ type: "change", [name]: value })) {
-      this.#say("not changed: the monitor does not answer", "refused");
-      return;
-    }
+    if (!this.send({ type: "change", [name]: value })) return this.#say("not changed: the monitor does not answer", "refused");
     this.#say("asking both ends …", "asked");
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.answer({ accepted: false, why: "no answer" }), PATIENCE_MS);
@@ -93,19 +91,8 @@ export class Controls {
     show(by(`${name}-value`), SLIDERS[name](value), value);
   }
 
-  #say(text, kind, tick) {
-    const place = by("answer");
-    place.textContent = text || "\u00a0";
-    place.dataset.value = kind;
-    place.dataset.tick = tick ?? "";
+  #say(text, kind, tick = "") {
+    show(by("answer"), text || "\u00a0", kind);
+    by("answer").dataset.tick = tick;
   }
-}
-
-function fill(select, names, chosen, reset) {
-  const wanted = names.join("\n");
-  if (select.dataset.names !== wanted) {
-    select.replaceChildren(...names.map((name) => new Option(name, name)));
-    select.dataset.names = wanted;
-  }
-  if (chosen && (reset || document.activeElement !== select)) select.value = chosen;
 }

@@ -11,6 +11,7 @@ export class Ring {
   }
 
   clear() {
+    /** @type {Record<string, Float64Array>} */
     this.columns = { t: new Float64Array(2 * this.capacity) };
     this.begin = 0;
     this.end = 0;
@@ -61,6 +62,10 @@ export class Ring {
 
   has(name) {
     return name in this.columns;
+  }
+  // A column at a time; not-a-number while it is unknown.
+  value(name, time) {
+    return this.empty || !this.has(name) ? NaN : this.columns[name][Math.min(this.at(time), this.end - 1)];
   }
   last(name) {
     return this.empty || !this.has(name) ? NaN : this.columns[name][this.end - 1];

@@ -2,16 +2,14 @@
 //
 // A message is the age of the picture when it was sent [s], 8 bytes, little-endian, and a JPEG file.
 
-import { show } from "./format.js";
+import { by, show } from "./dom.js";
 import { Link } from "./link.js";
 
 const STALE_MS = 1000;
 const LOOK_MS = 250;
 const HEADER_BYTES = 8;
 
-const by = (id) => document.getElementById(id);
-
-export class PictureView {
+export class Camera {
   constructor() {
     this.link = new Link("view", (data) => this.#take(data), () => {});
     this.followed = null;
@@ -23,10 +21,10 @@ export class PictureView {
     document.body.dataset.view = String(session !== null);
     if (session === this.followed) return;
     this.followed = session;
-    this.waiting = null;
-    this.came = null;
+    this.waiting = this.came = null;
     clearInterval(this.timer);
-    if (session === null) return this.link.close();
+    this.link.close();
+    if (session === null) return;
     this.opened = performance.now();
     this.timer = setInterval(() => this.#say(), LOOK_MS);
     this.link.follow(session);
@@ -46,17 +44,14 @@ export class PictureView {
     while (this.waiting?.data) {
       const { data, came } = this.waiting;
       this.waiting = {};
-      const age = new DataView(data).getFloat64(0, true);
       try {
         const picture = await createImageBitmap(new Blob([data.slice(HEADER_BYTES)], { type: "image/jpeg" }));
         if (followed !== this.followed) return;
-        const canvas = by("frame");
-        if (canvas.width !== picture.width) canvas.width = picture.width;
-        if (canvas.height !== picture.height) canvas.height = picture.height;
-        canvas.getContext("2d").drawImage(picture, 0, 0);
+        Object.assign(by("frame"), { width: picture.width, height: picture.height });
+        by("frame").getContext("2d").drawImage(picture, 0, 0);
         picture.close();
         this.came = came;
-        this.taken = came - 1000 * age;
+        this.taken = came - 1000 * new DataView(data).getFloat64(0, true);
         this.#say();
       } catch {
         // not a picture: the text shows that none came
@@ -68,9 +63,8 @@ export class PictureView {
   #say() {
     const now = performance.now();
     const since = now - (this.came ?? this.opened);
-    const stale = since > STALE_MS;
-    by("panel-view").dataset.stale = String(stale);
-    if (stale) show(by("frame-age"), `no frame for ${(since / 1000).toFixed(1)} s`, since / 1000);
+    by("panel-view").dataset.stale = String(since > STALE_MS);
+    if (since > STALE_MS) show(by("frame-age"), `no frame for ${(since / 1000).toFixed(1)} s`, since / 1000);
     else if (this.came === null) show(by("frame-age"), "no frame yet", null);
     else show(by("frame-age"), `${Math.round(now - this.taken)} ms old`, (now - this.taken) / 1000);
   }
