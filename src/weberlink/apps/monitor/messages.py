@@ -17,7 +17,7 @@ Side = Literal["master", "slave"]
 # From the server
 
 
-class Scene(TypedDict):
+class SceneTitle(TypedDict):
     """A session that the page may start."""
 
     name: str
@@ -28,7 +28,7 @@ class Rooms(TypedDict):
     """What the page may start."""
 
     start: bool
-    scenes: list[Scene]
+    scenes: list[SceneTitle]
     scene: str | None
 
 
@@ -113,7 +113,7 @@ class Figures(TypedDict):
     generation: NotRequired[int | None]
 
 
-class Event(TypedDict):
+class LogEvent(TypedDict):
     """A line of the log; `wall` is in s since 1970."""
 
     at: float
@@ -128,7 +128,7 @@ class Events(TypedDict):
 
     type: Literal["events"]
     session: str
-    events: list[Event]
+    events: list[LogEvent]
 
 
 class Handle(TypedDict):
@@ -187,7 +187,7 @@ class _Request(TypedDict):
     token: NotRequired[str]
 
 
-class Change(_Request):
+class ChangeRequest(_Request):
     """Change settings of the session that the page shows; the daemon checks their ranges."""
 
     type: Literal["change"]
@@ -198,7 +198,7 @@ class Change(_Request):
     loss: NotRequired[float]
 
 
-class Drive(_Request):
+class DriveRequest(_Request):
     """Hold the handle at a target [m], or let go of it."""
 
     type: Literal["drive"]
@@ -206,7 +206,7 @@ class Drive(_Request):
     held: bool
 
 
-class Session(_Request):
+class SessionRequest(_Request):
     """Start or stop a session."""
 
     type: Literal["session"]
@@ -214,13 +214,13 @@ class Session(_Request):
     scene: NotRequired[str | None]
 
 
-class Emergency(_Request):
+class EmergencyRequest(_Request):
     """Force to zero at once; also a request by POST, which does not wait for the event loop."""
 
     type: Literal["emergency"]
 
 
-class Record(_Request):
+class RecordRequest(_Request):
     """Begin, mark or end a recording."""
 
     type: Literal["record"]
@@ -229,7 +229,7 @@ class Record(_Request):
     text: NotRequired[str | None]
 
 
-Request = Change | Drive | Session | Emergency | Record
+Request = ChangeRequest | DriveRequest | SessionRequest | EmergencyRequest | RecordRequest
 
 REQUEST: TypeAdapter[Any] = TypeAdapter(
     Annotated[Request, Field(discriminator="type")],

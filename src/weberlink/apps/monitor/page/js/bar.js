@@ -69,6 +69,7 @@ export class Sessions {
 // Starting and stopping a session from the page.
 export class Room {
   // `send(message)` returns whether the message was sent.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(store, send) {
     this.store = store;
     this.send = send;
@@ -116,6 +117,7 @@ export class Room {
 // Recording of the session: start, stop, markers, and how it stands.
 export class Recording {
   // `send(message)` returns whether the message was sent.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(store, send) {
     this.store = store;
     this.send = send;

@@ -7,6 +7,7 @@ const MOST_EVENTS = 200;
 const TABLE_EVERY_MS = 200;
 const CHANNELS = { joint_angle: "joints, angles", joint_torque: "joints, torques", gripper_angle: "gripper, angle", gripper_torque: "gripper, torque" };
 // Of each cell of an axis: the ring, the field and the text of its value.
+/** @type {[string, string, (value: number) => string][]} */
 const CELLS = [
   ["master", "joint_position", AS.degrees1],
   ["slave", "joint_position", AS.degrees1],
@@ -56,7 +57,7 @@ export class EventLog {
   }
 
   // Events of a message; those already known, of a greeting that was repeated, are left out.
-  /** @param {import("./messages.js").Event[]} events */
+  /** @param {import("./messages.js").LogEvent[]} events */
   take(events) {
     const key = ({ at, wall, side, text }) => `${at}\t${wall}\t${side}\t${text}`;
     const fresh = events.filter((event) => !this.known.has(key(event)));
@@ -73,7 +74,7 @@ export class EventLog {
   }
 }
 
-/** @param {import("./messages.js").Event} event */
+/** @param {import("./messages.js").LogEvent} event */
 function event({ at, wall, level, side, text }) {
   const words = element("span", {}, ...(level === "info" ? [] : [element("b", {}, level), " "]));
   words.append(...(side ? [element("i", { className: side }, side), " "] : []), text);

@@ -73,11 +73,14 @@ export class Chart {
     this.data = [];
     this.shown = 0;
     this.span = [0, 5];
-    const { body, legend, note, axes, buttons } = frame(panel, parent, (choice) => this.#choose(choice));
-    [this.body, this.legend, this.note, this.axes] = [body, legend, note, axes];
-    press(buttons[panel.choices?.indexOf(this.choice)], buttons);
+    const made = frame(panel, parent, (choice) => this.#choose(choice));
+    this.body = made.body;
+    this.legend = made.legend;
+    this.note = made.note;
+    this.axes = made.axes;
+    press(made.buttons[panel.choices?.indexOf(this.choice)], made.buttons);
     this.#build();
-    new ResizeObserver(() => this.plot.setSize(options(body, 60, null))).observe(body);
+    new ResizeObserver(() => this.plot.setSize(options(this.body, 60, null))).observe(this.body);
   }
 
   // `side`: the one that is shown of a session that has only that one.
@@ -126,6 +129,7 @@ export class Chart {
     const grid = { stroke: () => theme.grid, width: 1 };
     const values = (u, splits) => splits.map((v) => (v === null ? "" : panel.axis(+v.toPrecision(6))));
     const side = { ...axis, size: 50, gap: 4, space: 22 };
+    /** @type {any[]} */
     const axes = [{ ...time, grid }, { ...side, grid, values, ...(panel.splits ? { splits: () => panel.splits } : {}) }];
     if (panel.right)
       axes.push({ ...side, side: 1, scale: "y", grid: { show: false }, values: (u, splits) => splits.map((v) => panel.right(v, this.store)) });
@@ -176,7 +180,8 @@ export class Chart {
       this.later = setTimeout(() => this.#say(), LEGEND_EVERY_MS);
       return;
     }
-    [this.shown, this.at] = [now, at];
+    this.shown = now;
+    this.at = at;
     const values = this.series.map((_, k) => latest(this.data[k + 1], at));
     const places = this.legend.querySelectorAll("li");
     for (const [k, series] of this.series.filter((s) => s.name).entries()) {

@@ -12,6 +12,7 @@ const SETTLED_MS = 120; // a key held on a slider changes it many times
 
 export class Controls {
   // `send(message)` returns whether the message was sent.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(store, send) {
     this.store = store;
     this.send = send;
@@ -54,7 +55,7 @@ export class Controls {
     if (message.link && hello) hello.link = { ...hello.link, ...message.link };
     if (!message.accepted) this.#say(`not changed: ${message.why ?? "refused"}`, "refused");
     else if (message.tick === undefined) this.#say("in force, both ends", "accepted");
-    else this.#say(`from tick ${message.tick} on, both ends`, "accepted", message.tick);
+    else this.#say(`from tick ${message.tick} on, both ends`, "accepted", String(message.tick));
     this.refresh(true, true);
   }
 
@@ -84,7 +85,7 @@ export class Controls {
     if (!this.send({ type: "change", [name]: value })) return this.#say("not changed: the monitor does not answer", "refused");
     this.#say("asking both ends …", "asked");
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.answer({ accepted: false, why: "no answer" }), PATIENCE_MS);
+    this.timer = setTimeout(() => this.answer({ type: "answer", accepted: false, why: "no answer" }), PATIENCE_MS);
   }
 
   #label(name, value) {

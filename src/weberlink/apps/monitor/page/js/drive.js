@@ -7,6 +7,7 @@ const LEASH_M = 0.03; // largest distance of a target under rate control from th
 export class Drive {
   // `send(message, repeat)` returns whether the message was sent, see `Link`; `changed()` is called when a hold begins or ends;
   // `sent(target, held, at)` after each message.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(send, changed, sent) {
     this.send = send;
     this.changed = changed;

@@ -25,6 +25,7 @@ export class Link {
   }
 
   // Whether the message was sent. With `repeat`, it is repeated until one with `repeat` false, or this page stops.
+  /** @param {import("./messages.js").Request} message @param {boolean} [repeat] */
   send(message, repeat) {
     if (!this.isOpen) return false;
     const text = JSON.stringify(this.token === null ? message : { ...message, token: this.token });

@@ -93,6 +93,7 @@ export class Timeline {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
+    ctx.textAlign = "left";
     ctx.textBaseline = "middle";
     ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
     for (const [k, { rings, of, text, colour }] of this.rows.entries())

@@ -12,6 +12,7 @@ const DRIVE = "3-D view of the scene; arrow keys, Page Up and Page Down move the
 
 export class Touch {
   // `send(message, repeat)` returns whether the message was sent, see `Link`.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(store, send) {
     this.store = store;
     this.send = send;
