@@ -2,7 +2,7 @@
 
 import types
 from pathlib import Path
-from typing import Annotated, Any, Literal, NotRequired, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NotRequired, Union, get_args, get_origin, get_type_hints
 
 import weberlink.apps.monitor
 from weberlink.apps.monitor import messages
@@ -29,21 +29,17 @@ def declarations() -> str:
 def typescript(hint: Any) -> str:
     """A type hint in TypeScript."""
     origin, arguments = get_origin(hint), get_args(hint)
+    inner = [f'"{each}"' if origin is Literal else typescript(each) for each in arguments]
     if origin in (NotRequired, Annotated):
-        return typescript(arguments[0])
-    if origin is Literal:
-        return " | ".join(f'"{value}"' for value in arguments)
-    if origin is types.UnionType or str(origin) == "typing.Union":
-        return " | ".join(map(typescript, arguments))
+        return inner[0]
+    if origin in (Literal, types.UnionType, Union):
+        return " | ".join(inner)
     if origin is list:
-        inner = typescript(arguments[0])
-        return f"({inner})[]" if "|" in inner else f"{inner}[]"
-    if origin is tuple:
-        return f"[{', '.join(map(typescript, arguments))}]"
+        return f"({inner[0]})[]" if "|" in inner[0] else f"{inner[0]}[]"
     if origin is dict:
-        key, value = map(typescript, arguments)
-        return f"Partial<Record<{key}, {value}>>" if "|" in key else f"Record<{key}, {value}>"
-    return PLAIN[hint] if hint in PLAIN else str(hint.__name__)
+        record = f"Record<{', '.join(inner)}>"
+        return f"Partial<{record}>" if "|" in inner[0] else record
+    return f"[{', '.join(inner)}]" if origin is tuple else PLAIN.get(hint, getattr(hint, "__name__", "any"))
 
 
 if __name__ == "__main__":
