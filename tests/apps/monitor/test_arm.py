@@ -16,7 +16,6 @@ from weberlink.watching.rows import ARM, CARTESIAN
 from weberlink.watching.session import WatchedSession
 
 TICKS = 2000
-PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
 CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
 
 
@@ -89,9 +88,3 @@ def test_packets_are_told_by_channel(watched: tuple[WatchedSession, list[dict]],
     for channel in CHANNELS:
         for name in ("packets", "error_rms", "violation_fraction"):
             assert figures["figures"][channel][name] == score.summary()[channel][name], name
-
-
-def test_page_draws_columns_that_are_sent() -> None:
-    text = "".join((PAGE / "js" / name).read_text(encoding="utf-8") for name in ("arm.js", "arm_panels.js"))
-    drawn = set(re.findall(r'joint_[a-z]+(?=_\$|")', text))
-    assert drawn - set(CHANNELS) == {name for name in ARM if name.startswith("joint_")} | {"joint_bound"}
