@@ -16,7 +16,7 @@ import pytest
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import ENGAGED, PATIENCE, Telemetry, document, until
 from weberlink.apps.monitor.listener import PROOF_HEADER
-from weberlink.cli.visit import LEFT_S
+from weberlink.cli.try_session import LEFT_S
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 

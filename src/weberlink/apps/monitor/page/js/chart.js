@@ -101,10 +101,6 @@ export class Chart {
     this.#choose(0);
   }
 
-  restyle() {
-    this.plot.redraw();
-  }
-
   #choose(choice) {
     this.choice = choice;
     this.#build();
@@ -138,11 +134,7 @@ export class Chart {
       axes,
       padding: [6, panel.right ? 0 : 10, 0, 0],
       pxAlign: 0,
-      scales: {
-        x,
-        y: { distr: panel.log ? 3 : 1, range: (u, low, high) => range(low ?? 0, high ?? 0) },
-        marks: { range: () => [0, 1] },
-      },
+      scales: { x, y: { distr: panel.log ? 3 : 1, range: (u, low, high) => range(low ?? 0, high ?? 0) }, marks: { range: () => [0, 1] } },
       series: [{}, ...this.series.map(line)],
       bands: panel.band ? [{ series: panel.band, fill: () => theme["zone-fill"] }] : [],
       hooks: {
@@ -233,8 +225,8 @@ function poles(share) {
 function rule(ctx, from, to, dash) {
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash(dash);
-  ctx.beginPath();
-  ctx.moveTo(...from);
-  ctx.lineTo(...to);
-  ctx.stroke();
+  const path = new Path2D();
+  path.moveTo(...from);
+  path.lineTo(...to);
+  ctx.stroke(path);
 }

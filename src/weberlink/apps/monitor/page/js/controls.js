@@ -35,16 +35,13 @@ export class Controls {
     }
     const shown = hello?.link ? NAMES : AGREED;
     const reasons = shown.map((name) => this.#reason(name, connected, hello, ended));
-    shown.forEach((name, k) => {
-      const reason = reasons[k];
-      const place = by(`control-${name}`);
-      by(name).disabled = Boolean(reason);
+    for (const [k, name] of shown.entries()) {
+      by(name).disabled = Boolean(reasons[k]);
       by(name).dataset.value = settings[name] ?? "";
-      place.classList.toggle("off", Boolean(reason));
-      place.title = reason;
-    });
-    const [first] = reasons;
-    if (first && reasons.every((reason) => reason === first)) this.#say(first, "");
+      by(`control-${name}`).classList.toggle("off", Boolean(reasons[k]));
+      by(`control-${name}`).title = reasons[k];
+    }
+    if (reasons[0] && new Set(reasons).size === 1) this.#say(reasons[0], "");
     else if (by("answer").dataset.value === "") this.#say("", "");
   }
 
@@ -66,8 +63,7 @@ export class Controls {
     if (ended) return "the session has ended";
     const link = LINK.includes(name);
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
-    if (hello.readonly && (link || permitted.length))
-      return "read-only: open the address with the key, which weberlink printed";
+    if (hello.readonly && (link || permitted.length)) return "read-only: open the address with the key, which weberlink printed";
     if (link || (hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";

@@ -20,15 +20,17 @@ export class Emergency {
     this.pressed = -Infinity;
     this.clear();
     button.addEventListener("pointerdown", (event) => event.button === 0 && this.press());
-    button.addEventListener("keydown", (event) => {
-      if (event.key !== "Enter" && event.key !== " ") return;
+    const pressed = (event) => {
       event.preventDefault();
       if (!event.repeat) this.press();
-    });
+    };
+    button.addEventListener("keydown", (event) => [" ", "Enter"].includes(event.key) && pressed(event));
     // A click without pointer or key: assistive technology.
     button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
     // Whatever has the focus: the key writes nothing, and moves nothing, in any control.
-    addEventListener("keydown", (event) => this.#key(event), true);
+    // With another key held it belongs to the desktop or a screen reader.
+    const others = (event) => event.ctrlKey || event.altKey || event.metaKey;
+    addEventListener("keydown", (event) => event.key === KEY && !others(event) && pressed(event), true);
   }
 
   press() {
@@ -61,13 +63,6 @@ export class Emergency {
     this.state = "";
     this.store.stopped = false;
     button.dataset.value = "";
-  }
-
-  // With another key held it belongs to the desktop or a screen reader.
-  #key(event) {
-    if (event.key !== KEY || event.ctrlKey || event.altKey || event.metaKey) return;
-    event.preventDefault();
-    if (!event.repeat) this.press();
   }
 
   async #post() {

@@ -45,8 +45,7 @@ export class Link {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may change something
     if (this.session !== null) query.set("session", this.session);
-    const socket = new Worker(new URL("socket_thread.js", import.meta.url));
-    this.socket = socket;
+    const socket = (this.socket = new Worker(new URL("socket_thread.js", import.meta.url)));
     socket.onmessage = ({ data: { state, data } }) => {
       if (socket !== this.socket) return;
       if (data !== undefined) this.onMessage(typeof data === "string" ? JSON.parse(data) : data);

@@ -56,30 +56,18 @@ function receive(message) {
   const before = store.begun;
   store.take(message);
   if (store.begun !== before) renew();
-  switch (message.type) {
-    case "hello":
-      greet(message);
-      break;
-    case "figures":
-      fillFigures(message);
-      alarms.show(message.alarms);
-      showPaths(message.paths);
-      if (message.ended) emergency.ended();
-      if (message.settings || message.ended) refresh();
-      break;
-    case "answer":
-      ({ session: room, record: recording, emergency }[message.to] ?? controls).answer(message);
-      break;
-    case "events":
-      events.take(message.events);
-      break;
-    case "recording":
-      recording.take(message);
-      break;
-    case "launcher":
-      room.take(message);
-      break;
+  if (message.type === "hello") greet(message);
+  if (message.type === "figures") {
+    fillFigures(message);
+    alarms.show(message.alarms);
+    showPaths(message.paths);
+    if (message.ended) emergency.ended();
+    if (message.settings || message.ended) refresh();
   }
+  if (message.type === "answer") ({ session: room, record: recording, emergency }[message.to] ?? controls).answer(message);
+  if (message.type === "events") events.take(message.events);
+  if (message.type === "recording") recording.take(message);
+  if (message.type === "launcher") room.take(message);
   touch.take(message);
   schedule();
 }
@@ -182,7 +170,8 @@ for (const button of all("[data-window]"))
     schedule();
   });
 onThemeChange(() => {
-  for (const part of [...charts, view]) part?.restyle();
+  for (const { plot } of charts) plot.redraw();
+  view?.restyle();
   schedule();
 });
 

@@ -143,16 +143,11 @@ export const PANELS = [
   {
     name: "delay", title: "Delay", unit: "ms", alone: "slave", empty: "no round trip measured yet",
     help: "Round trip, one way, and jitter: by how much few datagrams exceed their least delay, in the worse direction.",
-    sources: () => [
-      {
-        ring: "master",
-        series: [
-          line("round trip", "master", column("rtt_us", 1e-3), "ms"),
-          line("one way", "third", column("one_way_us", 1e-3), "ms"),
-          line("jitter", "quiet", column("jitter_us", 1e-3), "ms", undefined, { dash: [4, 3] }),
-        ],
-      },
-    ],
+    sources: () => {
+      const jitter = line("jitter", "quiet", column("jitter_us", 1e-3), "ms", undefined, { dash: [4, 3] });
+      const [whole, half] = ["rtt_us", "one_way_us"].map((name) => column(name, 1e-3));
+      return [{ ring: "master", series: [line("round trip", "master", whole, "ms"), line("one way", "third", half, "ms"), jitter] }];
+    },
     range: () => upward(0.5), axis: unit(" ms"),
   },
   {

@@ -15,8 +15,6 @@ const TRAIL_S = 4;
 const TRAIL_POINTS = 1400;
 const LEAST_REACH_MM = 55;
 const MM_PER_N = 7;
-const ORBIT_STEP = 0.08;
-const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const AXES_M = [[0.012, 0, 0], [0, 0.012, 0], [0, 0, 0.012]]; // for a tool of which only the orientation is known
 const SOFT_INTERVAL_MS = 120; // a software renderer takes processor time from the daemons
 const FADED = 0.3; // opacity of a packet's mark when it is old
@@ -42,7 +40,8 @@ export class View {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.redraw());
-    place.addEventListener("keydown", (event) => this.#key(event));
+    this.controls.enablePan = false; // so that arrow keys without Shift are free for the handle
+    this.controls.listenToKeyEvents(place);
     const sun = new THREE.DirectionalLight(0xffffff, 2.6);
     sun.position.set(-200, -20, 110);
     this.solids = new THREE.Group();
@@ -224,22 +223,6 @@ export class View {
     const stiffness = known ? ring.value("surface_stiffness", to) : NaN;
     const text = (words[kind] ?? "\u00a0") + (Number.isFinite(stiffness) ? `, ${stiffness.toFixed(0)} N/m` : "");
     show(by("model"), text, kind === kind ? modelName(kind) : "");
-  }
-
-  #key(event) {
-    const turn = TURNS[event.key];
-    if (!turn || event.defaultPrevented) return; // the key has moved the handle
-    event.preventDefault();
-    const level = [new THREE.Vector3(1, 0, 0), -Math.PI / 2];
-    const arm = this.camera.position.clone().sub(this.controls.target);
-    const angles = new THREE.Spherical().setFromVector3(arm.applyAxisAngle(...level));
-    angles.theta += ORBIT_STEP * turn[0];
-    angles.phi += ORBIT_STEP * turn[1];
-    angles.makeSafe();
-    arm.setFromSpherical(angles).applyAxisAngle(level[0], Math.PI / 2);
-    this.camera.position.copy(this.controls.target).add(arm);
-    this.controls.update();
-    this.redraw();
   }
 
   #resize() {

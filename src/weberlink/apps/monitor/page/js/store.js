@@ -85,28 +85,20 @@ export class Store {
   // Takes one message of the server; ignores those of a type that this page does not know.
   /** @param {import("./messages.js").Message} message */
   take(message) {
-    switch (message.type) {
-      case "hello":
-        this.#greet(message);
-        break;
-      case "samples":
-        this.#samples(message);
-        break;
-      case "felt":
-        this.rings.felt.push(message.t, { deadbands: message.deadbands, error_n: message.error_n, bound_n: message.bound_n });
-        break;
-      case "figures":
-        this.figures = message;
-        this.ended = Boolean(message.ended);
-        if (message.settings) this.#adopt(message.settings, message.generation);
-        break;
-      case "answer":
-        if (message.accepted && message.pending) {
-          this.agreed = { generation: message.generation, settings: message.pending };
-        }
-        if (message.settings) this.#adopt(message.settings, message.generation);
-        break;
+    if (message.type === "hello") this.#greet(message);
+    if (message.type === "samples") this.#samples(message);
+    if (message.type === "felt") {
+      const { t, deadbands, error_n, bound_n } = message;
+      this.rings.felt.push(t, { deadbands, error_n, bound_n });
     }
+    if (message.type === "figures") {
+      this.figures = message;
+      this.ended = Boolean(message.ended);
+    }
+    if (message.type === "answer" && message.accepted && message.pending)
+      this.agreed = { generation: message.generation, settings: message.pending };
+    if ((message.type === "answer" || message.type === "figures") && message.settings)
+      this.#adopt(message.settings, message.generation);
   }
 
   #greet(hello) {

@@ -63,8 +63,7 @@ export class Tiles {
     if (finding && !sides.has("engaged")) return [states[0], finding];
     if (sides.has("released")) return ["released", "hold the button to engage"];
     if (sides.size === 1) return [states[0], states.length === 2 ? "master and slave" : `${store.present[0]} only`];
-    const order = ["silent", "closed", "connecting", "listening", "idle", "engaged"];
-    const worst = order.find((state) => sides.has(state)) ?? states[0];
+    const worst = ["silent", "closed", "connecting", "listening", "idle"].find((state) => sides.has(state)) ?? states[0];
     return [worst, store.present.map((side, k) => `${side} ${states[k]}`).join(", ")];
   }
 

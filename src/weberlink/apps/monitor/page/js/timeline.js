@@ -7,27 +7,11 @@ import { theme } from "./theme.js";
 
 const STATE_COLOURS = { 1: "quiet", 2: "warn", 3: "warn", 4: "good", 5: "bad", 6: "quiet" };
 const MODEL_COLOURS = { 0: "quiet", 1: "third", 2: "model", 3: "master" };
-const state = (side) => ({
-  label: side,
-  rings: () => [side],
-  of: "state",
-  text: (v, store) => store.stateName(v),
-  colour: (v) => STATE_COLOURS[v],
-});
-const MODEL = {
-  label: "model",
-  rings: (store) => [store.rings.master.empty ? "slave" : "master"],
-  of: "model",
-  text: modelName,
-  colour: (v) => MODEL_COLOURS[v],
-};
-const FAULTS = {
-  label: "faults",
-  rings: () => ["master", "slave"],
-  of: "fault",
-  text: (v, store) => store.faultName(v),
-  colour: (v) => (v ? "bad" : null),
-};
+const state = (side) => ({ label: side, of: "state", rings: () => [side], text: (v, store) => store.stateName(v), colour: (v) => STATE_COLOURS[v] });
+const felt = (store) => [store.rings.master.empty ? "slave" : "master"];
+const MODEL = { label: "model", of: "model", rings: felt, text: modelName, colour: (v) => MODEL_COLOURS[v] };
+const faulty = () => ["master", "slave"];
+const FAULTS = { label: "faults", of: "fault", rings: faulty, text: (v, store) => store.faultName(v), colour: (v) => (v ? "bad" : null) };
 
 // The stretches of one value in a column of a ring, between two times, as {value, from, to}.
 export function stretches(ring, name, from, to) {
@@ -79,10 +63,6 @@ export class Timeline {
   draw(from, to) {
     this.span = [from, to];
     this.plot.setData([this.span, [0, 0]]);
-  }
-
-  restyle() {
-    this.plot.redraw();
   }
 
   #bands(u) {

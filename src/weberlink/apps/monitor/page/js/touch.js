@@ -7,7 +7,7 @@ import { Pointing } from "./pointing.js";
 
 const M = 1e-3; // millimetres in metres
 const SMOOTH_MS = 12; // a frame of less leaves time enough
-const ORBIT = "3-D view of the scene; arrow keys orbit";
+const ORBIT = "3-D view of the scene; Shift and arrow keys orbit";
 const DRIVE = "3-D view of the scene; arrow keys, Page Up and Page Down move the handle, Escape lets go, Shift and arrow keys orbit";
 
 export class Touch {
@@ -43,24 +43,18 @@ export class Touch {
   /** @param {import("./messages.js").Message} message */
   take(message) {
     this.drive.beat();
-    switch (message.type) {
-      case "hello":
-        this.drive.half = message.workspace_m ?? Infinity;
-        if (message.session !== this.session) this.drive.release();
-        this.session = message.session;
-        by("drive").hidden = !message.drivable;
-        document.body.dataset.drivable = String(Boolean(message.drivable));
-        return this.#say();
-      case "handle":
-        [this.state, this.why] = [message.state, message.why];
-        return this.#say();
-      case "figures":
-        return message.ended && this.#say();
-      case "samples":
-        if (message.side !== "master" || !message.t.length) return;
-        this.latency.moved(this.#handle(), performance.now());
-        return this.#tellLatency();
+    if (message.type === "hello") {
+      this.drive.half = message.workspace_m ?? Infinity;
+      if (message.session !== this.session) this.drive.release();
+      this.session = message.session;
+      by("drive").hidden = !message.drivable;
+      document.body.dataset.drivable = String(Boolean(message.drivable));
     }
+    if (message.type === "handle") [this.state, this.why] = [message.state, message.why];
+    if (message.type === "samples" && message.side === "master" && message.t.length) {
+      this.latency.moved(this.#handle(), performance.now());
+      this.#tellLatency();
+    } else if (message.type !== "samples" && message.type !== "felt") this.#say();
   }
 
   #handle() {
