@@ -225,8 +225,7 @@ function poles(share) {
 function rule(ctx, from, to, dash) {
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash(dash);
-  const path = new Path2D();
-  path.moveTo(...from);
-  path.lineTo(...to);
-  ctx.stroke(path);
+  ctx.beginPath();
+  for (const point of [from, to]) ctx.lineTo(...point);
+  ctx.stroke();
 }

@@ -1,5 +1,4 @@
 // The emergency stop: asks for it by the WebSocket and by HTTP, as soon as the button goes down, and says what happened.
-//
 // It asks whatever the page believes of the session: the page may be behind.
 
 import { announce, by, notice } from "./dom.js";

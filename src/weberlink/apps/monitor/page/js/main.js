@@ -37,8 +37,7 @@ const alarms = new Alarms();
 const camera = new Camera();
 const drawing = { window: 5, paused: null, due: false, more: false, again: 0, drawn: 0, rest: 0 };
 const inSight = new Set(); // the charts and the scene that are in the window: only these are drawn
-let view = null;
-let connected = false;
+let [view, connected] = [null, false];
 
 function connect(state) {
   connected = state === "open";

@@ -50,8 +50,7 @@ export class Ring {
   // First row at or after a time.
   at(time) {
     const { t } = this.columns;
-    let low = this.begin;
-    let high = this.end;
+    let [low, high] = [this.begin, this.end];
     while (low < high) {
       const middle = (low + high) >> 1;
       if (t[middle] < time) low = middle + 1;

@@ -176,8 +176,7 @@ export class Store {
     const { felt } = this.rings;
     if (felt.empty || felt.newest < this.newest - 2 * span) return NaN;
     const { deadbands } = felt.columns;
-    let sum = 0;
-    let count = 0;
+    let [sum, count] = [0, 0];
     for (let i = felt.at(felt.newest - span); i < felt.end; i += 1) {
       if (deadbands[i] === deadbands[i]) {
         sum += deadbands[i] * deadbands[i];
