@@ -168,9 +168,7 @@ def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: f
     answers = _ask_sides(sessions, request, patience_s)
     if not any(answer.get("accepted") for answer in answers.values()):
         return answers
-    return {
-        each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()
-    }
+    return {each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()}
 
 
 def _joined(answers: Mapping[RowSource, Answer]) -> Answer:

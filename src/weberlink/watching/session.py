@@ -127,7 +127,7 @@ class WatchedSession:
 
     @property
     def sources(self) -> dict[str, RowSource]:
-        return {name: side.source for name, side in sorted(self._sides.items())}
+        return {name: side.source for name, side in self._each}
 
     @property
     def description(self) -> dict[str, Any]:
@@ -159,32 +159,32 @@ class WatchedSession:
         """How often each fault began, by side and name."""
         return {
             name: {_fault_name(number): count for number, count in sorted(side.faults.items())}
-            for name, side in sorted(self._sides.items())
+            for name, side in self._each
         }
 
     @property
     def last(self) -> dict[str, Any]:
         """The newest record of each side that has one."""
-        return {name: side.last for name, side in sorted(self._sides.items()) if side.last is not None}
+        return {name: side.last for name, side in self._each if side.last is not None}
 
     @property
     def pace(self) -> dict[str, Pace]:
         """Pace by channel, as of the side that sends it."""
-        arm = self.arm
-        names = ("force", "position") if arm is None else ("joint_torque", "joint_angle")
-        paces = {
-            channel: self._sides[side].pace if side in self._sides else Pace()
-            for channel, side in zip(names, (SLAVE, MASTER), strict=True)
-        }
-        if arm is not None and arm.gripper_torque is not None:
-            for channel, side in (("gripper_torque", SLAVE), ("gripper_angle", MASTER)):
-                paces[channel] = self._sides[side].gripper_pace if side in self._sides else Pace()
-        return paces
+        master, slave = (self._sides.get(side) for side in (MASTER, SLAVE))
+        names = ("position", "force") if self.arm is None else ("joint_angle", "joint_torque")
+        paces = {names[1]: slave and slave.pace, names[0]: master and master.pace}
+        if self.arm is not None and self.arm.gripper_torque is not None:
+            paces |= {"gripper_torque": slave and slave.gripper_pace, "gripper_angle": master and master.gripper_pace}
+        return {channel: pace or Pace() for channel, pace in paces.items()}
 
     @property
     def paths(self) -> dict[str, list[dict[str, Any]]]:
         """The paths of each side that knows its own, as of `weberlink.system.paths`."""
-        return {name: side.paths for name, side in sorted(self._sides.items()) if side.paths}
+        return {name: side.paths for name, side in self._each if side.paths}
+
+    @property
+    def _each(self) -> list[tuple[str, _WatchedSide]]:
+        return sorted(self._sides.items())
 
     def close(self) -> None:
         for side in self._sides.values():
@@ -193,12 +193,12 @@ class WatchedSession:
     def look(self, *, show: bool = True) -> list[dict[str, Any]]:
         """Read new records; returns messages with their rows if `show`."""
         empty = np.empty(0, DTYPE)
-        taken = {name: side.take() for name, side in sorted(self._sides.items())}
+        taken = {name: side.take() for name, side in self._each}
         for name, (records, _) in taken.items():
             if len(records):
                 self._unscored[name].append(records)
                 self.log.look(name, records, self._sides[name].source.wall_offset_s)
-        for name, side in sorted(self._sides.items()):
+        for name, side in self._each:
             self.log.take_paths(name, side.paths)
         self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
@@ -213,7 +213,7 @@ class WatchedSession:
 
     def _note_ends(self) -> None:
         """Tell the end of a side once, with its reason."""
-        for name, side in sorted(self._sides.items()):
+        for name, side in self._each:
             if side.has_ended or not side.source.drained or side.last is None:
                 continue
             side.has_ended = True
@@ -241,25 +241,28 @@ class WatchedSession:
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
         pace, figures = self.pace, self.score.summary() | {"ways": self.score.ways(), "paths": self.paths}
+        against = verdict(figures | {"faults": self.faults}).causes  # what the report would say
+        asked = self.description.get("system", {}).get("link", {}).get("dscp")
+        dscp = asked if isinstance(asked, int) else None
         told: dict[str, Any] = {
             "type": "figures",
             "session": self.name,
             "figures": figures,
-            "alarms": [cause._asdict() for cause in (*self._present_faults(), *self._causes(figures))],
+            "alarms": [cause._asdict() for cause in (*self._present_faults(), *against)],
             "faults": self.faults,
-            "faults_now": {name: _fault(side.last) for name, side in sorted(self._sides.items())},
+            "faults_now": {name: _fault(side.last) for name, side in self._each},
             "ended": self.ended,
             "seen_from_start": self.seen_from_start,
             "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
             "reduction_now": {channel: of.reduction for channel, of in pace.items()},
             "engaged": {
                 name: side.last is not None and bool(side.last["state"] == State.ENGAGED.value)
-                for name, side in sorted(self._sides.items())
+                for name, side in self._each
             },
             "button": self._button,
             "ways_now": ways_now(self.last),
             "paths": [
-                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, self._dscp)}
+                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, dscp)}
                 for name, paths in self.paths.items()
                 for facts in paths
             ],
@@ -269,21 +272,11 @@ class WatchedSession:
 
     def _present_faults(self) -> Iterator[Cause]:
         """The faults that are active now, as alarms."""
-        for name, side in sorted(self._sides.items()):
+        for name, side in self._each:
             fault = _fault(side.last)
             if fault is not None and not side.source.drained:
                 told = fault_words(name, fault)
                 yield Cause(FAILURE if told.level == ALARM else DEGRADED, f"{name}_{fault}", f"{name}: {told.text}")
-
-    def _causes(self, figures: dict[str, Any]) -> tuple[Cause, ...]:
-        """What the report would say against the session so far."""
-        return verdict(figures | {"faults": self.faults}).causes
-
-    @property
-    def _dscp(self) -> int | None:
-        """The class of service that the datagrams ask for; None if unknown."""
-        asked = self.description.get("system", {}).get("link", {}).get("dscp")
-        return asked if isinstance(asked, int) else None
 
     @property
     def _button(self) -> str | None:

@@ -1,9 +1,6 @@
 """A session of arms as the monitor tells it: its axes, rows, felt error, packets and history."""
 
 import json
-import re
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +9,7 @@ from tests.apps import arm_sessions as arms
 from tests.watching.sources import HandSource
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
-from weberlink.watching.rows import ARM, CARTESIAN
+from weberlink.watching.rows import CARTESIAN
 from weberlink.watching.session import WatchedSession
 
 TICKS = 2000

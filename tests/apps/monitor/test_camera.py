@@ -15,7 +15,7 @@ from aiohttp import web
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
 from tests.watching.sources import HandSource, description
-from weberlink.apps.monitor.camera import CameraService, View, ViewError, parse_view
+from weberlink.apps.monitor.camera import CameraService, View, ViewError, parse_view, robot_of
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
@@ -91,7 +91,7 @@ def simulated(folder: Path) -> WatchedSession:
 def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     session = simulated(tmp_path)
-    model = mujoco.MjModel.from_xml_path(str(CameraService._robot(session)[0]))
+    model = mujoco.MjModel.from_xml_path(str((robot_of(session) or [""])[0]))
     pose = PoseWriter(path_of(PID), model.nq)
     try:
         pose.write(monotonic(), np.zeros(model.nq))

@@ -146,20 +146,7 @@ def test_absurd_rate_is_limited_but_releases_pass(visit: Visit) -> None:
     assert visit.devices[0].sent[-1] == (BELOW, False)
 
 
-def test_absurd_grasps_and_releases_are_limited(visit: Visit) -> None:
-    for number in range(10_000):
-        visit.now += 1e-4
-        visit.drive(0, ABOVE, number % 2 == 0)
-    assert len(visit.devices[0].sent) <= 2 * (MOST_PER_S + BURST + 1)
-
-
 def test_read_only_page_never_drives(visit: Visit) -> None:
     visit.pages[1].may_change = False
     visit.driving.announce("7")
     assert visit.states() == ["free", "none"]
-
-
-def test_session_with_another_device_is_not_driven(monkeypatch: pytest.MonkeyPatch) -> None:
-    visit = Visit(monkeypatch, driver="operator")
-    refused = visit.drive(0, ABOVE, True)
-    assert refused is not None and "not the page" in refused["why"]

@@ -126,20 +126,6 @@ def test_another_scene_is_another_session(tmp_path: Path) -> None:
     assert told.states[2:] == [("starting", "box"), ("running", "box"), ("idle", "box")]
 
 
-def test_advice_on_every_session_of_a_visit_is_told_at_once_and_only_once(tmp_path: Path) -> None:
-    async def change(told: Told) -> Signals:
-        await told.until_begun(1)
-        while not told.lines:
-            await asyncio.sleep(0.01)
-        assert told.launcher.request_start("box") == {"accepted": True}
-        await told.until_begun(2)
-        return SIGINT
-
-    told = conduct(tmp_path, order("advised=1"), change)
-    assert len(told.started) == 2
-    assert told.lines == ["note: codec.force.floor_n 0: use 0.02"]
-
-
 def test_stopped_session_can_be_started_again(tmp_path: Path) -> None:
     async def stop(told: Told) -> Signals:
         pid = await told.until_begun(1)
@@ -165,23 +151,6 @@ def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> Non
         "why": "wrong: no such key",
     }
     assert told.launcher.last is not None and told.launcher.last.report is None and told.launcher.last.status == 1
-
-
-def test_failed_start_of_a_scene_is_told_and_the_visit_goes_on(tmp_path: Path) -> None:
-    scenes = SCENES | {"wrong": SceneChoice("Wrong", ("wrong=1",))}
-
-    async def fail(told: Told) -> Signals:
-        await told.until_begun(1)
-        told.launcher.request_start("wrong")
-        while told.launcher.message["state"] != "failed":
-            await asyncio.sleep(0.01)
-        assert told.launcher.message["why"] == "wrong: no such key"
-        assert told.launcher.request_start("box") == {"accepted": True}
-        await told.until_begun(2)
-        return SIGINT
-
-    told = conduct(tmp_path, TryOrder("try.yaml", (), scenes, "dome"), fail)
-    assert told.lines == ["the session failed: wrong: no such key; start another one from the page"]
 
 
 @pytest.mark.parametrize(("overrides", "status"), [((), 0), (("failing=1",), 1)])

@@ -139,18 +139,6 @@ def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     assert any(text.startswith("recorded ") for text in texts)
 
 
-def test_second_recording_takes_another_name(rig: Rig, tmp_path: Path) -> None:
-    (tmp_path / "recordings").mkdir()
-    mine = tmp_path / "recordings" / "wall.mcap"
-    mine.write_text("mine")
-    rig.tick()
-    rig.look()
-    assert rig.ask(do="start", name="wall")["path"].endswith("/wall-2.mcap")
-    rig.ask(do="stop")
-    rig.until_state("done")
-    assert mine.read_text() == "mine"
-
-
 def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
     rig.tick()
     rig.look()
@@ -170,17 +158,6 @@ def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
     assert not answer["accepted"] and "recordings: cannot be written" in answer["why"]
     state = rig.state()
     assert state is not None and (state["state"], state["why"]) == ("failed", answer["why"])
-
-
-def test_killed_recorder_is_told_and_leaves_a_file(rig: Rig) -> None:
-    rig.tick()
-    rig.look()
-    path = Path(rig.ask(do="start")["path"])
-    until(lambda: (rig.tick(20), path.exists() and path.stat().st_size > 20_000)[1], "the file to grow")
-    rig.desk._recordings["7"].recorder.kill()
-    failed = rig.until_state("failed")
-    assert "killed by signal 9" in failed["why"] and "are kept" in failed["why"]
-    assert len(read_recording(path).records["slave"])
 
 
 def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path) -> None:

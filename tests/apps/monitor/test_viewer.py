@@ -1,6 +1,5 @@
 """The bounded queue of a page."""
 
-import asyncio
 import json
 from typing import get_args
 
@@ -46,22 +45,6 @@ def test_queue_is_bounded_and_keeps_the_newest(topics: list[str]) -> None:
             assert not any(text.startswith(f"{topic} ") for text in left)
 
 
-def test_slow_page_loses_rows_but_no_figures() -> None:
-    viewer = Viewer(None, may_change=False)
-    viewer.greet(told("hello"))
-    for number in range(1000):
-        viewer.put("rows", told(f"rows {number}"))
-        if number % 10 == 0:
-            viewer.put("figures", told(f"figures {number}"))
-    viewer.put("final", told("final"))
-    left = drained(viewer)
-    assert left[0] == "hello" and left[-1] == "final"
-    assert [text for text in left if text.startswith("figures")] == ["figures 990"]
-    rows = [text for text in left if text.startswith("rows")]
-    assert rows == [f"rows {number}" for number in range(1000 - MOST_WAITING["rows"], 1000)]
-    assert viewer.lost_rows == 1000 - MOST_WAITING["rows"]
-
-
 def test_final_figures_precede_the_next_greeting() -> None:
     viewer = Viewer(None, may_change=False)
     viewer.put("rows", told("old"))
@@ -69,14 +52,6 @@ def test_final_figures_precede_the_next_greeting() -> None:
     viewer.greet(told("next"))
     viewer.put("rows", told("new"))
     assert drained(viewer) == ["final", "next", "new"]
-
-
-def test_repeated_greeting_keeps_the_rows() -> None:
-    viewer = Viewer(None, may_change=False)
-    viewer.greet(told("one side"))
-    viewer.put("rows", told("rows"))
-    viewer.put("again", told("both sides"))
-    assert drained(viewer) == ["one side", "rows", "both sides"]
 
 
 def test_answers_overtake_rows() -> None:
@@ -87,15 +62,3 @@ def test_answers_overtake_rows() -> None:
     viewer.put("rows", told("more rows"))
     viewer.put("handle", told("free"))
     assert drained(viewer) == ["stopped", "rows", "more rows", "free"]
-
-
-def test_new_message_wakes_the_sender() -> None:
-    async def run() -> str:
-        viewer = Viewer(None, may_change=False)
-        messages = viewer.messages()
-        first = asyncio.ensure_future(anext(messages))
-        await asyncio.sleep(0)
-        viewer.answer(told("late"))
-        return await first
-
-    assert json.loads(asyncio.run(run())) == told("late")

@@ -9,7 +9,7 @@ import pytest
 
 from tests.watching.sources import HandSource, records, write
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, SessionWatcher
+from weberlink.apps.monitor.watch import ENDED_KEPT, SessionWatcher
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
 from weberlink.watching.session import WatchedSession
@@ -107,48 +107,12 @@ def test_pinned_page_stays_with_its_session(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
-def test_page_pinned_to_a_later_session_waits() -> None:
-    async def run() -> None:
-        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-        viewer = Viewer("9", may_change=True)
-        watch.join(viewer)
-        watch.put(WatchedSession("1", HandSource("slave")))
-        watch.look(0.0)
-        assert told(viewer)[-1]["session"] == "1"
-        watch.put(WatchedSession("9", HandSource("slave")))
-        watch.put(WatchedSession("10", HandSource("slave")))
-        watch.look(1.0)
-        assert told(viewer)[0]["session"] == "9"
-        watch.look(2.0)
-        assert {message.get("session", "9") for message in told(viewer)} == {"9"}
-
-    asyncio.run(run())
-
-
 def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
     with ring(tmp_path, 7, "slave"), ring(tmp_path, 8, "slave"):
         watch = SessionWatcher(tmp_path, "8", lambda _: None)
         watch.look(0.0)
         assert list(watch.sessions) == ["8"]
         watch.sessions["8"].close()
-
-
-def test_foreign_file_is_reported_once(tmp_path: Path) -> None:
-    said: list[str] = []
-    (tmp_path / "weberlink-9-slave.ring").write_bytes(b"x" * 500)
-    watch = SessionWatcher(tmp_path, None, said.append)
-    watch.look(0.0)
-    watch.look(FIND_S * 2)
-    assert watch.sessions == {}
-    assert len(said) == 1 and "not a telemetry ring" in said[0]
-
-
-def test_rings_of_dead_daemons_are_ignored(tmp_path: Path) -> None:
-    writer = ring(tmp_path, 7, "slave")
-    writer.close(unlink=False)
-    watch = SessionWatcher(tmp_path, None, lambda _: None)
-    watch.look(0.0)
-    assert watch.sessions == {}
 
 
 def test_ended_sessions_are_forgotten() -> None:
@@ -205,19 +169,6 @@ def test_invalid_request_is_refused_with_the_reason(request_: object, why: str) 
     answer = asyncio.run(asked(watch, Viewer(None, may_change=True), request_))
     assert answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
-
-
-def test_read_only_page_changes_nothing() -> None:
-    async def run() -> Any:
-        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-        watch.put(WatchedSession("7", HandSource("slave", ring=Path("/nonexistent/ring"))))
-        viewer = Viewer(None, may_change=False)
-        watch.join(viewer)
-        greeting = told(viewer)[0]
-        assert greeting["readonly"] is True and greeting["token"] is None
-        return await asked(watch, viewer, {"type": "change", "weber": 0.1})
-
-    assert "read-only" in asyncio.run(run())["why"]
 
 
 def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:

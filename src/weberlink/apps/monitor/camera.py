@@ -5,7 +5,7 @@ A message is the age of the frame when it is sent [s], as a little-endian double
 
 import asyncio
 import os
-from asyncio.subprocess import DEVNULL, PIPE, Process
+from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -63,16 +63,18 @@ class FrameSource:
     """The newest frame of a child process, which runs while somebody looks.
 
     Args:
-        commands: of processes that make the frames; each is tried after the one before has failed without a frame.
+        commands: environment and command of processes that make the frames; each is tried after the one before has
+            failed without a frame.
         tell: called with lines for the user.
+
+    Attributes:
+        failure: why there are no more frames; None while there may be some.
     """
 
     def __init__(self, commands: list[tuple[dict[str, str], list[str]]], tell: Callable[[str], None]) -> None:
         self.newest: tuple[float, bytes] | None = None
         self.failure: str | None = None
-        """Why there are no more frames; None while there may be some."""
-        self._commands = commands
-        self._tell = tell
+        self._commands, self._tell = commands, tell
         self._came = asyncio.Event()
         self._task = asyncio.get_running_loop().create_task(self._run())
 
@@ -92,9 +94,8 @@ class FrameSource:
     async def _run(self) -> None:
         why = ""
         for variables, command in self._commands:
-            why = await self._follow(variables, command)
-            if self.newest is not None:
-                break
+            if self.newest is None:
+                why = await self._follow(variables, command)
         self.failure = why
         self._tell(f"view: {why}")
         self._came.set()
@@ -104,25 +105,19 @@ class FrameSource:
         process = await asyncio.create_subprocess_exec(
             *command, stdin=DEVNULL, stdout=PIPE, stderr=PIPE, env=os.environ | variables, start_new_session=True
         )
+        assert process.stdout is not None and process.stderr is not None
         try:
-            await self._take(process)
-            assert process.stderr is not None
+            with suppress(asyncio.IncompleteReadError):
+                while True:
+                    at, length = FRAME.unpack(await process.stdout.readexactly(FRAME.size))
+                    self.newest = (at, await process.stdout.readexactly(min(length, LARGEST_FRAME)))
+                    self._came.set()
             said = (await process.stderr.read()).decode(errors="replace").strip().splitlines()
             return said[-1] if said else "its process has ended"
         finally:
             with suppress(ProcessLookupError):
                 process.kill()
             await process.wait()
-
-    async def _take(self, process: Process) -> None:
-        assert process.stdout is not None
-        with suppress(asyncio.IncompleteReadError):
-            while True:
-                at, length = FRAME.unpack(await process.stdout.readexactly(FRAME.size))
-                if length > LARGEST_FRAME:
-                    return
-                self.newest = (at, await process.stdout.readexactly(length))
-                self._came.set()
 
 
 class CameraService:
@@ -135,9 +130,7 @@ class CameraService:
     """
 
     def __init__(self, watch: SessionWatcher, view: View, tell: Callable[[str], None]) -> None:
-        self._watch = watch
-        self._view = view
-        self._tell = tell
+        self._watch, self._view, self._tell = watch, view, tell
         self._sources: dict[str, FrameSource] = {}
         """By name of the session that a robot is of; of a camera, one for all."""
         self._lookers: dict[str, set[web.WebSocketResponse]] = {}
@@ -149,8 +142,7 @@ class CameraService:
     def hello(self, session: WatchedSession, viewer: Viewer) -> dict[str, Any]:
         """The kind of view of the session; None without one."""
         del viewer
-        is_there = self._view.kind != ROBOT or self._robot(session) is not None
-        return {"view": self._view.kind if is_there else None}
+        return {"view": self._view.kind if self._commands(session.name, session)[1] else None}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
         """The page opens the WebSocket itself."""
@@ -159,7 +151,8 @@ class CameraService:
         """Send frames to a page until it leaves, or until there are no more."""
         if sum(map(len, self._lookers.values())) >= MOST_VIEWS:
             raise web.HTTPServiceUnavailable
-        name, commands = self._commands(request.query.get("session", ""))
+        asked = request.query.get("session", "")
+        name, commands = self._commands(asked, self._watch.sessions.get(asked))
         if not commands:
             raise web.HTTPNotFound
         socket = web.WebSocketResponse(max_msg_size=1024, heartbeat=HEARTBEAT_S, compress=False)
@@ -190,29 +183,25 @@ class CameraService:
         for source in list(self._sources.values()):
             await source.close()
 
-    def _commands(self, name: str) -> tuple[str, list[tuple[dict[str, str], list[str]]]]:
+    def _commands(
+        self, name: str, session: WatchedSession | None
+    ) -> tuple[str, list[tuple[dict[str, str], list[str]]]]:
         """Name of the source for a session, and the commands that make its frames; none if it has no view."""
         run = python("-m", "weberlink.apps.monitor.frames", self._view.kind)
         if self._view.kind != ROBOT:
             return "", [({}, [*run, self._view.source])]
-        session = self._watch.sessions.get(name)
-        robot = None if session is None else self._robot(session)
-        if robot is None:
-            return name, []
-        return name, [({"MUJOCO_GL": backend}, [*run, *robot]) for backend in BACKENDS]
+        robot = None if session is None else robot_of(session)
+        return name, [] if robot is None else [({"MUJOCO_GL": backend}, [*run, *robot]) for backend in BACKENDS]
 
-    @staticmethod
-    def _robot(session: WatchedSession) -> list[str] | None:
-        """Model and pose of the simulated robot of a session on this host; None without one."""
-        source = session.sources.get("slave")
-        described = None if source is None or session.ended else source.description
-        if described is None:
-            return None
-        robot = described.get("system", {}).get("slave", {}).get("robot", {})
-        if robot.get("driver") != MUJOCO or "model" not in robot:
-            return None
-        model = Path(described.get("file", "")).parent / robot["model"]
-        return [str(model), str(path_of(int(described["pid"])))]
+
+def robot_of(session: WatchedSession) -> list[str] | None:
+    """Model and pose of the simulated robot of a session on this host; None without one."""
+    source = session.sources.get("slave")
+    described = None if source is None or session.ended else source.description
+    robot = (described or {}).get("system", {}).get("slave", {}).get("robot", {})
+    if described is None or robot.get("driver") != MUJOCO or "model" not in robot:
+        return None
+    return [str(Path(described.get("file", "")).parent / robot["model"]), str(path_of(int(described["pid"])))]
 
 
 async def _send(source: FrameSource, socket: web.WebSocketResponse) -> None:
