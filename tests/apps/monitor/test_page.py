@@ -373,7 +373,8 @@ def test_page_works_without_webgl_and_without_a_session(tmp_path: Any) -> None:
     with browser(tmp_path, webgl=False) as page, ScriptedServer() as server:
         page.open(server.address)
         page.wait(lambda: "weberlink try" in page.text("start-help"), "the help")
-        server.say(hello(), *rows())
+        server.greeting = [hello(), *rows()]  # for a page that has just lost its connection
+        server.say(*server.greeting)
         page.wait(lambda: page.data("state") == "engaged", "the session")
         assert page.data("scene") == "missing" and "WebGL" in page.text("scene")
         page.wait(lambda: page.pixels("#panel-force canvas") > 5, "the charts")

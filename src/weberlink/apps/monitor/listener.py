@@ -14,6 +14,7 @@ from http.server import BaseHTTPRequestHandler
 from selectors import EVENT_READ, DefaultSelector
 from socket import MSG_PEEK, SHUT_RDWR, SO_RCVLOWAT, SOL_SOCKET, socket
 from threading import Thread
+from time import sleep
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -27,6 +28,7 @@ PROOF_HEADER = "X-WeberLink-Token"
 BEGIN = f"POST {EMERGENCY}".encode()
 MOST_SILENT = 64
 """Connections that have sent nothing yet; of more, the oldest one is closed."""
+ACCEPT_AGAIN_S = 0.05
 REQUEST_S = 2.0
 """How long the rest of an emergency request may take to come."""
 
@@ -73,16 +75,20 @@ class Listener:
             selector.register(self._listening, EVENT_READ)
             while not self._closing:
                 for key, _ in selector.select():
-                    with suppress(OSError):  # of a connection that has ended meanwhile
-                        if key.fileobj is self._listening:
+                    if key.fileobj is self._listening:
+                        try:
                             connection, _ = self._listening.accept()
-                            connection.setsockopt(SOL_SOCKET, SO_RCVLOWAT, len(BEGIN))  # readable with that many bytes
-                            silent.append(connection)
-                            selector.register(connection, EVENT_READ)
-                        else:
-                            connection = next(each for each in silent if each is key.fileobj)
-                            silent.remove(connection)
-                            selector.unregister(connection)
+                        except OSError:  # no more files, or the end
+                            sleep(ACCEPT_AGAIN_S)
+                            continue
+                        connection.setsockopt(SOL_SOCKET, SO_RCVLOWAT, len(BEGIN))  # readable with that many bytes
+                        silent.append(connection)
+                        selector.register(connection, EVENT_READ)
+                    else:
+                        connection = next(each for each in silent if each is key.fileobj)
+                        silent.remove(connection)
+                        selector.unregister(connection)
+                        with suppress(OSError):  # it has ended meanwhile
                             self._assign(connection)
                     if len(silent) > MOST_SILENT:
                         selector.unregister(silent[0])
