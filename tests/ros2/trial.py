@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.watching.rings import RingSource, RingOpener, find_rings
+from weberlink.watching.rings import RingOpener, RingSource, find_rings
 
 TOPICS = {
     "/weberlink/hand": "geometry_msgs/msg/PoseStamped",

@@ -193,10 +193,10 @@ function entry({ name, colour, faint, unit }) {
   return item;
 }
 
-// The newest known value at a row or up to 50 rows before; at the last row if none is given.
+// The newest known value at a row or up to 200 rows before; at the last row if none is given.
 function latest(values, at) {
   let i = Math.min(at ?? values.length - 1, values.length - 1);
-  for (const stop = Math.max(0, i - 50); i >= stop; i -= 1) if (values[i] !== undefined) return values[i] ?? NaN;
+  for (const stop = Math.max(0, i - 200); i >= stop; i -= 1) if (values[i] !== undefined) return values[i] ?? NaN;
   return NaN;
 }
 
