@@ -157,9 +157,9 @@ def test_session_of_a_page_imports_nothing_from_the_working_directory() -> None:
         async def inherit(_former: str | None, _name: str) -> None: ...
 
         order = TryOrder(SESSION[0], ("realtime.lock_memory=false",), duration_s=0.5)
-        keeper = SessionLauncher(order, lambda _line: None, lambda _message: None, inherit)
-        await keeper.run(asyncio.Event())
-        return keeper
+        launcher = SessionLauncher(order, lambda _line: None, lambda _message: None, inherit)
+        await launcher.run(asyncio.Event())
+        return launcher
 
     last = asyncio.run(visit()).last
     assert last is not None and last.report is not None and last.report["outcome"] == "completed"

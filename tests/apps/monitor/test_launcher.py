@@ -36,7 +36,7 @@ sys.exit(1 if "failing=1" in sys.argv else 0)
 
 
 class Told:
-    """A keeper, and what it says."""
+    """A launcher, and what it says."""
 
     def __init__(self, notes: Path, order: TryOrder) -> None:
         self.notes = notes
