@@ -9,6 +9,8 @@ LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
+PAGE := src/weberlink/apps/monitor/page
+PAGE_TOOLS := build/page
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -17,6 +19,7 @@ COUNT ?= 20
 .PHONY: system demo test compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
+	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
 	command -v npm >/dev/null || apt-get install -y -q --no-install-recommends npm
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
@@ -34,7 +37,7 @@ demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (
 	$(BIN)/weberlink try --scripted $(if $(DURATION),--duration $(DURATION))
 
 test: export PYTHONDONTWRITEBYTECODE :=
-test: $(DEV)  ## the whole test suite, on all processors; live sessions last
+test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live sessions last
 	$(BIN)/python -m pytest -n auto
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
@@ -70,11 +73,12 @@ anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in
 	mkdir -p build
 	$(BIN)/python -m tests.anywhere.trial --json build/anywhere.json
 
-lint: $(DEV)  ## style, types, and the direction of imports
+lint: $(DEV) $(PAGE_TOOLS)  ## style, types (also of the page's scripts), and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	! test -d $(PAGE_TOOLS)/node_modules || $(PAGE_TOOLS)/node_modules/.bin/tsc -p tests/apps/monitor/page
 
 format: $(DEV)
 	$(BIN)/ruff check --fix .
@@ -112,8 +116,15 @@ schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 docs: $(DEV)  ## the documentation as a site, in docs/_build
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
 
-vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums of their manifest
-	$(BIN)/python src/weberlink/apps/monitor/page/vendor/fetch.py
+vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and checksums in tests/apps/monitor/page
+	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.esm.js $(PAGE)/vendor/uplot.js
+	cp $(PAGE_TOOLS)/node_modules/uplot/dist/uPlot.min.css $(PAGE)/vendor/uplot.css
+	cp $(PAGE_TOOLS)/node_modules/uplot/LICENSE $(PAGE)/vendor/uplot.LICENSE
+	cp $(PAGE_TOOLS)/node_modules/three/build/three.module.min.js $(PAGE_TOOLS)/node_modules/three/build/three.core.min.js \
+		$(PAGE)/vendor
+	cp $(PAGE_TOOLS)/node_modules/three/LICENSE $(PAGE)/vendor/three.LICENSE
+	sed "s|} from 'three';|} from './three.module.min.js';|" \
+		$(PAGE_TOOLS)/node_modules/three/examples/jsm/controls/OrbitControls.js >$(PAGE)/vendor/orbit_controls.js
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
@@ -162,4 +173,11 @@ $(FOXGLOVE)/.made: tests/foxglove/package.json
 	mkdir -p $(FOXGLOVE)
 	cp $< $(FOXGLOVE)
 	npm install --prefix $(FOXGLOVE) --no-audit --no-fund --ignore-scripts --silent
+	touch $@
+
+$(PAGE_TOOLS): tests/apps/monitor/page/package-lock.json  # TypeScript and axe-core, without which lint and a test skip
+	mkdir -p $@
+	cp tests/apps/monitor/page/package.json $< $@
+	command -v npm >/dev/null && npm ci --prefix $@ --no-audit --no-fund --ignore-scripts --silent || \
+		echo "npm is missing or has no network: the types of the page's scripts are not checked (make system installs it)"
 	touch $@

@@ -17,7 +17,7 @@ from tests.system.systems import CONFIGS
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.apps.doctor.trial import run_rights_trial
-from weberlink.apps.monitor.keeper import SessionKeeper, VisitOrder
+from weberlink.apps.monitor.launcher import SessionLauncher, TryOrder
 from weberlink.apps.rules import install_line
 from weberlink.child_process import python
 from weberlink.hardware.fault import HardwareFault
@@ -132,7 +132,7 @@ def test_workers_import_nothing_from_the_working_directory() -> None:
 @pytest.mark.usefixtures("executed")
 def test_picture_maker_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
-    from tests.apps.monitor.test_view import test_camera_that_cannot_be_opened_is_told as tell  # noqa: PLC0415 - needs an extra
+    from tests.apps.monitor.test_camera import test_camera_that_cannot_be_opened_is_told as tell  # noqa: PLC0415 - needs an extra
 
     tell(tmp_path)
 
@@ -153,13 +153,13 @@ def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: P
 @pytest.mark.realtime
 @pytest.mark.usefixtures("executed")
 def test_session_of_a_page_imports_nothing_from_the_working_directory() -> None:
-    async def visit() -> SessionKeeper:
+    async def visit() -> SessionLauncher:
         async def inherit(_former: str | None, _name: str) -> None: ...
 
-        order = VisitOrder(SESSION[0], ("realtime.lock_memory=false",), duration_s=0.5)
-        keeper = SessionKeeper(order, lambda _line: None, lambda _message: None, inherit)
-        await keeper.run(asyncio.Event())
-        return keeper
+        order = TryOrder(SESSION[0], ("realtime.lock_memory=false",), duration_s=0.5)
+        launcher = SessionLauncher(order, lambda _line: None, lambda _message: None, inherit)
+        await launcher.run(asyncio.Event())
+        return launcher
 
     last = asyncio.run(visit()).last
     assert last is not None and last.report is not None and last.report["outcome"] == "completed"

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tests.ros2.ports import endpoint
-from tests.watching.feeds import description, write
-from tests.watching.feeds import records as engaged
+from tests.watching.sources import description, write
+from tests.watching.sources import records as engaged
 from weberlink.apps.bridge.follow import SessionFollower
 from weberlink.apps.bridge.ros2 import Ros2Bridge
 from weberlink.ros2.messages import decode

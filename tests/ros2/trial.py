@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.watching.rings import RingFeed, RingOpener, find_rings
+from weberlink.watching.rings import RingOpener, RingSource, find_rings
 
 TOPICS = {
     "/weberlink/hand": "geometry_msgs/msg/PoseStamped",
@@ -62,25 +62,25 @@ class Session:
         command = [sys.executable, "-m", "weberlink", "loopback", "--duration", str(round(duration_s))]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.name = str(self._process.pid)
-        self._feeds: list[RingFeed] = []
+        self._sources: list[RingSource] = []
         self._pieces: dict[str, list[Any]] = defaultdict(list)
         opener, give_up = RingOpener(), time.monotonic() + PATIENCE_S
-        while len(self._feeds) < 2:
+        while len(self._sources) < 2:
             if time.monotonic() > give_up or self._process.poll() is not None:
                 raise SystemExit("the session did not start")
             time.sleep(0.1)
             opened = (opener.open(ring) for ring in find_rings(None).get(self.name, {}).values())
-            self._feeds += [feed for feed in opened if feed is not None]
+            self._sources += [source for source in opened if source is not None]
         self._over = Event()
         self._reader = Thread(target=self._read)
         self._reader.start()
 
     def _read(self) -> None:
         while not self._over.wait(0.1):
-            for feed in self._feeds:
-                records = feed.read()
+            for source in self._sources:
+                records = source.read()
                 if len(records):
-                    self._pieces[feed.side].append((records["at"].copy(), records["lateness_us"].astype(float)))
+                    self._pieces[source.side].append((records["at"].copy(), records["lateness_us"].astype(float)))
 
     def ticks(self, side: str) -> tuple[Array, Array]:
         """Deadlines [s] and lateness [us] of all ticks so far."""
@@ -92,8 +92,8 @@ class Session:
         self._reader.join()
         self._process.send_signal(SIGTERM)
         self._process.wait(PATIENCE_S)
-        for feed in self._feeds:
-            feed.close()
+        for source in self._sources:
+            source.close()
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.watching.feeds import WALL_OFFSET_S, HandFeed, records
+from tests.watching.sources import WALL_OFFSET_S, HandSource, records
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.wording import FAULTS, INFO, STATES, Words, fault_words
@@ -45,12 +45,12 @@ def test_log_keeps_only_the_last_events() -> None:
     [(True, "info", "closed in order"), (False, "alarm", "died")],
 )
 def test_end_of_a_side_names_its_reason(in_order: bool, level: str, words: str) -> None:
-    feed = HandFeed("slave")
-    session = WatchedSession("7", feed)
+    source = HandSource("slave")
+    session = WatchedSession("7", source)
     made = records(1500)
     made["state"][1400:] = State.SILENT.value
-    feed.put(made)
-    feed.over, feed.in_order = True, in_order
+    source.put(made)
+    source.end(in_order=in_order)
     session.look()
     session.look()
     *_, change, end = session.log.events
@@ -59,7 +59,7 @@ def test_end_of_a_side_names_its_reason(in_order: bool, level: str, words: str) 
 
 
 def test_figures_name_engagement_and_button() -> None:
-    slave, master = HandFeed("slave"), HandFeed("master")
+    slave, master = HandSource("slave"), HandSource("master")
     session = WatchedSession("7", slave)
     session.admit(master)
     made = records(10)
@@ -68,9 +68,9 @@ def test_figures_name_engagement_and_button() -> None:
     session.look()
     told = session.figures()
     assert told["engaged"] == {"master": True, "slave": False} and told["button"] is None
-    for feed in (slave, master):
-        assert feed.description is not None
-        feed.description["system"]["master"]["engage"] = {"button": 1}
+    for source in (slave, master):
+        assert source.description is not None
+        source.description["system"]["master"]["engage"] = {"button": 1}
     assert session.figures()["button"] == "held"
     made["buttons"] = 1
     master.put(made)
@@ -79,13 +79,13 @@ def test_figures_name_engagement_and_button() -> None:
 
 
 def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
-    feed = HandFeed("slave")
-    session = WatchedSession("7", feed)
+    source = HandSource("slave")
+    session = WatchedSession("7", source)
     assert session.figures()["alarms"] == []
     made = records(1000)
     made["ticks_missed"][500:] = 100
     made["fault"][900:] = Fault.TRIPPED
-    feed.put(made)
+    source.put(made)
     session.look()
     alarms = {alarm["name"]: (alarm["level"], alarm["text"]) for alarm in session.figures()["alarms"]}
     level, text = alarms["slave_tripped"]
@@ -94,16 +94,16 @@ def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
 
 
 def test_changed_path_is_an_event_and_in_figures() -> None:
-    feed = HandFeed("master")
-    session = WatchedSession("7", feed)
-    assert feed.description is not None
+    source = HandSource("master")
+    session = WatchedSession("7", source)
+    assert source.description is not None
     finding = PathFacts(route="", note="asking the mailbox")
     found = PathFacts(0, "punched", "", "wlan0", "203.0.113.9:40112", 0)
     relayed = PathFacts(0, "relayed", "relay.example", "usb0", "198.51.100.7:3478", 1)
     told = []
     for number, path in enumerate([finding, found, found, relayed]):
-        feed.description = {**feed.description, "paths": [path._asdict()]}
-        feed.put(records(1100, first=1100 * number))
+        source.description = {**source.description, "paths": [path._asdict()]}
+        source.put(records(1100, first=1100 * number))
         session.look()
         told.append(session.figures())
     assert [figures["finding"] for figures in told] == ["asking the mailbox", "", "", ""]

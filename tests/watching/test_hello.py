@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.system.systems import CONFIGS
-from tests.watching.feeds import description
+from tests.watching.sources import description
 from weberlink.watching.hello import MOST_HEIGHTS, drawn, hello
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.watching.feeds import BANK, RATE, pieces, records
+from tests.watching.sources import BANK, RATE, pieces, records
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from tests.watching.feeds import BANK, RATE, HandFeed, description, pieces, records
+from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.watching.session import BACKLOG_S, WatchedSession
 
 
-def both() -> tuple[HandFeed, HandFeed, WatchedSession]:
-    slave, master = HandFeed("slave"), HandFeed("master")
+def both() -> tuple[HandSource, HandSource, WatchedSession]:
+    slave, master = HandSource("slave"), HandSource("master")
     session = WatchedSession("7", slave)
     session.admit(master)
     return master, slave, session
@@ -81,10 +81,11 @@ def test_faults_are_counted_at_their_beginning() -> None:
 def test_session_ends_with_its_last_side() -> None:
     master, slave, session = both()
     assert session.seen_from_start
-    master.over = True
+    master.end(in_order=True)
     session.look()
     assert not session.ended
-    slave.over, slave.lost = True, 3
+    slave.end(in_order=True)
+    slave.lost = 3
     session.look()
     assert session.ended
     told = session.figures()
@@ -103,12 +104,12 @@ def test_reported_settings_override_those_of_the_file() -> None:
 
 
 def test_side_without_description_has_figures() -> None:
-    feed = HandFeed("slave")
-    feed.description = None
-    session = WatchedSession("7", feed)
+    source = HandSource("slave")
+    source.description = None
+    session = WatchedSession("7", source)
     made = records(10)
     made["sent"], made["selected"] = 1, 3
-    feed.put(made)
+    source.put(made)
     session.look()
     assert session.figures()["figures"]["force"]["selected"] == {"predictor 3": 10}
     assert session.hello()["readonly"]
@@ -116,10 +117,10 @@ def test_side_without_description_has_figures() -> None:
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
 def test_rows_include_rotation_of_6_dof_sessions(file: str) -> None:
-    feed = HandFeed("slave")
-    feed.description = description("slave", file)
-    session = WatchedSession("7", feed)
-    feed.put(records(10))
+    source = HandSource("slave")
+    source.description = description("slave", file)
+    session = WatchedSession("7", source)
+    source.put(records(10))
     (told,) = session.look()
     assert ("rotation_raw" in told["columns"]) is (file == "rotation.yaml")
     assert ("torque" in session.figures()["figures"]) is (file == "rotation.yaml")

@@ -57,8 +57,8 @@ def monitor(
         need(package, "monitor", "weberlink monitor")
     from weberlink.apps.monitor.access import is_loopback  # noqa: PLC0415
     from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
+    from weberlink.apps.monitor.camera import ViewError, parse_view  # noqa: PLC0415
     from weberlink.apps.monitor.program import MonitorSettings, run  # noqa: PLC0415
-    from weberlink.apps.monitor.view import ViewError, parse_view  # noqa: PLC0415
 
     check_public(listen, public)
     if not is_loopback(listen):

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import look, sessions, setup, studies, visit
+from weberlink.cli import look, sessions, setup, studies, try_session
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
@@ -16,13 +16,13 @@ from weberlink.system.order import MISCONFIGURED
 GROUP = "weberlink.commands"
 """Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
-    "Run": (visit.visit, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
+    "Run": (try_session.try_session, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
     "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
     "Setup": (setup.device, setup.peer, setup.keygen, setup.configs),
     "Study": (studies.study,),
 }
 """The commands and groups of commands, as the help lists them."""
-NAMES: dict[Callable[..., None], str] = {visit.visit: "try"}
+NAMES: dict[Callable[..., None], str] = {try_session.try_session: "try"}
 """Names that Python reserves; the other commands have those of their functions."""
 
 app = typer.Typer(

@@ -3,17 +3,17 @@
 import asyncio
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from weberlink.system.control_socket import LiveChangeError, ask, path_beside
+from weberlink.watching.rings import RowSource
 from weberlink.watching.session import WatchedSession
 
 ANSWER_S = 2.0
 """How long a daemon may take to answer."""
 EMERGENCY_S = 0.5
-"""How long it may take to confirm an emergency stop, before the page is told that it did not."""
+"""How long it may take to confirm an emergency stop, before the request counts as failed."""
 LINK_KEYS = frozenset({"delay_ms", "jitter_ms", "loss"})
 """Settings of the emulated link: each side applies them to what it sends."""
 INHERIT_TIMES = 150
@@ -47,15 +47,10 @@ class SessionControl:
         self._sessions = sessions
         self._link_changed = link_changed
         self._tell = tell
-        # Threads of its own: an emergency stop never waits for requests that wait for a daemon.
-        self._emergency = ThreadPoolExecutor(max_workers=8, thread_name_prefix="emergency")
         self.links: dict[str, dict[str, Any]] = {}
         """Emulated links in force, by session, as far as they are known."""
         self.agreed: dict[str, dict[str, Any]] = {}
         """Changes that the daemons accepted, by session; they may hold a little later."""
-
-    def close(self) -> None:
-        self._emergency.shutdown(wait=False, cancel_futures=True)
 
     async def change(self, name: str | None, request: dict[str, Any]) -> Answer:
         """Change settings of both sides of a session, or of the emulated link in both directions.
@@ -65,22 +60,23 @@ class SessionControl:
         if not request:
             return refusal("nothing to change; name weber, predictor, delay_ms, jitter_ms or loss")
         session = self._running(name)
-        if session is None:
-            return refusal(f"{NO_SESSION} to change")
-        return await self.apply(session, request)
+        return refusal(f"{NO_SESSION} to change") if session is None else await self._apply(session, request)
 
-    async def apply(self, session: WatchedSession, request: dict[str, Any]) -> Answer:
+    async def _apply(self, session: WatchedSession, request: dict[str, Any]) -> Answer:
         """Apply settings to a session: one side agrees with the other on those of the codec; the link needs both."""
         link = {key: value for key, value in request.items() if key in LINK_KEYS}
         settings = {key: value for key, value in request.items() if key not in LINK_KEYS}
         answer: Answer = {}
         if settings:
-            answer = await ask_daemon(session.ring, settings)
-            take_settings(session, answer)
+            answer = await asyncio.to_thread(ask_daemon, session.ring, settings)
+            self.take(session, answer)
             if answer.get("accepted"):
                 self.agreed.setdefault(session.name, {}).update(settings)
         if link and answer.get("accepted", True):
-            answer |= await self._change_link(session, link)
+            answers = await asyncio.to_thread(_ask_sides, [session], link, ANSWER_S)
+            for each in answers.values():
+                self.take(session, each)
+            answer |= _joined(answers)
         return answer
 
     def forget(self, name: str) -> None:
@@ -88,14 +84,11 @@ class SessionControl:
         self.links.pop(name, None)
         self.agreed.pop(name, None)
 
-    async def _change_link(self, session: WatchedSession, link: dict[str, Any]) -> Answer:
-        answers = await self._ask_sides(session, link)
-        for answer in answers.values():
-            self.take_link(session, answer)
-        return _joined(answers)
-
-    def take_link(self, session: WatchedSession, answer: Answer) -> None:
-        """Note the link in force that a daemon told."""
+    def take(self, session: WatchedSession, answer: Answer) -> None:
+        """Note settings and link in force that a daemon told."""
+        if isinstance(answer.get("settings"), dict):
+            session.settings = answer["settings"]
+            session.generation = answer.get("generation", session.generation)
         link = answer.get("link")
         if isinstance(link, dict) and self.links.get(session.name) != link:
             self.links[session.name] = link
@@ -108,13 +101,13 @@ class SessionControl:
         for _ in range(INHERIT_TIMES):
             await asyncio.sleep(INHERIT_AGAIN_S)
             session = self._sessions.get(name)
-            if session is None or len(session.feeds) < 2:
+            if session is None or len(session.sources) < 2:
                 continue
             present = self._in_force(name)
             changed = {key: value for key, value in kept.items() if value is not None and present.get(key) != value}
             if session.ended or not changed:
                 return
-            answer = await self.apply(session, changed)
+            answer = await self._apply(session, changed)
             if answer["accepted"]:
                 return
         self._tell(f"session {name} does not take over the settings: {answer['why']}")
@@ -132,7 +125,7 @@ class SessionControl:
         session = self._running(name)
         if session is None:
             return refusal(f"{NO_SESSION} to stop")
-        return _joined(_without_ended(session, await self._ask_sides(session, {"stop": why})))
+        return _joined(await asyncio.to_thread(_stop, [session], {"stop": why}, ANSWER_S))
 
     def halted_by(self, name: str | None) -> list[WatchedSession]:
         """The sessions that an emergency stop ends: the one of that name, or all of this host if it does not run.
@@ -140,71 +133,60 @@ class SessionControl:
         A page may name a session that is over while another one runs.
         """
         named = self._running(name)
-        if named is not None:
-            return [named]
-        return [session for session in self._sessions.values() if self._running(session.name) is not None]
+        return [session for session in list(self._sessions.values()) if not session.ended] if named is None else [named]
 
-    async def emergency(self, name: str | None = None) -> Answer:
-        """Force to zero at both ends of the sessions that are `halted_by` this."""
+    def emergency(self, name: str | None = None) -> Answer:
+        """Force to zero at both ends of the sessions that are `halted_by` this.
+
+        Blocks until the daemons have answered, at most for `EMERGENCY_S`. May be called from any thread: it waits for
+        no event loop and for no thread of a pool that others use.
+        """
         sessions = self.halted_by(name)
         if not sessions:
             return refusal(f"{NO_SESSION} to stop")
-        asked = [self._ask_sides(session, {"emergency": True}, EMERGENCY_S, self._emergency) for session in sessions]
-        answers = map(_without_ended, sessions, await asyncio.gather(*asked))
-        return _joined({f"{number} {side}": of for number, each in enumerate(answers) for side, of in each.items()})
+        return _joined(_stop(sessions, {"emergency": True}, EMERGENCY_S))
 
     def _running(self, name: str | None) -> WatchedSession | None:
         session = self._sessions.get(name or "")
         return None if session is None or session.ended else session
 
-    async def _ask_sides(
-        self,
-        session: WatchedSession,
-        request: dict[str, Any],
-        patience_s: float = ANSWER_S,
-        threads: ThreadPoolExecutor | None = None,
-    ) -> dict[str, Answer]:
-        """The answers of the sides of a session that run on this host; they are asked at the same time."""
-        rings = {side: feed.ring for side, feed in session.feeds.items() if not feed.drained}
-        asked = (ask_daemon(ring, request, patience_s, threads) for ring in rings.values())
-        return dict(zip(rings, await asyncio.gather(*asked), strict=True))
+
+def _ask_sides(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+    """The answers of the sides of sessions that run on this host; they are asked at the same time."""
+    running = [source for session in sessions for source in session.sources.values() if not source.drained]
+    if not running:
+        return {}
+    *others, last = running
+    with ThreadPoolExecutor(max(1, len(others))) as threads:  # the last one in this thread
+        asked = {each: threads.submit(ask_daemon, each.ring, request, patience_s) for each in others}
+        answer = ask_daemon(last.ring, request, patience_s)
+        return {each: future.result() for each, future in asked.items()} | {last: answer}
 
 
-def _without_ended(session: WatchedSession, answers: Mapping[str, Answer]) -> dict[str, Answer]:
-    """The answers to a stop; where a side has accepted it, the other may have ended before it was asked."""
+def _stop(sessions: list[WatchedSession], request: dict[str, Any], patience_s: float) -> dict[RowSource, Answer]:
+    """The answers to a stop; where one side has accepted it, another may have ended before it was asked."""
+    answers = _ask_sides(sessions, request, patience_s)
     if not any(answer.get("accepted") for answer in answers.values()):
-        return dict(answers)
-    feeds = session.feeds
-    ended = {side for side in answers if not path_beside(feeds[side].ring).exists()}
-    return {side: {"accepted": True} if side in ended else answer for side, answer in answers.items()}
+        return answers
+    return {each: answer if path_beside(each.ring).exists() else {"accepted": True} for each, answer in answers.items()}
 
 
-def _joined(answers: Mapping[str, Answer]) -> Answer:
+def _joined(answers: Mapping[RowSource, Answer]) -> Answer:
     """One answer for several daemons; it is a refusal, which names the side, unless all of them accepted."""
     joined: Answer = {}
     for answer in answers.values():
         joined |= answer
-    refused = {side: answer.get("why") for side, answer in answers.items() if not answer.get("accepted")}
-    if refused:
-        reasons = dict.fromkeys(f"{side.split()[-1]}: {why}" for side, why in refused.items())
-        return joined | {"accepted": False, "why": "; ".join(reasons)}
+    refused = {each: answer.get("why") for each, answer in answers.items() if not answer.get("accepted")}
+    if refused or not answers:
+        reasons = dict.fromkeys(f"{each.side}: {why}" for each, why in refused.items())
+        return joined | {"accepted": False, "why": "; ".join(reasons) or NO_SESSION}
     joined.pop("why", None)
     return joined
 
 
-async def ask_daemon(
-    ring: Path, request: dict[str, Any], patience_s: float = ANSWER_S, threads: ThreadPoolExecutor | None = None
-) -> Answer:
-    """The daemon's answer; a refusal with the reason if it cannot be reached."""
-    loop = asyncio.get_running_loop()
+def ask_daemon(ring: Path, request: dict[str, Any], patience_s: float = ANSWER_S) -> Answer:
+    """The daemon's answer; a refusal with the reason if it cannot be reached. Blocks."""
     try:
-        return await loop.run_in_executor(threads, partial(ask, ring, request, patience_s))
+        return ask(ring, request, patience_s)
     except LiveChangeError as error:
         return {"accepted": False, "why": str(error)}
-
-
-def take_settings(session: WatchedSession, answer: Answer) -> None:
-    """Note the settings in force that a daemon told."""
-    if isinstance(answer.get("settings"), dict):
-        session.settings = answer["settings"]
-        session.generation = answer.get("generation", session.generation)

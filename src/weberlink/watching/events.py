@@ -87,5 +87,5 @@ class EventLog:
 
 
 def events_message(session: str, events: list[SessionEvent]) -> dict[str, Any]:
-    """Events for the page."""
+    """Message with events."""
     return {"type": "events", "session": session, "events": [event._asdict() for event in events]}

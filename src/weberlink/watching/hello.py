@@ -1,4 +1,4 @@
-"""The first message to a page: configuration, scene, names of states, and the settings that may be changed."""
+"""The greeting of who watches: configuration, scene, names of states, and the settings that may be changed."""
 
 from collections.abc import Mapping, Sequence
 from math import ceil
@@ -22,7 +22,7 @@ _KEYS = {
 
 
 def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, Any]:
-    """The greeting of a session, without what depends on the page and the time.
+    """The greeting of a session, without what depends on who watches and on the time.
 
     Args:
         session: name of the session.
@@ -103,11 +103,11 @@ def _link(system: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _workspace(master: Mapping[str, Any]) -> float | None:
-    """Half the edge of the workspace of a `pointer` device [m]; None for another device, which pages do not drive."""
+    """Half the edge of the workspace of a `pointer` device [m]; None for any other device."""
     device = dict(master.get("system", {}).get("master", {}).get("device", {}))
     if device.pop("driver", None) != "pointer":
         return None
-    from weberlink.master.devices import load  # noqa: PLC0415 - for a session that pages drive
+    from weberlink.master.devices import load  # noqa: PLC0415 - for this device only
 
     options = load("pointer").Options.model_validate(device)
     return float(getattr(options, "workspace_m"))  # noqa: B009 - of this driver

@@ -4,7 +4,7 @@ import re
 import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,44 +51,60 @@ def find_rings(where: Path | None) -> dict[str, dict[str, RingFile]]:
     return dict(sorted(sessions.items(), key=lambda item: min(ring.changed for ring in item[1].values())))
 
 
-class Feed(Protocol):
-    """The records of one side, oldest first, until it ends."""
+class RowSource:
+    """The records of one side, oldest first, until it ends: read from its ring, or handed over by who reads that.
 
-    side: str
-    rate_hz: float
-    began: float
-    """When its writer began, on the clock of its records [s]."""
-    ring: Path
-    """The ring that has them; beside it is the control socket of its writer."""
-    wall_offset_s: float
-    """From the clock of the records to the wall clock [s]."""
-    in_order: bool
-    """Whether its writer ended in order; False while it runs."""
+    Args:
+        side, rate_hz, ring: of the writer; beside the ring is its control socket.
+        began: when it began, on the clock of its records [s].
+        wall_offset_s: from the clock of the records to the wall clock [s].
+        description: see `weberlink.system.description`; None if unknown. Another object when there is news.
 
-    @property
-    def description(self) -> dict[str, Any] | None:
-        """See `weberlink.system.description`; None if unknown. Another object when there is news."""
+    Attributes:
+        written: number of records written so far.
+        lost: number of records that were overwritten before they were read.
+        drained: whether the writer has ended and all its records were read; changed by `read` only.
+        in_order: whether its writer ended in order; False while it runs.
+    """
 
-    @property
-    def written(self) -> int:
-        """Number of records written so far."""
+    def __init__(
+        self,
+        side: str,
+        rate_hz: float,
+        began: float,
+        ring: Path,
+        *,
+        wall_offset_s: float = 0.0,
+        description: dict[str, Any] | None = None,
+    ) -> None:
+        self.side, self.rate_hz, self.began, self.ring = side, rate_hz, began, ring
+        self.wall_offset_s = wall_offset_s
+        self.description = description
+        self.in_order = self.drained = self._over = False
+        self.written = self.lost = 0
+        self._waiting: list[Records] = []
 
-    @property
-    def lost(self) -> int:
-        """Number of records that were overwritten before they were read."""
+    def put(self, records: Records) -> None:
+        """Records for the next `read`."""
+        self._waiting.append(records)
+        self.written += len(records)
 
-    @property
-    def drained(self) -> bool:
-        """Whether the writer has ended and all its records were read; changed by `read` only."""
+    def end(self, *, in_order: bool) -> None:
+        """The writer has ended, and all its records were put."""
+        self._over, self.in_order = True, in_order
 
     def read(self) -> Records:
         """The records since the last call."""
+        waiting, self._waiting = self._waiting, []
+        self.drained = self._over
+        return joined(waiting) if waiting else np.empty(0, DTYPE)
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Release the ring."""
 
 
-class RingFeed:
-    """Feed of a ring on this host.
+class RingSource(RowSource):
+    """Reads a ring of this host.
 
     Raises:
         FileNotFoundError: the ring is gone.
@@ -96,19 +112,11 @@ class RingFeed:
     """
 
     def __init__(self, path: Path) -> None:
-        self._reader = RingReader(path)
-        self.side = self._reader.side
-        self.rate_hz = self._reader.rate_hz
-        self.began = self._reader.started_monotonic_s
-        self.description: dict[str, Any] | None = None
+        self._reader = reader = RingReader(path)
+        began = reader.started_monotonic_s
+        super().__init__(reader.side, reader.rate_hz, began, path, wall_offset_s=reader.started_wall_s - began)
         self._described_by: tuple[int, int] | None = None
-        self.ring = path
         self._look_at_description()
-        self.wall_offset_s = self._reader.started_wall_s - self.began
-        self.in_order = False
-        self.drained = False
-        self.written = 0
-        self.lost = 0
         self._read = 0
 
     @property
@@ -133,9 +141,8 @@ class RingFeed:
 
     def _look_at_description(self) -> None:
         """Read the description if its file was replaced; once it is gone, the last one stays."""
-        path = path_beside(self._reader.path)
         try:
-            status = path.lstat()
+            status = path_beside(self._reader.path).lstat()
         except OSError:
             return
         replaced = status.st_ino, status.st_mtime_ns
@@ -158,21 +165,21 @@ class RingOpener:
         self._tell = tell
         self._known: set[tuple[str, int]] = set()
 
-    def open(self, ring: RingFile) -> RingFeed | None:
+    def open(self, ring: RingFile) -> RingSource | None:
         key = (str(ring.path), ring.inode)
         if key in self._known:
             return None
         self._known.add(key)
         try:
-            feed = RingFeed(ring.path)
+            source = RingSource(ring.path)
         except FileNotFoundError:
             return None
         except (RingFormatError, OSError) as error:
             self._tell(f"ignored: {error}")
             return None
-        if feed.alive:
-            return feed
-        feed.close()
+        if source.alive:
+            return source
+        source.close()
         return None
 
 

@@ -1,4 +1,4 @@
-"""Selects the records that a page draws and encodes them as JSON: samples, felt error, rates of the last second."""
+"""Selects the records to draw and lists them for JSON: samples, felt error, rates of the last second."""
 
 from collections import deque
 from typing import Any, NamedTuple
@@ -41,7 +41,7 @@ COLUMNS = {
     "model": None,
     "settings": None,
 }
-"""Columns that the page draws, with their decimal places; None for integers."""
+"""Columns of a row, with their decimal places; None for integers."""
 CARTESIAN = ("position", "raw", "output", "bound", "surface", "surface_size", "surface_stiffness", "model")
 """Those of them that a session in joint space lacks."""
 ARM = {"joint_position": 6, "joint_raw": 6, "joint_output": 6, "gripper_updates_sent": None, "gripper_sent": None}
@@ -82,7 +82,7 @@ class Thinning:
 def samples_message(
     side: str, rows: Records, origin: float, *, rotation: bool = False, arm: ArmLayout | None = None
 ) -> dict[str, Any]:
-    """Rows of one side for the page.
+    """Message with rows of one side.
 
     Args:
         side: master or slave.
@@ -196,7 +196,7 @@ def felt_message(
     measures: Measures | None = None,
     arm: ArmLayout | None = None,
 ) -> dict[str, Any]:
-    """Felt error of pairs for the page."""
+    """Message with the felt error of pairs."""
     felt = felt_errors(master, slave, measures, arm)
     return {
         "type": "felt",

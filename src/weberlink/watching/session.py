@@ -1,7 +1,7 @@
-"""A session as who watches it sees it: the figures of the launcher's report, and the rows of its last seconds."""
+"""A running session: the figures of the launcher's report so far, and the rows of its last seconds."""
 
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,12 +23,11 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.watching.events import EventLog
 from weberlink.watching.hello import hello
-from weberlink.watching.history import History
-from weberlink.watching.rings import Feed, joined
-from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_errors, felt_message, samples_message
+from weberlink.watching.rings import RowSource, joined
+from weberlink.watching.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
 
 BACKLOG_S = 5.0
-"""How far back a page that opens is shown rows."""
+"""How far back `backlog` reaches."""
 UNSCORED_S = 1.0
 """How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
@@ -43,11 +42,11 @@ class _Shown(NamedTuple):
 
 
 class _WatchedSide:
-    """A feed, and what is counted of its records."""
+    """A source, and what is counted of its records."""
 
-    def __init__(self, feed: Feed) -> None:
-        self.feed = feed
-        self.thinning = Thinning(feed.rate_hz)
+    def __init__(self, source: RowSource) -> None:
+        self.source = source
+        self.thinning = Thinning(source.rate_hz)
         self.pace = Pace()
         self.gripper_pace = Pace("gripper_updates_sent")
         self.faults: Counter[int] = Counter()
@@ -60,9 +59,9 @@ class _WatchedSide:
 
     def take(self) -> tuple[Records, Records]:
         """The new records, and those of them to show."""
-        records = self.feed.read()
-        if self.feed.description is not self._described:
-            self._described = self.feed.description
+        records = self.source.read()
+        if self.source.description is not self._described:
+            self._described = self.source.description
             self.paths = paths_of(self._described)
         if len(records):
             fault = records["fault"].astype(np.int64)
@@ -79,10 +78,10 @@ class WatchedSession:
 
     Args:
         name: of the session.
-        first: feed of the side that was found first.
+        first: source of the side that was found first.
     """
 
-    def __init__(self, name: str, first: Feed) -> None:
+    def __init__(self, name: str, first: RowSource) -> None:
         self.name = name
         self.rate_hz = first.rate_hz
         self.origin = first.began
@@ -91,33 +90,28 @@ class WatchedSession:
         torque = description.get("torque_bank")
         self._rotates = torque is not None
         bank = tuple(description.get("bank", ())) or UNNAMED
-        self.measures = _measures(description)
+        system = description.get("system", {})
+        self.measures: Measures | None = _known(measures_in, system, None)
         """How its deadband measures; None for the distance."""
         torque_bank = None if torque is None else tuple(torque)
-        self.arm = _arm(description)
+        self.arm: ArmLayout | None = _known(arm_in, system, None)
         """The axes of a session in joint space; None for one in Cartesian space."""
-        accounts = _accounts(description)
+        accounts: tuple[AccountParameters, ...] = _known(accounts_in, system, ())
         self._score = SessionScore(first.rate_hz, bank, torque_bank, self.measures, self.arm, accounts)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
         """Settings in force as the daemons report them; None before that."""
         self.generation: int | None = None
-        self.settings_asked_at: int | None = None
-        """The count of changes in the records when the daemons were last asked."""
         self._sides: dict[str, _WatchedSide] = {}
         self._felt = FeltErrorPairs(first.rate_hz)
-        self._all_felt = FeltErrorPairs(first.rate_hz)
         self.log = EventLog(first.rate_hz, first.began)
-        self.told_events = 0
-        """How many events the pages of this session were told."""
-        self._history = History(first.rate_hz, first.began, self.arm)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
-    def admit(self, feed: Feed) -> None:
+    def admit(self, source: RowSource) -> None:
         """Add a side."""
-        self._sides[feed.side] = _WatchedSide(feed)
+        self._sides[source.side] = _WatchedSide(source)
 
     @property
     def score(self) -> SessionScore:
@@ -125,46 +119,34 @@ class WatchedSession:
         self._count()
         return self._score
 
-    @property
-    def history(self) -> dict[str, Any]:
-        """Message with the history of the whole session."""
-        self._count()
-        return self._history.message(self.name)
-
     def _count(self) -> None:
         """Score the records that wait."""
-        if not any(self._unscored.values()):
-            return
-        master, slave = (joined(self._unscored[side]) for side in (MASTER, SLAVE))
-        self._unscored = {MASTER: [], SLAVE: []}
-        self._score.add(master, slave)
-        self._history.add(MASTER, master)
-        self._history.add(SLAVE, slave)
-        felt, measured = self._all_felt.add(master, slave)
-        self._history.add_felt(measured["at"], felt_errors(felt, measured, self.measures, self.arm).deadbands)
+        if any(self._unscored.values()):
+            self._score.add(*(joined(self._unscored[side]) for side in (MASTER, SLAVE)))
+            self._unscored = {MASTER: [], SLAVE: []}
 
     @property
-    def feeds(self) -> dict[str, Feed]:
-        return {name: side.feed for name, side in sorted(self._sides.items())}
+    def sources(self) -> dict[str, RowSource]:
+        return {name: side.source for name, side in self._each}
 
     @property
     def description(self) -> dict[str, Any]:
         """Description of a side that has one; empty if none has."""
-        return next((feed.description for feed in self.feeds.values() if feed.description), {})
+        return next((source.description for source in self.sources.values() if source.description), {})
 
     @property
     def ring(self) -> Path:
         """The ring of one of its daemons."""
-        return next(iter(self.feeds.values())).ring
+        return next(iter(self.sources.values())).ring
 
     @property
     def ended(self) -> bool:
-        return all(side.feed.drained for side in self._sides.values())
+        return all(side.source.drained for side in self._sides.values())
 
     @property
     def seen_from_start(self) -> bool:
         """Whether every record of both sides was read, so that the figures are those of the whole session."""
-        return all(side.feed.lost == 0 for side in self._sides.values())
+        return all(side.source.lost == 0 for side in self._sides.values())
 
     @property
     def settings_count(self) -> int | None:
@@ -177,46 +159,46 @@ class WatchedSession:
         """How often each fault began, by side and name."""
         return {
             name: {_fault_name(number): count for number, count in sorted(side.faults.items())}
-            for name, side in sorted(self._sides.items())
+            for name, side in self._each
         }
 
     @property
     def last(self) -> dict[str, Any]:
         """The newest record of each side that has one."""
-        return {name: side.last for name, side in sorted(self._sides.items()) if side.last is not None}
+        return {name: side.last for name, side in self._each if side.last is not None}
 
     @property
     def pace(self) -> dict[str, Pace]:
         """Pace by channel, as of the side that sends it."""
-        arm = self.arm
-        names = ("force", "position") if arm is None else ("joint_torque", "joint_angle")
-        paces = {
-            channel: self._sides[side].pace if side in self._sides else Pace()
-            for channel, side in zip(names, (SLAVE, MASTER), strict=True)
-        }
-        if arm is not None and arm.gripper_torque is not None:
-            for channel, side in (("gripper_torque", SLAVE), ("gripper_angle", MASTER)):
-                paces[channel] = self._sides[side].gripper_pace if side in self._sides else Pace()
-        return paces
+        master, slave = (self._sides.get(side) for side in (MASTER, SLAVE))
+        names = ("position", "force") if self.arm is None else ("joint_angle", "joint_torque")
+        paces = {names[1]: slave and slave.pace, names[0]: master and master.pace}
+        if self.arm is not None and self.arm.gripper_torque is not None:
+            paces |= {"gripper_torque": slave and slave.gripper_pace, "gripper_angle": master and master.gripper_pace}
+        return {channel: pace or Pace() for channel, pace in paces.items()}
 
     @property
     def paths(self) -> dict[str, list[dict[str, Any]]]:
         """The paths of each side that knows its own, as of `weberlink.system.paths`."""
-        return {name: side.paths for name, side in sorted(self._sides.items()) if side.paths}
+        return {name: side.paths for name, side in self._each if side.paths}
+
+    @property
+    def _each(self) -> list[tuple[str, _WatchedSide]]:
+        return sorted(self._sides.items())
 
     def close(self) -> None:
         for side in self._sides.values():
-            side.feed.close()
+            side.source.close()
 
     def look(self, *, show: bool = True) -> list[dict[str, Any]]:
         """Read new records; returns messages with their rows if `show`."""
         empty = np.empty(0, DTYPE)
-        taken = {name: side.take() for name, side in sorted(self._sides.items())}
+        taken = {name: side.take() for name, side in self._each}
         for name, (records, _) in taken.items():
             if len(records):
                 self._unscored[name].append(records)
-                self.log.look(name, records, self._sides[name].feed.wall_offset_s)
-        for name, side in sorted(self._sides.items()):
+                self.log.look(name, records, self._sides[name].source.wall_offset_s)
+        for name, side in self._each:
             self.log.take_paths(name, side.paths)
         self._note_ends()
         if any(sum(map(len, waiting)) > UNSCORED_S * self.rate_hz for waiting in self._unscored.values()):
@@ -231,18 +213,18 @@ class WatchedSession:
 
     def _note_ends(self) -> None:
         """Tell the end of a side once, with its reason."""
-        for name, side in sorted(self._sides.items()):
-            if side.has_ended or not side.feed.drained or side.last is None:
+        for name, side in self._each:
+            if side.has_ended or not side.source.drained or side.last is None:
                 continue
             side.has_ended = True
             self.log.flush()
             fault = _fault(side.last)
-            outcome = "closed in order" if side.feed.in_order else "its process died without closing its telemetry"
+            outcome = "closed in order" if side.source.in_order else "its process died without closing its telemetry"
             outcome += "" if fault is None else f", with the fault {fault}"
-            self.log.end(float(side.last["at"]), name, outcome, in_order=side.feed.in_order and fault is None)
+            self.log.end(float(side.last["at"]), name, outcome, in_order=side.source.in_order and fault is None)
 
     def backlog(self) -> list[dict[str, Any]]:
-        """Messages with the rows of the last seconds, for a page that opens."""
+        """Messages with the rows of the last seconds, for who begins to watch."""
         kinds = sorted({shown.kind for shown in self._backlog}, key=lambda kind: (kind == "felt", kind))
         of_kind = {kind: [shown for shown in self._backlog if shown.kind == kind] for kind in kinds}
         return [
@@ -252,32 +234,35 @@ class WatchedSession:
 
     def hello(self) -> dict[str, Any]:
         """The greeting; `readonly` says whether nobody may change anything."""
-        told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()})
+        told = hello(self.name, {name: side.source.description for name, side in self._sides.items()})
         axes = None if self.arm is None else list(self.arm.axes)
         return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start, "axes": axes}
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
         pace, figures = self.pace, self.score.summary() | {"ways": self.score.ways(), "paths": self.paths}
+        against = verdict(figures | {"faults": self.faults}).causes  # what the report would say
+        asked = self.description.get("system", {}).get("link", {}).get("dscp")
+        dscp = asked if isinstance(asked, int) else None
         told: dict[str, Any] = {
             "type": "figures",
             "session": self.name,
             "figures": figures,
-            "alarms": [cause._asdict() for cause in (*self._present_faults(), *self._causes(figures))],
+            "alarms": [cause._asdict() for cause in (*self._present_faults(), *against)],
             "faults": self.faults,
-            "faults_now": {name: _fault(side.last) for name, side in sorted(self._sides.items())},
+            "faults_now": {name: _fault(side.last) for name, side in self._each},
             "ended": self.ended,
             "seen_from_start": self.seen_from_start,
             "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
             "reduction_now": {channel: of.reduction for channel, of in pace.items()},
             "engaged": {
                 name: side.last is not None and bool(side.last["state"] == State.ENGAGED.value)
-                for name, side in sorted(self._sides.items())
+                for name, side in self._each
             },
             "button": self._button,
             "ways_now": ways_now(self.last),
             "paths": [
-                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, self._dscp)}
+                facts | {"side": name, "words": route_words(facts), "class": dscp_words(facts, dscp)}
                 for name, paths in self.paths.items()
                 for facts in paths
             ],
@@ -287,21 +272,11 @@ class WatchedSession:
 
     def _present_faults(self) -> Iterator[Cause]:
         """The faults that are active now, as alarms."""
-        for name, side in sorted(self._sides.items()):
+        for name, side in self._each:
             fault = _fault(side.last)
-            if fault is not None and not side.feed.drained:
+            if fault is not None and not side.source.drained:
                 told = fault_words(name, fault)
                 yield Cause(FAILURE if told.level == ALARM else DEGRADED, f"{name}_{fault}", f"{name}: {told.text}")
-
-    def _causes(self, figures: dict[str, Any]) -> tuple[Cause, ...]:
-        """What the report would say against the session so far."""
-        return verdict(figures | {"faults": self.faults}).causes
-
-    @property
-    def _dscp(self) -> int | None:
-        """The class of service that the datagrams ask for; None if unknown."""
-        asked = self.description.get("system", {}).get("link", {}).get("dscp")
-        return asked if isinstance(asked, int) else None
 
     @property
     def _button(self) -> str | None:
@@ -328,28 +303,12 @@ class WatchedSession:
             self._backlog.popleft()
 
 
-def _measures(description: Mapping[str, Any]) -> Measures | None:
-    """How the deadband of a session measures; None for the distance, or where nothing is known of the deadband."""
+def _known(read: Callable[[dict[str, Any]], Any], system: dict[str, Any], unknown: Any) -> Any:
+    """What a configuration says; `unknown` where it is missing or of another release."""
     try:
-        return measures_in(description.get("system", {}))
+        return read(system)
     except ValueError:
-        return None
-
-
-def _arm(description: Mapping[str, Any]) -> ArmLayout | None:
-    """The axes of an arm; None without one, or where nothing is known of it."""
-    try:
-        return arm_in(description.get("system", {}))
-    except ValueError:
-        return None
-
-
-def _accounts(description: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
-    """The accounts of a session; none where nothing is known of them."""
-    try:
-        return accounts_in(description.get("system", {}))
-    except ValueError:
-        return ()
+        return unknown
 
 
 def _fault(record: Any) -> str | None:

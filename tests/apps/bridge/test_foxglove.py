@@ -18,7 +18,7 @@ from tests.apps import arm_sessions
 from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
-from tests.watching.feeds import description, records, write
+from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
 from weberlink.apps.bridge.foxglove import FoxgloveBridge, FoxgloveServer
 from weberlink.apps.bridge.parameters import LiveParameters

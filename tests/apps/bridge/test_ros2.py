@@ -10,7 +10,7 @@ import pytest
 
 from tests.apps.arm_rings import RANGES, arm_rings
 from tests.apps.arm_sessions import NAMES, SYSTEM
-from tests.watching.feeds import description, records, write
+from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
 from weberlink.apps.bridge.follow import SessionFollower
 from weberlink.apps.bridge.ros2 import Ros2Bridge
@@ -24,7 +24,7 @@ from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.recording.message import ENCAPSULATION
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 
 SESSION = "7"
 
@@ -242,16 +242,16 @@ def test_the_end_of_a_side_is_told_once(live: Live) -> None:
 def test_a_side_that_stands_still_is_stale(tmp_path: Path) -> None:
     live = Live(tmp_path)
     with live.ring("master") as ring:
-        feed = RingFeed(ring.path)
-        condition = SideCondition(feed, 100.0)
+        source = RingSource(ring.path)
+        condition = SideCondition(source, 100.0)
         assert condition.status(100.1).level == Level.OK
         condition.take(ticks(3), 100.2)
         assert condition.status(100.3).level == Level.OK
         stale = condition.status(100.3 + STALE_S)
         assert stale.level == Level.STALE and "1.1 s" in stale.message
-        feed.drained = True  # without the mark of its end
+        source.drained = True  # without the mark of its end
         assert condition.status(102.0).level == Level.ERROR
-        feed.close()
+        source.close()
     live.follower.close()
 
 

@@ -20,8 +20,6 @@ T = TypeVar("T")
 
 CHROMIUM = shutil.which("chromium")
 DRIVER = shutil.which("chromedriver")
-BLUER = 0.16
-"""Than red, which the translucent surface is on any ground, and the ground is not."""
 SCHEMES_OF_THE_NETWORK = {"http", "https", "ws", "wss"}
 
 
@@ -164,9 +162,3 @@ def browser(profile: Path, *, webgl: bool = True) -> Iterator[Browser]:
         yield Browser(driver)
     finally:
         driver.quit()
-
-
-def believed(page: Browser) -> float:
-    """Share of the 3-D view that has the colour of the surface that the predictor believes in: cyan, not blue."""
-    red, green, blue = np.moveaxis(page.picture_of("scene"), 2, 0)
-    return float(np.mean((blue - red > BLUER) & (blue - green < BLUER)))

@@ -1,6 +1,7 @@
 """The monitor's web server with sessions that a test scripts: what pages are told, and what they ask."""
 
 import asyncio
+import json
 import threading
 from collections.abc import Callable, Coroutine
 from types import SimpleNamespace, TracebackType
@@ -9,7 +10,7 @@ from typing import Any, Self
 from aiohttp import web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.viewer import Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.web import Handler, Site
 
 Message = dict[str, Any]
@@ -92,7 +93,9 @@ class ScriptedServer:
 
     @property
     def requests(self) -> SimpleNamespace:
-        return SimpleNamespace(answer=self._take, is_urgent=lambda _: True, proves=lambda _: False)
+        return SimpleNamespace(
+            read=lambda _, text: json.loads(text), answer=self._take, proves=lambda _: False, token=""
+        )
 
     async def _take(self, viewer: Viewer, document: Any) -> Message:
         self.asked.append(document)
@@ -100,7 +103,7 @@ class ScriptedServer:
 
     def _put(self, viewer: Viewer, messages: Any) -> None:
         for message in messages:
-            viewer.put("rows", to_json(message))
+            viewer.put("rows", message)
 
     def _wait(self, work: Coroutine[Any, Any, None]) -> None:
         asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)

@@ -64,6 +64,8 @@ def hello(**other: Any) -> Message:
     return {
         "type": "hello",
         "session": "1234",
+        "token": None,
+        "rooms": {"start": False, "scenes": [], "scene": None},
         "readonly": False,
         "sides": {side: description(side) for side in ("master", "slave")},
         "present": ["master", "slave"],

@@ -30,7 +30,7 @@ from weberlink.apps.monitor import access
     ],
 )
 def test_loopback_server_accepts_only_local_host_names(host: str | None, expected: bool) -> None:
-    assert access.host_allowed(host, access.names("127.0.0.1")) is expected
+    assert (access.refusal(host, None, access.names("127.0.0.1")) is None) is expected
 
 
 @pytest.mark.parametrize(
@@ -38,20 +38,21 @@ def test_loopback_server_accepts_only_local_host_names(host: str | None, expecte
     [("192.0.2.1:8724", True), ("[2001:db8::1]", True), ("localhost", True), ("evil.example:8724", False)],
 )
 def test_public_server_accepts_addresses_but_no_foreign_name(host: str, expected: bool) -> None:
-    assert access.host_allowed(host, access.names("0.0.0.0")) is expected
-    assert access.host_allowed(host, access.names("::")) is expected
+    assert (access.refusal(host, None, access.names("0.0.0.0")) is None) is expected
+    assert (access.refusal(host, None, access.names("::")) is None) is expected
 
 
 def test_single_served_address_is_the_only_host() -> None:
     allowed = access.names("192.0.2.7")
-    assert access.host_allowed("192.0.2.7:8724", allowed)
-    assert not access.host_allowed("127.0.0.1:8724", allowed)
+    assert access.refusal("192.0.2.7:8724", None, allowed) is None
+    assert access.refusal("127.0.0.1:8724", None, allowed) is not None
 
 
 @given(st.text())
 def test_arbitrary_headers_never_raise(text: str) -> None:
-    access.host_allowed(text, access.names("127.0.0.1"))
-    assert access.origin_allowed(text, "127.0.0.1:1") is (text.lower() == "http://127.0.0.1:1")
+    access.refusal(text, None, access.names("127.0.0.1"))
+    is_own = text.lower() == "http://127.0.0.1:1"
+    assert (access.refusal("127.0.0.1:1", text, access.names("127.0.0.1")) is None) is is_own
 
 
 @pytest.mark.parametrize(
@@ -67,8 +68,7 @@ def test_arbitrary_headers_never_raise(text: str) -> None:
     ],
 )
 def test_foreign_origins_are_refused(header: str | None, expected: bool) -> None:
-    assert access.origin_allowed(header, "127.0.0.1:8724") is expected
-    assert not access.origin_allowed("http://127.0.0.1:8724", None)
+    assert (access.refusal("127.0.0.1:8724", header, access.names("127.0.0.1")) is None) is expected
 
 
 def test_the_token_outlives_a_restart_and_is_of_this_user_alone(tmp_path: Path) -> None:

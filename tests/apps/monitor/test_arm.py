@@ -1,22 +1,18 @@
 """A session of arms as the monitor tells it: its axes, rows, felt error, packets and history."""
 
 import json
-import re
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.apps import arm_sessions as arms
-from tests.watching.feeds import HandFeed
+from tests.watching.sources import HandSource
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
-from weberlink.watching.rows import ARM, CARTESIAN
+from weberlink.watching.rows import CARTESIAN
 from weberlink.watching.session import WatchedSession
 
 TICKS = 2000
-PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
 CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
 
 
@@ -28,12 +24,12 @@ def made() -> dict[str, np.ndarray]:
 @pytest.fixture
 def watched(made: dict[str, np.ndarray]) -> tuple[WatchedSession, list[dict]]:
     """A session that was looked at, and what it told."""
-    feeds = {side: HandFeed(side) for side in made}
-    for side, feed in feeds.items():
-        feed.description = {"side": side, "system": arms.SYSTEM, "bank": ["zoh"], "changes": ["weber"]}
-        feed.put(made[side])
-    session = WatchedSession("7", feeds["slave"])
-    session.admit(feeds["master"])
+    sources = {side: HandSource(side) for side in made}
+    for side, source in sources.items():
+        source.description = {"side": side, "system": arms.SYSTEM, "bank": ["zoh"], "changes": ["weber"]}
+        source.put(made[side])
+    session = WatchedSession("7", sources["slave"])
+    session.admit(sources["master"])
     return session, session.look()
 
 
@@ -46,7 +42,7 @@ def test_greeting_names_the_axes(watched: tuple[WatchedSession, list[dict]]) -> 
     hello = watched[0].hello()
     assert hello["axes"] == [*arms.NAMES, "gripper"]
     assert hello["settings"]["weber"] == 0.13 and hello["scene"] == []
-    alone = WatchedSession("8", HandFeed("slave"))
+    alone = WatchedSession("8", HandSource("slave"))
     assert alone.hello()["axes"] is None
 
 
@@ -89,18 +85,3 @@ def test_packets_are_told_by_channel(watched: tuple[WatchedSession, list[dict]],
     for channel in CHANNELS:
         for name in ("packets", "error_rms", "violation_fraction"):
             assert figures["figures"][channel][name] == score.summary()[channel][name], name
-
-
-def test_history_has_torques_and_all_packets(watched: tuple[WatchedSession, list[dict]], made: dict) -> None:
-    columns = watched[0].history["columns"]
-    torque = np.abs(made["master"]["joint_output"]).max(axis=1)
-    assert max(columns["force_max"]) == pytest.approx(float(torque.max()), abs=1e-6)
-    sent = sum(int(of[name].sum()) for of in made.values() for name in ("sent", "gripper_sent"))
-    step = columns["t"][1] - columns["t"][0]
-    assert sum(columns["packets"]) * step == pytest.approx(sent, rel=0.01)
-
-
-def test_page_draws_columns_that_are_sent() -> None:
-    text = "".join((PAGE / "js" / name).read_text(encoding="utf-8") for name in ("arm.js", "arm_panels.js"))
-    drawn = set(re.findall(r'joint_[a-z]+(?=_\$|")', text))
-    assert drawn - set(CHANNELS) == {name for name in ARM if name.startswith("joint_")} | {"joint_bound"}

@@ -1,13 +1,12 @@
 """Who has the handle of a session, and what reaches the device."""
 
-import asyncio
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.watching.feeds import HandFeed
+from tests.watching.sources import HandSource
 from weberlink.apps.monitor import driving
 from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, REMIND_S, Driving
 from weberlink.apps.monitor.viewer import Viewer
@@ -15,7 +14,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.watching.session import WatchedSession
 
 PID = 4711
-ABOVE, BELOW = [0.0, 0.0, 0.03], [0.0, 0.01, -0.02]
+ABOVE, BELOW = (0.0, 0.0, 0.03), (0.0, 0.01, -0.02)
 
 
 class Device:
@@ -39,10 +38,10 @@ class Visit:
     """A session that pages drive, at a time that the test sets."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, pages: int = 2, driver: str = "pointer") -> None:
-        self.feed = HandFeed("master", ring=Path("/nonexistent"))
-        assert self.feed.description is not None
-        self.feed.description |= {"pid": PID, "system": {"master": {"device": {"driver": driver}}}}
-        self.session = WatchedSession("7", self.feed)
+        self.source = HandSource("master", ring=Path("/nonexistent"))
+        assert self.source.description is not None
+        self.source.description |= {"pid": PID, "system": {"master": {"device": {"driver": driver}}}}
+        self.session = WatchedSession("7", self.source)
         self.pages = [Viewer(None, may_change=True) for _ in range(pages)]
         self.devices: list[Device] = []
         self.driving = Driving({"7": self.session}, lambda _: self.pages, self._connect)
@@ -57,7 +56,10 @@ class Visit:
         return self.devices[-1]
 
     def drive(self, page: int, target: Any, held: Any) -> dict[str, Any] | None:
-        return asyncio.run(self.driving.drive(self.pages[page], {"target": target, "held": held}))
+        with pytest.raises(StopIteration) as ended:  # it waits for nothing, so it needs no event loop
+            self.driving.drive(self.pages[page], {"target": target, "held": held}).send(None)
+        answer: dict[str, Any] | None = ended.value.value
+        return answer
 
     def states(self) -> list[str]:
         """What each page was told last of the handle."""
@@ -77,7 +79,7 @@ def test_first_page_that_holds_drives(visit: Visit) -> None:
     refused = visit.drive(1, BELOW, True)
     assert refused is not None and (refused["type"], refused["state"]) == ("handle", "taken")
     assert visit.drive(1, BELOW, False) is None
-    assert [device.sent for device in visit.devices] == [[(tuple(ABOVE), True)]]
+    assert [device.sent for device in visit.devices] == [[(ABOVE, True)]]
 
 
 def test_refused_page_is_reminded_now_and_then(visit: Visit) -> None:
@@ -92,7 +94,7 @@ def test_refused_page_is_reminded_now_and_then(visit: Visit) -> None:
 def test_released_handle_is_kept_for_a_while(visit: Visit) -> None:
     visit.drive(0, ABOVE, True)
     visit.drive(0, BELOW, False)
-    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
+    assert visit.devices[0].sent[-1] == (BELOW, False)
     visit.now += LEASE_S - 0.1
     visit.driving.look(visit.now)
     assert visit.states() == ["yours", "taken"]
@@ -113,14 +115,14 @@ def test_leaving_page_releases_once(visit: Visit, held: bool) -> None:
     visit.drive(0, ABOVE, True)
     visit.drive(0, BELOW, held)
     visit.driving.leave(visit.pages[0])
-    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
+    assert visit.devices[0].sent[-1] == (BELOW, False)
     assert [state for _, state in visit.devices[0].sent].count(False) == 1
     assert visit.devices[0].is_closed and visit.states() == ["free", "free"]
 
 
 def test_end_of_the_session_frees_the_handle(visit: Visit) -> None:
     visit.drive(0, ABOVE, True)
-    visit.feed.drained = True
+    visit.source.drained = True
     visit.driving.look(visit.now)
     assert visit.states() == ["none", "none"] and visit.devices[0].is_closed
     refused = visit.drive(0, ABOVE, True)
@@ -141,40 +143,10 @@ def test_absurd_rate_is_limited_but_releases_pass(visit: Visit) -> None:
         visit.drive(0, ABOVE, True)
     assert MOST_PER_S - 1 <= len(visit.devices[0].sent) <= MOST_PER_S + BURST + 1
     visit.drive(0, BELOW, False)
-    assert visit.devices[0].sent[-1] == (tuple(BELOW), False)
-
-
-def test_absurd_grasps_and_releases_are_limited(visit: Visit) -> None:
-    for number in range(10_000):
-        visit.now += 1e-4
-        visit.drive(0, ABOVE, number % 2 == 0)
-    assert len(visit.devices[0].sent) <= 2 * (MOST_PER_S + BURST + 1)
+    assert visit.devices[0].sent[-1] == (BELOW, False)
 
 
 def test_read_only_page_never_drives(visit: Visit) -> None:
     visit.pages[1].may_change = False
     visit.driving.announce("7")
     assert visit.states() == ["free", "none"]
-
-
-def test_session_with_another_device_is_not_driven(monkeypatch: pytest.MonkeyPatch) -> None:
-    visit = Visit(monkeypatch, driver="operator")
-    refused = visit.drive(0, ABOVE, True)
-    assert refused is not None and "not the page" in refused["why"]
-
-
-@pytest.mark.parametrize(
-    ("target", "held"),
-    [
-        (None, True),
-        ([0.0, 0.0], True),
-        ([0.0, 0.0, "0"], True),
-        ([0.0, 0.0, True], True),
-        ([0.0, 0.0, float("nan")], True),
-        (ABOVE, None),
-        (ABOVE, 1),
-    ],
-)
-def test_wrong_target_is_refused(visit: Visit, target: Any, held: Any) -> None:
-    refused = visit.drive(0, target, held)
-    assert refused is not None and refused["accepted"] is False and visit.devices == []

@@ -5,7 +5,7 @@ from math import isnan
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.watching.feeds import HandFeed, description, records
+from tests.watching.sources import HandSource, description, records
 from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.telemetry.fault import Fault
@@ -14,7 +14,7 @@ from weberlink.watching.session import WatchedSession
 
 
 def test_metrics_have_names_units_and_labels() -> None:
-    master, slave = HandFeed("master"), HandFeed("slave")
+    master, slave = HandSource("master"), HandSource("slave")
     session = WatchedSession("7", slave)
     session.admit(master)
     made = records(1000, seed=1)
@@ -64,14 +64,14 @@ def test_metrics_have_names_units_and_labels() -> None:
 
 
 def test_paths_have_route_relay_interface_and_changes() -> None:
-    feed = HandFeed("master")
+    source = HandSource("master")
     relayed = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 3)
-    assert feed.description is not None
-    feed.description |= {"paths": [relayed._asdict() | {"dscp": 0}, PathFacts(1, "", note="finding")._asdict()]}
-    session = WatchedSession("7", feed)
+    assert source.description is not None
+    source.description |= {"paths": [relayed._asdict() | {"dscp": 0}, PathFacts(1, "", note="finding")._asdict()]}
+    session = WatchedSession("7", source)
     made = records(100)
     made["jitter_us"], made["incoming_loss"], made["outgoing_loss"], made["peer_burst"] = 2500.0, 0.25, 0.5, 1.5
-    feed.put(made)
+    source.put(made)
     session.look()
     text, _ = exposition(lambda: [session])()
     families = {family.name: family for family in text_string_to_metric_families(text.decode())}
@@ -100,10 +100,10 @@ def test_paths_have_route_relay_interface_and_changes() -> None:
     [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
 )
 def test_metrics_cover_the_channels_of_the_session(file: str, channels: set[str]) -> None:
-    feed = HandFeed("slave")
-    feed.description = description("slave", file)
-    session = WatchedSession("7", feed)
-    feed.put(records(1000, seed=1))
+    source = HandSource("slave")
+    source.description = description("slave", file)
+    session = WatchedSession("7", source)
+    source.put(records(1000, seed=1))
     session.look()
     text, _ = exposition(lambda: [session])()
     families = {family.name: family for family in text_string_to_metric_families(text.decode())}

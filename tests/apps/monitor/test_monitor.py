@@ -10,14 +10,16 @@ import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import aiohttp
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import PATIENCE, PATIENT, Program, document
+from weberlink.apps.monitor.messages import Message
 from weberlink.apps.monitor.metrics import COUNTERS
 
 LENGTH_S = 3
@@ -151,6 +153,16 @@ def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     }
     assert_same(last["figures"], expected)
     assert last["faults"] == watched.report["faults"]
+
+
+@pytest.mark.realtime
+def test_every_message_is_of_a_declared_type(watched: Watched) -> None:
+    declared: TypeAdapter[Any] = TypeAdapter(
+        Annotated[Message, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid")
+    )
+    for message in watched.page + watched.late:
+        declared.validate_python(message)
+    assert {message["type"] for message in watched.page} >= {"hello", "handle", "samples", "felt", "figures", "events"}
 
 
 @pytest.mark.realtime

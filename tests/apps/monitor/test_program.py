@@ -31,18 +31,6 @@ async def pause(share: float) -> None:
     await asyncio.sleep(share * LIMIT_S)
 
 
-def test_page_that_was_never_opened_ends_nothing() -> None:
-    assert visit(lambda _: pause(3.0)) == (False, [])
-
-
-def test_open_page_ends_nothing() -> None:
-    async def act(pages: list[str]) -> None:
-        pages.append("a page")
-        await pause(3.0)
-
-    assert visit(act) == (False, [])
-
-
 def test_page_that_is_opened_again_or_another_one_ends_nothing() -> None:
     async def act(pages: list[str]) -> None:
         for _ in range(5):

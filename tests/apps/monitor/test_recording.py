@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.monitor.test_watch import told
+from tests.apps.monitor.test_watch import asked, told
 from tests.system.processes import until
-from tests.watching.feeds import description, records, write
-from weberlink.apps.monitor.recording import RecordingDesk, file_name
+from tests.watching.sources import description, records, write
+from weberlink.apps.monitor.recording import RecordingService, file_name
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.ring import RingWriter
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 
@@ -45,13 +45,13 @@ def test_empty_name_is_session_and_time(name: str | None) -> None:
 class Rig:
     """A session of one ring on this host, a page, and a desk."""
 
-    def __init__(self, folder: Path, ring: RingWriter, feed: RingFeed) -> None:
+    def __init__(self, folder: Path, ring: RingWriter, source: RingSource) -> None:
         self.said: list[str] = []
         self.ring = ring
         self.watch = SessionWatcher(folder / "none", None, self.said.append)
-        self.desk = RecordingDesk(self.watch, folder / "recordings", self.said.append)
-        feed.description = description("slave") | {"changes": []}
-        self.session = WatchedSession("7", feed)
+        self.desk = RecordingService(self.watch, folder / "recordings", self.said.append)
+        source.description = description("slave") | {"changes": []}
+        self.session = WatchedSession("7", source)
         self.watch.put(self.session)
         self.page = Viewer(None, may_change=True)
         self.watch.join(self.page)
@@ -66,8 +66,8 @@ class Rig:
 
     def ask(self, **request: Any) -> dict[str, Any]:
         told_ = {"type": "record", "token": self.watch.requests.token} | request
-        answer = asyncio.run(self.watch.requests.answer(self.page, told_))
-        assert answer is not None and answer["to"] == "record"
+        answer: dict[str, Any] = asyncio.run(asked(self.watch, self.page, told_))
+        assert answer["to"] == "record"
         return answer
 
     def look(self) -> None:
@@ -97,17 +97,17 @@ class Rig:
 def rig(tmp_path: Path) -> Iterator[Rig]:
     path = tmp_path / "weberlink-7-slave.ring"
     ring = RingWriter.create(path, side="slave", rate_hz=1000.0, capacity=10_000)
-    feed = RingFeed(path)
-    rig = Rig(tmp_path, ring, feed)
+    source = RingSource(path)
+    rig = Rig(tmp_path, ring, source)
     yield rig
     rig.desk.close()
     ring.close()
-    feed.close()
+    source.close()
 
 
 def test_missing_package_is_the_reason_that_a_page_is_told(rig: Rig, tmp_path: Path) -> None:
     assert rig.desk.hello(rig.session, rig.page) == {"records": True, "records_why": None}
-    without = RecordingDesk(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
+    without = RecordingService(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
     told_ = without.hello(rig.session, rig.page)
     assert not told_["records"] and "needs a_package_of_no_distribution" in told_["records_why"]
     assert rig.ask(do="start")["why"] == told_["records_why"]
@@ -139,18 +139,6 @@ def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     assert any(text.startswith("recorded ") for text in texts)
 
 
-def test_second_recording_takes_another_name(rig: Rig, tmp_path: Path) -> None:
-    (tmp_path / "recordings").mkdir()
-    mine = tmp_path / "recordings" / "wall.mcap"
-    mine.write_text("mine")
-    rig.tick()
-    rig.look()
-    assert rig.ask(do="start", name="wall")["path"].endswith("/wall-2.mcap")
-    rig.ask(do="stop")
-    rig.until_state("done")
-    assert mine.read_text() == "mine"
-
-
 def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
     rig.tick()
     rig.look()
@@ -170,17 +158,6 @@ def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
     assert not answer["accepted"] and "recordings: cannot be written" in answer["why"]
     state = rig.state()
     assert state is not None and (state["state"], state["why"]) == ("failed", answer["why"])
-
-
-def test_killed_recorder_is_told_and_leaves_a_file(rig: Rig) -> None:
-    rig.tick()
-    rig.look()
-    path = Path(rig.ask(do="start")["path"])
-    until(lambda: (rig.tick(20), path.exists() and path.stat().st_size > 20_000)[1], "the file to grow")
-    rig.desk._recordings["7"].recorder.kill()
-    failed = rig.until_state("failed")
-    assert "killed by signal 9" in failed["why"] and "are kept" in failed["why"]
-    assert len(read_recording(path).records["slave"])
 
 
 def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path) -> None:
@@ -211,6 +188,5 @@ def test_page_without_rights_cannot_record(rig: Rig) -> None:
     (hello,) = (message for message in told(guest) if message["type"] == "hello")
     assert hello["records"] is False
     request = {"type": "record", "do": "start", "token": rig.watch.requests.token}
-    answer = asyncio.run(rig.watch.requests.answer(guest, request))
-    assert answer is not None and not answer["accepted"]
+    assert not asyncio.run(asked(rig.watch, guest, request))["accepted"]
     assert next(message for message in told(rig.page) if message["type"] == "hello")["records"] is True

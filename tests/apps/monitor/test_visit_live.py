@@ -15,8 +15,8 @@ import pytest
 
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import ENGAGED, PATIENCE, Telemetry, document, until
-from weberlink.apps.monitor.web import PROOF_HEADER
-from weberlink.cli.visit import LEFT_S
+from weberlink.apps.monitor.listener import PROOF_HEADER
+from weberlink.cli.try_session import LEFT_S
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
@@ -198,7 +198,7 @@ async def scene(client: aiohttp.ClientSession, monitor: Monitor, page: Page, vis
     async with client.post(f"{monitor.url}/api/emergency", headers=headers) as response:
         visited.stopped = response.status, document(await response.text())
     visited.emergency_ms["answered"] = 1e3 * (monotonic() - asked)
-    await page.until(lambda: page.newest["keeper"]["state"] != "running")
+    await page.until(lambda: page.newest["launcher"]["state"] != "running")
     after = since(master, asked)
     assert force(after[-1:])[0] == 0.0
     visited.emergency_ms["force"] = 1e3 * (float(after["at"][force(after) > 0.0].max(initial=asked)) - asked)

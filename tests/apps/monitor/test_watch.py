@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from tests.watching.feeds import HandFeed, records, write
+from tests.watching.sources import HandSource, records, write
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, SessionWatcher
+from weberlink.apps.monitor.watch import ENDED_KEPT, SessionWatcher
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
 from weberlink.watching.session import WatchedSession
@@ -29,14 +29,14 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
 
 def test_page_sees_the_end_that_comes_after_the_last_records() -> None:
     async def run() -> None:
-        feed = HandFeed("slave")
+        source = HandSource("slave")
         watch = SessionWatcher(Path("/nonexistent"), None, print)
-        watch.put(WatchedSession("7", feed))
+        watch.put(WatchedSession("7", source))
         viewer = Viewer(None, may_change=True)
         watch.join(viewer)
-        feed.put(records(20))
+        source.put(records(20))
         watch.look(0.0)
-        feed.over = True
+        source.end(in_order=True)
         watch.look(1.0)
         assert told(viewer)[-1]["ended"]
 
@@ -87,40 +87,22 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
 def test_pinned_page_stays_with_its_session(tmp_path: Path) -> None:
     async def run() -> None:
         watch = SessionWatcher(tmp_path, None, lambda _: None)
-        feeds = {name: HandFeed("slave") for name in ("1", "2")}
-        for name, feed in feeds.items():
-            watch.put(WatchedSession(name, feed))
+        sources = {name: HandSource("slave") for name in ("1", "2")}
+        for name, source in sources.items():
+            watch.put(WatchedSession(name, source))
         pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
         for viewer in (pinned, free):
             watch.join(viewer)
-        for feed in feeds.values():
-            feed.put(records(40))
+        for source in sources.values():
+            source.put(records(40))
         watch.look(0.0)
         assert {message.get("session", "1") for message in told(pinned)} == {"1"}
         assert {message.get("session", "2") for message in told(free)} == {"2"}
         watch.leave(pinned)
-        feeds["2"].over = True
+        sources["2"].end(in_order=True)
         watch.look(1.0)
         messages = told(free)
         assert messages[0]["ended"] and messages[1]["session"] == "1"  # which still runs
-
-    asyncio.run(run())
-
-
-def test_page_pinned_to_a_later_session_waits() -> None:
-    async def run() -> None:
-        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-        viewer = Viewer("9", may_change=True)
-        watch.join(viewer)
-        watch.put(WatchedSession("1", HandFeed("slave")))
-        watch.look(0.0)
-        assert told(viewer)[-1]["session"] == "1"
-        watch.put(WatchedSession("9", HandFeed("slave")))
-        watch.put(WatchedSession("10", HandFeed("slave")))
-        watch.look(1.0)
-        assert told(viewer)[0]["session"] == "9"
-        watch.look(2.0)
-        assert {message.get("session", "9") for message in told(viewer)} == {"9"}
 
     asyncio.run(run())
 
@@ -133,76 +115,60 @@ def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
         watch.sessions["8"].close()
 
 
-def test_foreign_file_is_reported_once(tmp_path: Path) -> None:
-    said: list[str] = []
-    (tmp_path / "weberlink-9-slave.ring").write_bytes(b"x" * 500)
-    watch = SessionWatcher(tmp_path, None, said.append)
-    watch.look(0.0)
-    watch.look(FIND_S * 2)
-    assert watch.sessions == {}
-    assert len(said) == 1 and "not a telemetry ring" in said[0]
-
-
-def test_rings_of_dead_daemons_are_ignored(tmp_path: Path) -> None:
-    writer = ring(tmp_path, 7, "slave")
-    writer.close(unlink=False)
-    watch = SessionWatcher(tmp_path, None, lambda _: None)
-    watch.look(0.0)
-    assert watch.sessions == {}
-
-
 def test_ended_sessions_are_forgotten() -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-    feeds = []
+    sources = []
     for number in range(ENDED_KEPT + 3):
-        feed = HandFeed("slave")
-        feed.over = True
-        feeds.append(feed)
-        watch.put(WatchedSession(str(number), feed))
+        source = HandSource("slave")
+        source.end(in_order=True)
+        sources.append(source)
+        watch.put(WatchedSession(str(number), source))
     watch.look(0.0)
     assert list(watch.sessions) == [str(number) for number in range(3, ENDED_KEPT + 3)]
-    assert [feed.is_closed for feed in feeds] == [True] * 3 + [False] * ENDED_KEPT
+    assert [source.is_closed for source in sources] == [True] * 3 + [False] * ENDED_KEPT
+
+
+async def asked(watch: SessionWatcher, viewer: Viewer, request: object) -> Any:
+    """The answer to a request, or its refusal."""
+    read = watch.requests.read(viewer, json.dumps(request))
+    return read if read["type"] == "answer" else await watch.requests.answer(viewer, read)
 
 
 @pytest.mark.parametrize(
     ("request_", "why"),
     [
-        (None, "expected"),
-        ([], "expected"),
-        ({"type": "stop"}, "expected"),
+        (None, "request"),
+        ([], "request"),
+        ({"type": "stop"}, "request"),
         ({"type": "change", "weber": 0.1, "token": "another"}, "not the token of the monitor"),
-        ({"type": "change", "weber": 0.1, "token": 7}, "not the token of the monitor"),
-        ({"type": "change", "weber": 0.1, "token": "\ud800"}, "not the token of the monitor"),
+        ({"type": "change", "weber": 0.1, "token": 7}, "change.token"),
+        ({"type": "change", "weber": 0.1, "token": "\ud800"}, ""),
         ({"type": "change", "weber": 0.1}, "not the token of the monitor"),
+        ({"type": "change", "weber": "0.1", "token": "right"}, "change.weber"),
+        ({"type": "change", "speed": 0.1, "token": "right"}, "change.speed"),
         ({"type": "change", "token": "right"}, "nothing to change"),
         ({"type": "change", "weber": 0.1, "token": "right"}, "no running session"),
         ({"type": "session", "do": "start", "token": "right"}, "weberlink try does"),
+        ({"type": "session", "do": "start", "scene": 7, "token": "right"}, "session.scene"),
         ({"type": "session", "do": "stop", "token": "right"}, "no running session"),
-        ({"type": "session", "do": "emergency", "token": "right"}, "no running session"),
-        ({"type": "session", "do": "jump", "token": "right"}, "start, stop or emergency"),
-        ({"type": "drive", "target": [0, 0], "held": True, "token": "right"}, "three finite numbers"),
+        ({"type": "session", "do": "jump", "token": "right"}, "session.do"),
+        ({"type": "emergency", "token": "right"}, "no running session"),
+        ({"type": "drive", "target": [0, 0], "held": True, "token": "right"}, "drive.target"),
+        ({"type": "drive", "target": [0, 0, "0"], "held": True, "token": "right"}, "drive.target"),
+        ({"type": "drive", "target": [0, 0, True], "held": True, "token": "right"}, "drive.target"),
+        ({"type": "drive", "target": [0, 0, float("nan")], "held": True, "token": "right"}, "drive.target"),
+        ({"type": "drive", "target": [0, 0, 0], "held": 1, "token": "right"}, "drive.held"),
+        ({"type": "record", "do": "play", "token": "right"}, "record.do"),
+        ({"type": "record", "do": "start", "token": "right"}, "record: this monitor does not do that"),
     ],
 )
-def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
+def test_invalid_request_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     if isinstance(request_, dict) and request_.get("token") == "right":
         request_ = request_ | {"token": watch.requests.token}
-    answer = asyncio.run(watch.requests.answer(Viewer(None, may_change=True), request_))
-    assert answer is not None and answer["type"] == "answer" and answer["accepted"] is False
+    answer = asyncio.run(asked(watch, Viewer(None, may_change=True), request_))
+    assert answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
-
-
-def test_read_only_page_changes_nothing() -> None:
-    async def run() -> Any:
-        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
-        viewer = Viewer(None, may_change=False)
-        watch.join(viewer)
-        greeting = told(viewer)[0]
-        assert greeting["readonly"] is True and greeting["token"] is None
-        return await watch.requests.answer(viewer, {"type": "change", "weber": 0.1})
-
-    assert "read-only" in asyncio.run(run())["why"]
 
 
 def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
@@ -222,25 +188,3 @@ def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
     assert found["12"]["slave"].path == tmp_path / "weberlink-12-slave.ring"
     assert found["12"]["slave"].inode == (tmp_path / "weberlink-12-slave.ring").stat().st_ino
     assert find_rings(tmp_path / "missing") == {}
-
-
-def test_subscribed_page_gets_the_history() -> None:
-    async def run() -> None:
-        watch = SessionWatcher(None, "7", print)
-        feed = HandFeed("slave")
-        watch.put(WatchedSession("7", feed))
-        viewers = [Viewer(None, may_change=False), Viewer(None, may_change=False)]
-        for viewer in viewers:
-            watch.join(viewer)
-        assert await watch.requests.answer(viewers[0], {"type": "subscribe", "history": True}) is None
-        feed.put(records(2000))
-        for now in (0.0, 1.0, 2.0):
-            watch.look(now)
-        sent = [[message for message in told(viewer) if message["type"] == "history"] for viewer in viewers]
-        assert not sent[1]
-        (newest,) = sent[0]  # a page that reads late gets the newest only
-        assert newest["session"] == "7" and len(newest["columns"]["t"]) == 20
-        wrong = await watch.requests.answer(viewers[1], {"type": "subscribe", "history": 1})
-        assert wrong is not None and not wrong["accepted"]
-
-    asyncio.run(run())

@@ -13,13 +13,14 @@ import pytest
 from aiohttp import web
 
 from tests.system.processes import PATIENCE
-from tests.watching.feeds import HandFeed, records
+from tests.watching.sources import HandSource, records
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor import web as web_module
+from weberlink.apps.monitor.listener import MOST_SILENT, PROOF_HEADER, Listener
 from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.requests import LONGEST_MESSAGE
 from weberlink.apps.monitor.viewer import MOST_WAITING, Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_GUESTS, MOST_PAGES, Site
+from weberlink.apps.monitor.web import MOST_GUESTS, MOST_PAGES, REQUESTS_WAITING, Site
 from weberlink.watching.session import WatchedSession
 
 Visit = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
@@ -28,16 +29,21 @@ Visit = Callable[[aiohttp.ClientSession, str, SessionWatcher], Awaitable[None]]
 @asynccontextmanager
 async def served() -> AsyncIterator[tuple[str, SessionWatcher]]:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-    site = Site(watch, access.names("127.0.0.1"), exposition(watch.sessions.values))
-    runner = web.AppRunner(site.application(), access_log=None, shutdown_timeout=0.1)
+    allowed = access.names("127.0.0.1")
+    runner = web.AppRunner(
+        Site(watch, allowed, exposition(watch.sessions.values)).application(), access_log=None, shutdown_timeout=0.1
+    )
     await runner.setup()
+    assert runner.server is not None
     # What is accepted inherits the buffer: a small one, so that what a page does not read waits where it is looked at.
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
-    await web.SockSite(runner, listening).start()
+    where = f"127.0.0.1:{listening.getsockname()[1]}"
+    listener = Listener(listening, runner.server, allowed, watch.requests, watch.emergency)
     try:
-        yield f"127.0.0.1:{runner.addresses[0][1]}", watch
+        yield where, watch
     finally:
+        listener.close()
         await runner.cleanup()
 
 
@@ -122,9 +128,9 @@ async def heard(page: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
 
 def test_page_gets_greeting_rows_and_answers() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
-        feed = HandFeed("slave")
-        feed.description = None
-        watch.put(WatchedSession("7", feed))
+        source = HandSource("slave")
+        source.description = None
+        watch.put(WatchedSession("7", source))
         async with client.get(f"http://{where}/api/sessions") as response:
             (listed,) = (await response.json())["sessions"]
         assert (listed["session"], listed["sides"], listed["live"]) == ("7", ["slave"], True)
@@ -132,7 +138,7 @@ def test_page_gets_greeting_rows_and_answers() -> None:
             hello = await heard(page)
             assert (hello["type"], hello["session"], hello["rate_hz"]) == ("hello", "7", 1000.0)
             assert [(await heard(page))["type"] for _ in range(2)] == ["handle", "figures"]
-            feed.put(records(10))
+            source.put(records(10))
             watch.look(0.0)
             samples = await heard(page)
             assert samples["t"] == [0.0, 0.004, 0.008]
@@ -153,8 +159,8 @@ def test_stalled_page_loses_rows_and_delays_nobody() -> None:
     async def run() -> None:
         async with asyncio.timeout(PATIENCE):
             async with served() as (where, watch):
-                feed = HandFeed("slave")
-                watch.put(WatchedSession("7", feed))
+                source = HandSource("slave")
+                watch.put(WatchedSession("7", source))
                 _, writer = await asyncio.open_connection("127.0.0.1", int(where.split(":")[1]), limit=1024)
                 writer.write(upgrade(where))
                 while not watch.viewers:
@@ -162,7 +168,7 @@ def test_stalled_page_loses_rows_and_delays_nobody() -> None:
                 for look in range(100):
                     made = records(100, first=100 * look)
                     made["sent"] = 1
-                    feed.put(made)
+                    source.put(made)
                     watch.look(0.1 * look)
                     await asyncio.sleep(0)
                 (viewer,) = watch.viewers
@@ -197,14 +203,14 @@ def test_number_of_pages_is_limited(most: int, has_key: bool) -> None:
 
 def test_session_and_its_daemons_need_the_token() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
-        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
+        watch.put(WatchedSession("7", HandSource("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
         async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
             token = (await heard(page))["token"]
             for proof, why in (({}, "token"), ({"token": "x"}, "token"), ({"token": token}, "no daemon answers")):
                 for asked in (
                     {"type": "change", "weber": 0.1},
                     {"type": "session", "do": "stop"},
-                    {"type": "session", "do": "emergency"},
+                    {"type": "emergency"},
                 ):
                     answer = await answered(page, asked | proof)
                     assert answer["accepted"] is False and answer["to"] == asked["type"] and why in answer["why"]
@@ -214,7 +220,7 @@ def test_session_and_its_daemons_need_the_token() -> None:
 
 async def answered(page: aiohttp.ClientWebSocketResponse, asked: dict[str, Any]) -> dict[str, Any]:
     await page.send_json(asked)
-    while (answer := await heard(page))["type"] not in ("answer", "pong"):
+    while (answer := await heard(page))["type"] != "answer":
         pass
     return answer
 
@@ -223,10 +229,10 @@ async def answered(page: aiohttp.ClientWebSocketResponse, asked: dict[str, Any])
     ("headers", "status_"),
     [
         ({}, 403),
-        ({web_module.PROOF_HEADER: "x"}, 403),
-        ({web_module.PROOF_HEADER: "TOKEN", "Origin": "http://evil.example"}, 403),
-        ({web_module.PROOF_HEADER: "TOKEN", "Host": "evil.example"}, 403),
-        ({web_module.PROOF_HEADER: "TOKEN"}, 409),
+        ({PROOF_HEADER: "x"}, 403),
+        ({PROOF_HEADER: "TOKEN", "Origin": "http://evil.example"}, 403),
+        ({PROOF_HEADER: "TOKEN", "Host": "evil.example"}, 403),
+        ({PROOF_HEADER: "TOKEN"}, 409),
     ],
 )
 def test_emergency_by_post_needs_token_and_origin(headers: dict[str, str], status_: int) -> None:
@@ -250,18 +256,17 @@ def test_emergency_overtakes_a_request_that_waits() -> None:
             await go_on.wait()
             return {"accepted": True}
 
-        watch.requests.add("slow", slow)
+        watch.requests.handlers["change"] = slow
         async with client.ws_connect(f"http://{where}/ws?key={watch.requests.token}") as page:
             proof = {"token": (await heard(page))["token"]}
-            for _ in range(web_module.REQUESTS_WAITING + 1):  # the first is being answered
-                await page.send_json({"type": "slow"} | proof)
+            for _ in range(REQUESTS_WAITING + 1):  # the first is being answered
+                await page.send_json({"type": "change"} | proof)
                 await asyncio.sleep(0.01)
-            answer = await answered(page, {"type": "session", "do": "emergency"} | proof)
-            assert answer["to"] == "session"
-            assert (await answered(page, {"type": "ping", "at": 5}))["at"] == 5
-            assert "too many" in (await answered(page, {"type": "slow"} | proof))["why"]
+            answer = await answered(page, {"type": "emergency"} | proof)
+            assert answer["to"] == "emergency"
+            assert "too many" in (await answered(page, {"type": "change"} | proof))["why"]
             go_on.set()
-            assert (await heard(page))["to"] == "slow"
+            assert (await heard(page))["to"] == "change"
 
     visit(visitor)
 
@@ -272,7 +277,7 @@ def test_page_without_the_key_changes_nothing(query: str) -> None:
 
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
         token = watch.requests.token
-        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
+        watch.put(WatchedSession("7", HandSource("slave", ring=Path("/nonexistent/weberlink-7-slave.ring"))))
         async with client.ws_connect(f"http://{where}/ws{query.replace('TOKEN', token)}") as page:
             hello = await heard(page)
             assert hello["readonly"] is True and hello["token"] is None
@@ -281,12 +286,25 @@ def test_page_without_the_key_changes_nothing(query: str) -> None:
                 {"type": "drive", "target": [0.0, 0.0, 0.0], "held": True},
                 {"type": "session", "do": "start"},
                 {"type": "session", "do": "stop"},
-                {"type": "session", "do": "emergency"},
+                {"type": "emergency"},
             ):
                 answer = await answered(page, asked | {"token": token})
                 assert answer["accepted"] is False and "read-only" in answer["why"]
         async with client.get(f"http://{where}/api/emergency?key={token}") as response:
-            assert response.status == 405
+            assert response.status == 404
+
+    visit(visitor)
+
+
+def test_connections_that_stay_silent_are_limited() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, _watch: SessionWatcher) -> None:
+        host, port = where.split(":")
+        silent = [await asyncio.open_connection(host, int(port)) for _ in range(MOST_SILENT + 3)]
+        for reader, _ in silent[:3]:
+            assert await reader.read() == b""  # closed
+        assert await status(client, f"http://{where}/") == 200
+        for _, writer in silent:
+            writer.close()
 
     visit(visitor)
 

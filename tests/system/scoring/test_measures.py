@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.system.systems import configuration, steps
-from tests.watching.feeds import HandFeed
+from tests.watching.sources import HandSource
 from weberlink.apps.recordings import describe
 from weberlink.control.tuning import LiveSettings
 from weberlink.system import description
@@ -76,13 +76,13 @@ def test_a_recording_has_the_figures_of_the_session(scored, tmp_path: Path) -> N
 
 def test_the_monitor_has_the_figures_of_the_session(scored) -> None:
     loaded, master, slave, figures = scored
-    feeds = {side: HandFeed(side) for side in ("slave", "master")}
-    for side, feed in feeds.items():
-        feed.description = description.describe(loaded, side)
-    watched = WatchedSession("7", feeds["slave"])
-    watched.admit(feeds["master"])
-    feeds["master"].put(master)
-    feeds["slave"].put(slave)
+    sources = {side: HandSource(side) for side in ("slave", "master")}
+    for side, source in sources.items():
+        source.description = description.describe(loaded, side)
+    watched = WatchedSession("7", sources["slave"])
+    watched.admit(sources["master"])
+    sources["master"].put(master)
+    sources["slave"].put(slave)
     told = next(message for message in watched.look() if message["type"] == "felt")
     found = watched.figures()["figures"]["force"]
     for name in ("violation_fraction", "violation_longest_ticks"):

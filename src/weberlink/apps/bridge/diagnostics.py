@@ -12,7 +12,7 @@ from weberlink.system.scoring.session import Records
 from weberlink.system.wording import ALARM, INFO, WARN, Words, fault_words, words
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 
 STALE_S = 1.0
 """A side that has written no record for this long stands still [s]."""
@@ -52,12 +52,12 @@ class SideCondition:
     """What is known of one side since it was last asked.
 
     Args:
-        feed: of the side.
+        source: of the side.
         now: time [s], monotonic clock.
     """
 
-    def __init__(self, feed: RingFeed, now: float) -> None:
-        self._feed = feed
+    def __init__(self, source: RingSource, now: float) -> None:
+        self._source = source
         self._asked_at = self._heard_at = now
         self._last: Any = None
         self._before: Any = None
@@ -72,24 +72,24 @@ class SideCondition:
 
     def status(self, now: float) -> Status:
         """Its condition, also once it has ended; figures per second are those since the last call."""
-        if self._feed.drained:
+        if self._source.drained:
             return self._ended()
-        described = self._feed.description or {}
+        described = self._source.description or {}
         silence_s = now - self._heard_at
-        told = Words(INFO, "has written no record yet") if self._last is None else _condition(self._feed, self._last)
+        told = Words(INFO, "has written no record yet") if self._last is None else _condition(self._source, self._last)
         level = _LEVELS[told.level]
         if silence_s > STALE_S:
             level, told = Level.STALE, Words(ALARM, f"stands still: no record for {silence_s:.1f} s")
         values = {} if self._last is None else self._values(described, max(now - self._asked_at, 1e-3))
         self._asked_at, self._before = now, self._last
         self._latest_us = self._longest_us = 0.0
-        return Status(level, f"weberlink: {self._feed.side}", told.text, str(described.get("name", "")), values)
+        return Status(level, f"weberlink: {self._source.side}", told.text, str(described.get("name", "")), values)
 
     def _ended(self) -> Status:
-        name = str((self._feed.description or {}).get("name", ""))
-        text = "ended" if self._feed.in_order else "ended without closing its telemetry: it was killed or has crashed"
-        level = Level.STALE if self._feed.in_order else Level.ERROR
-        return Status(level, f"weberlink: {self._feed.side}", text, name, {})
+        name = str((self._source.description or {}).get("name", ""))
+        text = "ended" if self._source.in_order else "ended without closing its telemetry: it was killed or has crashed"
+        level = Level.STALE if self._source.in_order else Level.ERROR
+        return Status(level, f"weberlink: {self._source.side}", text, name, {})
 
     def _values(self, described: Mapping[str, Any], interval_s: float) -> dict[str, str]:
         last = self._last
@@ -121,13 +121,13 @@ class SideCondition:
         return names | {name: f"{value:.6g}" if isfinite(value) else "unknown" for name, value in figures.items()}
 
 
-def _condition(feed: RingFeed, last: Any) -> Words:
+def _condition(source: RingSource, last: Any) -> Words:
     """The fault if there is one, else the state, or that the button is not held."""
     if last["fault"]:
-        return fault_words(feed.side, _name(Fault, int(last["fault"])))
+        return fault_words(source.side, _name(Fault, int(last["fault"])))
     if last["ramping"] == RELEASED:
-        return words(feed.side, "released", {})
-    return words(feed.side, _name(State, int(last["state"])), {})
+        return words(source.side, "released", {})
+    return words(source.side, _name(State, int(last["state"])), {})
 
 
 def _name(kind: type[Enum], number: int) -> str:

@@ -9,7 +9,7 @@ from threading import Event
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from weberlink.watching.rings import RingFeed, RingOpener, find_rings
+from weberlink.watching.rings import RingOpener, RingSource, find_rings
 
 if TYPE_CHECKING:
     from weberlink.apps.bridge.topics import TopicBridge
@@ -37,7 +37,7 @@ class SessionFollower:
         self._find_at = 0.0
         self.session: str | None = None
         """Name of the session that is followed; None while there is none."""
-        self.feeds: dict[str, RingFeed] = {}
+        self.sources: dict[str, RingSource] = {}
         """Its sides on this host that run."""
         self._before: dict[str, int] = {}
         """By side, the records that were overwritten before it was found."""
@@ -47,35 +47,35 @@ class SessionFollower:
         if now >= self._find_at:
             self._find_at = now + FIND_S
             self._find()
-        for side, feed in list(self.feeds.items()):
-            records = feed.read()
-            before = self._before.setdefault(side, feed.lost)
+        for side, source in list(self.sources.items()):
+            records = source.read()
+            before = self._before.setdefault(side, source.lost)
             if len(records):
-                self._bridge.put(feed, records)
-            if feed.drained:
-                self._bridge.end(feed)
-                self._tell(f"session {self.session}: {side} is over" + _lost(feed.lost - before))
-                feed.close()
-                del self.feeds[side], self._before[side]
-        if not self.feeds:
+                self._bridge.put(source, records)
+            if source.drained:
+                self._bridge.end(source)
+                self._tell(f"session {self.session}: {side} is over" + _lost(source.lost - before))
+                source.close()
+                del self.sources[side], self._before[side]
+        if not self.sources:
             self.session = None
         self._bridge.look(now)
 
     def close(self) -> None:
         """Stop reading; the bridge remains open."""
-        for feed in self.feeds.values():
-            feed.close()
-        self.feeds.clear()
+        for source in self.sources.values():
+            source.close()
+        self.sources.clear()
 
     def _find(self) -> None:
         rings = find_rings(self._where)
         wanted = [self.session] if self.session is not None else [self._only] if self._only is not None else list(rings)
         for name in reversed(wanted):
             for side, ring in rings.get(name, {}).items():
-                if side not in self.feeds and (feed := self._opener.open(ring)) is not None:
-                    self.session, self.feeds[side] = name, feed
-                    self._bridge.begin(name, feed)
-                    self._tell(f"session {name}: {side} at {feed.rate_hz:g} Hz")
+                if side not in self.sources and (source := self._opener.open(ring)) is not None:
+                    self.session, self.sources[side] = name, source
+                    self._bridge.begin(name, source)
+                    self._tell(f"session {name}: {side} at {source.rate_hz:g} Hz")
             if self.session is not None:
                 return
 

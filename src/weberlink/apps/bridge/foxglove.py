@@ -35,7 +35,7 @@ from weberlink.telemetry.recording.message import (
     Origin,
 )
 from weberlink.watching.events import SessionEvent
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
 
 RATE_HZ = 30.0
@@ -188,8 +188,8 @@ class FoxgloveBridge(TopicBridge):
             self._publish(topic, type_name)
         self.server.serve(listen, port)
 
-    def begin(self, session: str, feed: RingFeed) -> None:
-        own = RingFeed(feed.ring)  # a ring has as many readers as want it
+    def begin(self, session: str, source: RingSource) -> None:
+        own = RingSource(source.ring)  # a ring has as many readers as want it
         if self._watched is not None and self._watched.name == session and not self._watched.ended:
             self._watched.admit(own)
         else:
@@ -197,15 +197,17 @@ class FoxgloveBridge(TopicBridge):
                 self._watched.close()
             self._watched, self._told = WatchedSession(session, own), 0
             self._parameters.follow(self._watched)
-        self._origins[feed.side] = Origin(feed.side, feed.rate_hz, feed.began + feed.wall_offset_s, feed.began)
-        super().begin(session, feed)
+        self._origins[source.side] = Origin(
+            source.side, source.rate_hz, source.began + source.wall_offset_s, source.began
+        )
+        super().begin(session, source)
 
-    def put(self, feed: RingFeed, records: Records) -> None:
+    def put(self, source: RingSource, records: Records) -> None:
         # A packed record is the body of its message, see `weberlink.telemetry.recording`.
-        ticks, data, size = self._ticks[feed.side], records.tobytes(), records.itemsize
-        for row, at_ns in enumerate(self._origins[feed.side].log_times_ns(records["at"]).tolist()):
+        ticks, data, size = self._ticks[source.side], records.tobytes(), records.itemsize
+        for row, at_ns in enumerate(self._origins[source.side].log_times_ns(records["at"]).tolist()):
             ticks.put_body(data[row * size : (row + 1) * size], at_ns)
-        super().put(feed, records)
+        super().put(source, records)
 
     def look(self, now: float) -> None:
         watched = self._watched

@@ -50,7 +50,6 @@ class LiveParameters:
         self._sessions[session.name] = session
 
     def close(self) -> None:
-        self._control.close()
         self._asker.shutdown(wait=False, cancel_futures=True)
 
     def in_force(self) -> Values:

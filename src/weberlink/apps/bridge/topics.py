@@ -19,7 +19,7 @@ from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.recording.message import Origin
 from weberlink.watching.hello import drawn
-from weberlink.watching.rings import RingFeed
+from weberlink.watching.rings import RingSource
 
 DIAGNOSTICS_S = 1.0
 """Period of the diagnostics, and of the scene, which whoever comes later needs as well."""
@@ -38,7 +38,7 @@ class _Side:
     """A side that is published.
 
     Args:
-        feed: of the side.
+        source: of the side.
         condition: for its diagnostics.
         stride: of so many ticks one is published.
         arm: the axes of a session in joint space.
@@ -47,7 +47,7 @@ class _Side:
         before: ticks that were overwritten before the side was found; None until its first records.
     """
 
-    feed: RingFeed
+    source: RingSource
     condition: SideCondition
     stride: int
     arm: ArmLayout | None
@@ -58,7 +58,7 @@ class _Side:
     @property
     def lost(self) -> int:
         """Ticks that were overwritten before they were read."""
-        return 0 if self.before is None else self.feed.lost - self.before
+        return 0 if self.before is None else self.source.lost - self.before
 
     def choose(self, records: Records) -> Records:
         """Those to publish."""
@@ -67,7 +67,7 @@ class _Side:
 
     def times_ns(self, at: NDArray[np.float64]) -> NDArray[np.uint64]:
         """Wall clock of some ticks [ns since 1970]."""
-        return Origin(self.feed.side, self.feed.rate_hz, self.wall_offset_s, 0.0).log_times_ns(at)
+        return Origin(self.source.side, self.source.rate_hz, self.wall_offset_s, 0.0).log_times_ns(at)
 
 
 def wall_offset_s() -> float:
@@ -126,55 +126,55 @@ class TopicBridge(ABC):
         self._lost = 0
         """Ticks of sides that have ended, which were overwritten before they were read."""
 
-    def begin(self, session: str, feed: RingFeed) -> None:
-        """A side of a session begins; `feed.description` is its configuration, see `weberlink.system.description`."""
+    def begin(self, session: str, source: RingSource) -> None:
+        """A side of a session begins; `source.description` is its configuration, see `weberlink.system.description`."""
         self._session = session
         try:
-            arm = arm_in((feed.description or {})["system"])
+            arm = arm_in((source.description or {})["system"])
         except (KeyError, ValueError) as error:
-            self._tell(f"{feed.side} is left out: its description does not tell what it is ({error})")
+            self._tell(f"{source.side} is left out: its description does not tell what it is ({error})")
             return
-        stride = 1 if self._rate_hz is None else max(1, round(feed.rate_hz / self._rate_hz))
+        stride = 1 if self._rate_hz is None else max(1, round(source.rate_hz / self._rate_hz))
         now = monotonic()
-        condition = SideCondition(feed, now)
-        self._sides[feed.side] = _Side(feed, condition, stride, arm, self._offset_s(), now - FRESH_S)
-        for topic, type_name in topics(feed.side, arm=arm is not None).items():
+        condition = SideCondition(source, now)
+        self._sides[source.side] = _Side(source, condition, stride, arm, self._offset_s(), now - FRESH_S)
+        for topic, type_name in topics(source.side, arm=arm is not None).items():
             self._publish(topic, type_name)
         for topic in self._publishers.keys() & {SCENE, BODIES}:
             self._publishers[topic].put_body(no_markers(), time_ns())
         self._scene = None
         if arm is None:
-            slave = (feed.description or {})["system"]["slave"]
+            slave = (source.description or {})["system"]["slave"]
             solids, tool = drawn(slave.get("scene") or ()), (slave["robot"].get("tool") or {}).get("points_m") or ()
             self._reach, self._scene = reach_of(solids), scene_markers(solids, tool)
             self._publish(SCENE, MARKERS).put_body(self._scene, time_ns())
             self._publish(BODIES, MARKERS)
 
-    def put(self, feed: RingFeed, records: Records) -> None:
+    def put(self, source: RingSource, records: Records) -> None:
         """New records of that side, oldest first, at least one."""
-        side = self._sides.get(feed.side)
+        side = self._sides.get(source.side)
         if side is None:
             return
         if side.before is None:
-            side.before = feed.lost
+            side.before = source.lost
         side.condition.take(records, monotonic())
-        self._newest[feed.side] = records[-1]
+        self._newest[source.side] = records[-1]
         ticks = side.choose(records)
         if not len(ticks):
             return
-        for topic, _, bodies in shown(feed.side, ticks, side.times_ns(ticks["at"]), side.arm):
+        for topic, _, bodies in shown(source.side, ticks, side.times_ns(ticks["at"]), side.arm):
             publisher, size = self._publishers[topic], bodies.dtype.itemsize
             data, now_ns = bodies.tobytes(), time_ns()
             for begin in range(0, len(data), size):
                 publisher.put_body(data[begin : begin + size], now_ns)
 
-    def end(self, feed: RingFeed) -> None:
+    def end(self, source: RingSource) -> None:
         """The side has ended; all its records were put."""
-        side = self._sides.pop(feed.side, None)
+        side = self._sides.pop(source.side, None)
         if side is not None:
             self._ended.append(side.condition.status(monotonic()))
             self._lost += side.lost
-        self._newest.pop(feed.side, None)
+        self._newest.pop(source.side, None)
         if not self._sides:
             self._session = None
 

@@ -44,26 +44,24 @@ def names(listen: str) -> frozenset[str] | None:
     return (LOCAL_NAMES if is_loopback(listen) else frozenset()) | {listen.lower()}
 
 
-def host_allowed(header: str | None, allowed: Collection[str] | None) -> bool:
-    """Whether a Host header names this server.
-
-    The port is ignored: it differs behind a forwarder, and the name identifies an attacker's page.
+def refusal(host: str | None, origin: str | None, allowed: Collection[str] | None) -> str | None:
+    """Why a request is refused; None if it names this server and comes from no other page.
 
     Args:
-        header: host, with or without a port.
+        host: Host header. Its port is ignored: it differs behind a forwarder, and the name shows an attacker's page.
+        origin: Origin header, which browsers always send to a WebSocket and with a POST.
         allowed: see `names`.
     """
-    host = _host(header)
-    if host is None:
-        return False
-    if allowed is not None:
-        return host in allowed
-    return host in LOCAL_NAMES or host == socket.gethostname().lower() or _ip(host) is not None
-
-
-def origin_allowed(origin: str | None, host: str | None) -> bool:
-    """Whether a request comes from a page of this server, or from no page (browsers always send Origin)."""
-    return origin is None or (host is not None and origin.lower() == f"http://{host.lower()}")
+    name = _host(host)
+    if name is None or not (
+        name in allowed
+        if allowed is not None
+        else name in LOCAL_NAMES or name == socket.gethostname().lower() or _ip(name) is not None
+    ):
+        return "unknown host name; use the address that weberlink monitor printed"
+    if origin is not None and origin.lower() != f"http://{str(host).lower()}":
+        return "requests from other pages are not allowed"
+    return None
 
 
 def _host(header: str | None) -> str | None:

@@ -7,14 +7,17 @@ this process, the device takes 100 ms of silence as a release.
 
 from collections.abc import Callable, Mapping
 from time import monotonic
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from weberlink.apps.monitor.requests import READ_ONLY
-from weberlink.apps.monitor.viewer import Viewer, to_json
-from weberlink.geometry.vector import Vector, is_finite
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.geometry.vector import Vector
 from weberlink.system.configuration import MASTER
-from weberlink.watching.control import Answer, refusal
+from weberlink.watching.control import Answer
 from weberlink.watching.session import WatchedSession
+
+if TYPE_CHECKING:
+    from weberlink.master.devices.pointer_link import PointerSender
 
 LEASE_S = 5.0
 """How long a page keeps the handle after it has released it, or fallen silent."""
@@ -27,36 +30,26 @@ NOT_DRIVEN = "the operator of this session is not the page"
 TAKEN = "another visitor drives; wait until the handle is free"
 
 
-class Sender(Protocol):
-    """Sends targets to a device, see `weberlink.master.devices.pointer_link.PointerSender`."""
-
-    def send(self, target: Vector, held: bool) -> bool: ...
-
-    def close(self) -> None: ...
-
-
 class _Handle:
     """The handle of a session while a page has it."""
 
-    def __init__(self, holder: Viewer, sender: Sender, now: float) -> None:
+    def __init__(self, holder: Viewer, sender: "PointerSender", now: float) -> None:
         self.holder = holder
         self.held = False
-        self.used_at = now
+        self.used_at = self._counted_at = now
         self._sender = sender
         self._target: Vector = (0.0, 0.0, 0.0)
         self._allowance = BURST
-        self._counted_at = now
 
     def pass_on(self, target: Vector, held: bool, now: float) -> None:
-        """Send a target, unless there were too many; one that the device has no room for is lost."""
+        """Send a target, unless there were too many, or a release of what is held."""
         self._allowance = min(BURST, self._allowance + MOST_PER_S * (now - self._counted_at))
         self._counted_at = now
-        if self._allowance < 1.0 if held else not self.held:
-            return
-        self._allowance -= 1.0
-        self.used_at = now
-        self._target, self.held = target, held
-        self._sender.send(target, held)
+        if (held and self._allowance >= 1.0) or (self.held and not held):
+            self._allowance -= 1.0
+            self.used_at = now
+            self._target, self.held = target, held
+            self._sender.send(target, held)  # one that the device has no room for is lost
 
     def release(self) -> None:
         """Let go, and close the connection."""
@@ -68,11 +61,11 @@ class _Handle:
 
 def pointer_pid(session: WatchedSession | None) -> int | None:
     """Process id of the daemon that takes targets; None if there is none on this host, or it has another device."""
-    feed = None if session is None else session.feeds.get(MASTER)
-    if feed is None or feed.drained or feed.description is None:
+    source = None if session is None else session.sources.get(MASTER)
+    if source is None or source.drained or source.description is None:
         return None
-    device = feed.description.get("system", {}).get("master", {}).get("device", {})
-    pid = feed.description.get("pid")
+    device = source.description.get("system", {}).get("master", {}).get("device", {})
+    pid = source.description.get("pid")
     return pid if device.get("driver") == "pointer" and isinstance(pid, int) else None
 
 
@@ -89,28 +82,24 @@ class Driving:
         self,
         sessions: Mapping[str, WatchedSession],
         viewers: Callable[[str], list[Viewer]],
-        connect: Callable[[int], Sender],
+        connect: "Callable[[int], PointerSender]",
     ) -> None:
-        self._sessions = sessions
-        self._viewers = viewers
-        self._connect = connect
+        self._sessions, self._viewers, self._connect = sessions, viewers, connect
         self._handles: dict[str, _Handle] = {}
         self._reminded: dict[Viewer, float] = {}
 
     async def drive(self, viewer: Viewer, request: dict[str, Any]) -> Answer | None:
         """Pass a target on to the device; the answer of a refused one is the state of the handle."""
-        target, held = _vector(request.get("target")), request.get("held")
-        if target is None or not isinstance(held, bool):
-            return refusal('"target" is three finite numbers in m, "held" is true or false')
-        now, name = monotonic(), viewer.watching or ""
+        now, name, held = monotonic(), viewer.watching or "", request["held"]
         handle = self._handles.get(name)
-        if handle is None:
-            if not held:
-                return None
-            handle = self._grasp(viewer, name, now)
-        if handle is None or handle.holder is not viewer:
-            return self._remind(viewer, now) if held else None
-        handle.pass_on(target, held, now)
+        if handle is None and held and (pid := pointer_pid(self._sessions.get(name))) is not None:
+            handle = self._handles[name] = _Handle(viewer, self._connect(pid), now)
+            self.announce(name)
+        if handle is not None and handle.holder is viewer:
+            handle.pass_on(request["target"], held, now)
+        elif held and now - self._reminded.get(viewer, -REMIND_S) >= REMIND_S:
+            self._reminded[viewer] = now
+            return self._state(viewer)
         return None
 
     def look(self, now: float) -> None:
@@ -128,7 +117,7 @@ class Driving:
 
     def tell(self, viewer: Viewer) -> None:
         """Tell a page the state of the handle of its session."""
-        viewer.put("handle", to_json(self._state(viewer)))
+        viewer.put("handle", self._state(viewer))
 
     def announce(self, name: str) -> None:
         """Tell all pages of a session the state of its handle."""
@@ -140,23 +129,9 @@ class Driving:
         """Whether a page has a handle."""
         return bool(self._handles)
 
-    def _grasp(self, viewer: Viewer, name: str, now: float) -> _Handle | None:
-        pid = pointer_pid(self._sessions.get(name))
-        if pid is None:
-            return None
-        handle = self._handles[name] = _Handle(viewer, self._connect(pid), now)
-        self.announce(name)
-        return handle
-
     def _free(self, name: str) -> None:
         self._handles.pop(name).release()
         self.announce(name)
-
-    def _remind(self, viewer: Viewer, now: float) -> Answer | None:
-        if now - self._reminded.get(viewer, -REMIND_S) < REMIND_S:
-            return None
-        self._reminded[viewer] = now
-        return self._state(viewer)
 
     def _state(self, viewer: Viewer) -> Answer:
         name = viewer.watching or ""
@@ -173,19 +148,8 @@ class Driving:
         return {"type": "handle", "state": state, "why": why}
 
 
-def connect(pid: int) -> Sender:
+def connect(pid: int) -> "PointerSender":
     """The sender to the daemon with a process id."""
     from weberlink.master.devices.pointer_link import PointerSender  # noqa: PLC0415 - for who drives only
 
     return PointerSender(pid)
-
-
-def _vector(value: object) -> Vector | None:
-    """Three finite numbers; None if they are not."""
-    if not (isinstance(value, list) and len(value) == 3):
-        return None
-    if not all(isinstance(part, int | float) and not isinstance(part, bool) for part in value):
-        return None
-    x, y, z = map(float, value)
-    vector = (x, y, z)
-    return vector if is_finite(vector) else None

@@ -18,7 +18,7 @@ from weberlink.watching.session import WatchedSession
 
 Newest = Sequence[tuple[str, str, Any]]
 """Session, side and newest record."""
-SIDE = ("session", "side")
+SESSION, SIDE = ("session",), ("session", "side")
 COUNTERS = {
     "ticks_missed": ("ticks_missed", "Deadlines without a tick."),
     "slew_limited_ticks": ("slew_ticks", "Ticks in which the slew limit held force or torque back."),
@@ -44,11 +44,7 @@ GAUGES = {
     ),
     "incoming_loss_ratio": ("incoming_loss", 1.0, "Recent share of the peer's datagrams that never came."),
     "outgoing_loss_ratio": ("outgoing_loss", 1.0, "The same of this side's datagrams, as the peer reported it."),
-    "incoming_burst_datagrams": (
-        "peer_burst",
-        1.0,
-        "Mean run of the peer's datagrams that were lost; 0 while unknown.",
-    ),
+    "incoming_burst_datagrams": ("peer_burst", 1.0, "Mean run of lost datagrams of the peer; 0 while unknown."),
     "energy_joules": ("energy", 1.0, "Energy that the display may still give to the hand; 0 without an account."),
 }
 PATH_INFO = ("route", "via", "interface", "remote")
@@ -64,15 +60,20 @@ CHANNELS = (
     "gripper_torque",
     "gripper_angle",
 )
-"""A session has the first two or all of them."""
+"""A session has some of them."""
 CHANNEL_FIGURES = {
     "packets_per_second": ("packets_per_s", "Updates sent per second, over the session."),
     "reduction_ratio": ("reduction", "Share of samples that were not sent."),
-    "violation_ratio": (
-        "violation_fraction",
-        "Share of ticks outside the deadband, of felt (force, torque) or followed (position, orientation) signals.",
-    ),
+    "violation_ratio": ("violation_fraction", "Share of ticks outside the deadband, of felt or followed signals."),
 }
+
+
+def exposition(sessions: Callable[[], Iterable[WatchedSession]]) -> Callable[[], tuple[bytes, str]]:
+    """A function that makes the text of /metrics and its content type; it includes the monitor's own process."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(SessionCollector(sessions))
+    ProcessCollector(namespace="weberlink_monitor", registry=registry)
+    return lambda: (generate_latest(registry), CONTENT_TYPE_LATEST)
 
 
 class SessionCollector:
@@ -91,33 +92,18 @@ class SessionCollector:
 
     def collect(self) -> Iterator[Metric]:
         sessions = list(self._sessions())
-        summaries = {session.name: session.score.summary() for session in sessions}
         newest = [(session.name, side, record) for session in sessions for side, record in session.last.items()]
-        ticks = ((session.name, side, feed.written) for session in sessions for side, feed in session.feeds.items())
+        ticks = ((session.name, side, each.written) for session in sessions for side, each in session.sources.items())
         yield _family(CounterMetricFamily, "ticks", "Ticks of a side.", SIDE, ticks)
         yield from _records(newest)
-        yield from _states(sessions, newest)
+        yield _faults(sessions)
         yield from _paths(sessions)
-        yield from _timing(summaries)
-        yield from _summaries(summaries)
-        for name, meaning, value in (
-            ("live", "1 while the session runs.", lambda session: not session.ended),
-            (
-                "seen_from_start",
-                "1 if the monitor read every record, so that its figures are those of the whole session.",
-                lambda session: session.seen_from_start,
-            ),
-        ):
-            samples = ((session.name, value(session)) for session in sessions)
-            yield _family(GaugeMetricFamily, f"session_{name}", meaning, ("session",), samples)
-
-
-def exposition(sessions: Callable[[], Iterable[WatchedSession]]) -> Callable[[], tuple[bytes, str]]:
-    """A function that makes the text of /metrics and its content type; it includes the monitor's own process."""
-    registry = CollectorRegistry(auto_describe=False)
-    registry.register(SessionCollector(sessions))
-    ProcessCollector(namespace="weberlink_monitor", registry=registry)
-    return lambda: (generate_latest(registry), CONTENT_TYPE_LATEST)
+        yield from _summaries({session.name: session.score.summary() for session in sessions})
+        live = ((session.name, not session.ended) for session in sessions)
+        yield _family(GaugeMetricFamily, "session_live", "1 while the session runs.", SESSION, live)
+        meaning = "1 if the monitor read every record, so that its figures are those of the whole session."
+        seen = ((session.name, session.seen_from_start) for session in sessions)
+        yield _family(GaugeMetricFamily, "session_seen_from_start", meaning, SESSION, seen)
 
 
 def _family(
@@ -144,24 +130,23 @@ def _records(newest: Newest) -> Iterator[Metric]:
     meaning = "1 while the robot does not follow because the operator does not hold the button of master.engage."
     released = ((*of, record["ramping"] == RELEASED) for *of, record in newest)
     yield _family(GaugeMetricFamily, "button_released", meaning, SIDE, released)
-
-
-def _states(sessions: list[WatchedSession], newest: Newest) -> Iterator[Metric]:
-    for name, names, meaning in (
-        ("state", {state.value: state.name for state in State}, "1 for the state that a side is in."),
-        ("fault", {fault.value: fault.name for fault in Fault if fault}, "1 while this fault is active."),
+    for name, kind, meaning in (
+        ("state", State, "1 for the state that a side is in."),
+        ("fault", Fault, "1 while this fault is active."),
     ):
-        samples = (
-            (*of, word.lower(), record[name] == value) for *of, record in newest for value, word in names.items()
-        )
+        members = [each for each in kind if each.value or kind is State]
+        samples = ((*of, each.name.lower(), record[name] == each.value) for *of, record in newest for each in members)
         yield _family(GaugeMetricFamily, name, meaning, (*SIDE, name), samples)
-    faults = (
+
+
+def _faults(sessions: Iterable[WatchedSession]) -> Metric:
+    samples = (
         (session.name, side, fault, count)
         for session in sessions
         for side, counts in session.faults.items()
         for fault, count in counts.items()
     )
-    yield _family(CounterMetricFamily, "faults", "How often a fault began.", (*SIDE, "fault"), faults)
+    return _family(CounterMetricFamily, "faults", "How often a fault began.", (*SIDE, "fault"), samples)
 
 
 def _paths(sessions: Iterable[WatchedSession]) -> Iterator[Metric]:
@@ -182,7 +167,8 @@ def _paths(sessions: Iterable[WatchedSession]) -> Iterator[Metric]:
     yield _family(GaugeMetricFamily, "path_dscp", "Class of service (DSCP) with which datagrams came.", place, dscp)
 
 
-def _timing(summaries: Mapping[str, Any]) -> Iterator[Metric]:
+def _summaries(summaries: Mapping[str, Any]) -> Iterator[Metric]:
+    """The figures of the report so far."""
     for name, figure, meaning in (
         ("lateness", "lateness_us", "From the deadline to the start of a tick."),
         ("work", "work_us", "From the start of a tick to its end."),
@@ -190,18 +176,14 @@ def _timing(summaries: Mapping[str, Any]) -> Iterator[Metric]:
         family = Metric(f"weberlink_tick_{name}_seconds", meaning, "summary")
         for session, summary in summaries.items():
             for side, timing in summary["ticks"].items():
-                if not timing["count"]:
-                    continue
                 labels = {"session": session, "side": side}
-                for quantile, percentile in QUANTILES.items():
+                for quantile, percentile in QUANTILES.items() if timing["count"] else ():
                     us = timing[figure][percentile]
                     value = nan if us is None else us * 1e-6
                     family.add_sample(family.name, labels | {"quantile": quantile}, value)
-                family.add_sample(f"{family.name}_count", labels, timing["count"])
+                if timing["count"]:
+                    family.add_sample(f"{family.name}_count", labels, timing["count"])
         yield family
-
-
-def _summaries(summaries: Mapping[str, Any]) -> Iterator[Metric]:
     for name, (figure, meaning) in CHANNEL_FIGURES.items():
         figures = (
             (session, channel, summary[channel][figure])
@@ -211,6 +193,6 @@ def _summaries(summaries: Mapping[str, Any]) -> Iterator[Metric]:
         )
         yield _family(GaugeMetricFamily, name, meaning, ("session", "channel"), figures)
     errors = ((session, summary["force"]["error_rms"]) for session, summary in summaries.items() if "force" in summary)
-    yield _family(GaugeMetricFamily, "felt_error_rms_newtons", "RMS error of the felt force.", ("session",), errors)
+    yield _family(GaugeMetricFamily, "felt_error_rms_newtons", "RMS error of the felt force.", SESSION, errors)
     lengths = ((session, summary["duration_s"]) for session, summary in summaries.items())
-    yield _family(GaugeMetricFamily, "session_duration_seconds", "Length so far.", ("session",), lengths)
+    yield _family(GaugeMetricFamily, "session_duration_seconds", "Length so far.", SESSION, lengths)

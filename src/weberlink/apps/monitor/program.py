@@ -19,10 +19,11 @@ import uvloop
 from aiohttp import web
 
 from weberlink.apps.monitor import access, address
-from weberlink.apps.monitor.keeper import SessionKeeper, SessionResult, VisitOrder
+from weberlink.apps.monitor.camera import CameraService, View
+from weberlink.apps.monitor.launcher import SessionLauncher, SessionResult, TryOrder
+from weberlink.apps.monitor.listener import Listener
 from weberlink.apps.monitor.metrics import exposition
-from weberlink.apps.monitor.recording import FOLDER, RecordingDesk
-from weberlink.apps.monitor.view import View, ViewDesk
+from weberlink.apps.monitor.recording import FOLDER, RecordingService
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
@@ -32,7 +33,9 @@ NICENESS = 5
 STOP_LIMIT_S = 1.0
 """Time limit for closing the pages."""
 FAREWELL_S = 0.1
-"""How long the pages may take to read the last figures of a visit."""
+"""How long the pages may take to read the last figures."""
+SWITCH_S = 0.001
+"""Longest time for which a thread that computes keeps the others waiting: also the one that takes emergency stops."""
 LOOK_S = 0.25
 """Period of looking whether a page is open."""
 
@@ -55,68 +58,77 @@ class MonitorSettings:
 
 
 @dataclass(frozen=True)
-class Visit:
+class TrySession:
     """A session that pages start and drive, on top of a monitor."""
 
-    order: VisitOrder
+    order: TryOrder
     listening: socket
     """Of the page."""
     token: str
     """Who has it may drive and change."""
     left_s: float | None = None
-    """How long the page may be closed, once it was open, before the visit ends [s]; None for ever."""
+    """How long the page may be closed, once it was open, before it ends [s]; None for ever."""
 
 
-def run(settings: MonitorSettings, visit: Visit | None = None) -> SessionResult | None:
-    """Serve until interrupted or terminated, or until the visit ends by itself.
+def run(settings: MonitorSettings, attempt: TrySession | None = None) -> SessionResult | None:
+    """Serve until interrupted or terminated, or until the session of `weberlink try` ends by itself.
 
     Returns:
-        Of the last session of the visit, if there was one.
+        Of its last session, if there was one.
 
     Raises:
         MonitorError: the address cannot be used.
     """
-    if visit is None:  # one that carries the motion of the operator, and their emergency stop, does not stand back
-        os.nice(NICENESS)
+    sys.setswitchinterval(SWITCH_S)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        return runner.run(_serve(settings, visit))
+        return runner.run(_serve(settings, attempt))
 
 
-async def _serve(settings: MonitorSettings, visit: Visit | None) -> SessionResult | None:
+async def _serve(settings: MonitorSettings, attempt: TrySession | None) -> SessionResult | None:
     over = asyncio.Event()
-    say = tell if visit is None else partial(tell, program="weberlink try")
+    say = tell if attempt is None else partial(tell, program="weberlink try")
     watch = SessionWatcher(None, settings.session, say)
-    watch.requests.token = access.kept_token(directory()) if visit is None else visit.token
-    keeper = None if visit is None else _keeper(visit, watch, say)
-    _on_signals(over, keeper)
-    site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
-    application = site.application()
-    view = None if settings.view is None else ViewDesk(watch, settings.view, tell)
-    if view is not None:
-        application.router.add_get("/view", view.serve)
+    watch.requests.token = access.kept_token(directory()) if attempt is None else attempt.token
+    if attempt is not None:
+        announce = partial(watch.tell_all, "launcher")
+        watch.launcher = SessionLauncher(attempt.order, say, announce, watch.control.inherit)
+    launcher = watch.launcher
+    _on_signals(over, launcher)
+    allowed = access.names(settings.listen)
+    application = Site(watch, allowed, exposition(watch.sessions.values)).application()
+    camera = None if settings.view is None else CameraService(watch, settings.view, tell)
+    if camera is not None:
+        application.router.add_get("/view", camera.serve)
     runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
+    assert runner.server is not None
     async with AsyncExitStack() as stack:
-        stack.callback(RecordingDesk(watch, settings.recordings, tell).close)
+        stack.callback(RecordingService(watch, settings.recordings, tell).close)
         stack.push_async_callback(runner.cleanup)
-        if view is not None:
-            stack.push_async_callback(view.close)
-        listening = address.bind(settings.listen, settings.port) if visit is None else visit.listening
-        await web.SockSite(runner, listening).start()
+        if camera is not None:
+            stack.push_async_callback(camera.close)
+        listening = address.bind(settings.listen, settings.port) if attempt is None else attempt.listening
         url = address.url(listening, watch.requests.token)
-        if visit is None:
+        stack.callback(Listener(listening, runner.server, allowed, watch.requests, watch.emergency).close)
+        if attempt is None:  # what carries the motion of the operator does not stand back
+            os.nice(NICENESS)  # of this thread alone: the listener stops sessions at ordinary priority
             say(f"{url} (Ctrl-C ends it)")
         if settings.browse and not webbrowser.open(stack.enter_context(leading_to(url))):
             say(f"no browser found; open {url} yourself")
         watch.look(monotonic())
-        if not watch.sessions and visit is None:
+        if not watch.sessions and attempt is None:
             say("waiting for a daemon; start weberlink loopback")
-        if visit is not None and visit.left_s is not None:
-            leaving = end_when_left(watch.viewers, visit.left_s, over, say)
+        if attempt is not None and attempt.left_s is not None:
+            leaving = end_when_left(watch.viewers, attempt.left_s, over, say)
             stack.callback(asyncio.get_running_loop().create_task(leaving).cancel)
-        ended = over.wait() if keeper is None else _visited(keeper, over, watch)
-        await first_result([watch.run(), ended])
-    return None if keeper is None else keeper.last
+        await first_result([watch.run(), over.wait() if launcher is None else _until_over(launcher, over, watch)])
+    return None if launcher is None else launcher.last
+
+
+async def _until_over(launcher: SessionLauncher, over: asyncio.Event, watch: SessionWatcher) -> None:
+    await launcher.run(over)
+    watch.look(monotonic())  # so that the pages get the last figures
+    await asyncio.sleep(FAREWELL_S)
 
 
 @contextmanager
@@ -126,19 +138,6 @@ def leading_to(url: str) -> Iterator[str]:
         file.write(f'<meta http-equiv="refresh" content="0; url={url}">\n')
         file.flush()
         yield Path(file.name).as_uri()
-
-
-def _keeper(visit: Visit, watch: SessionWatcher, say: Callable[[str], None]) -> SessionKeeper:
-    """The keeper of a visit, which its pages may use."""
-    announce = partial(watch.tell_all, "keeper")
-    watch.keeper = SessionKeeper(visit.order, say, announce, watch.control.inherit)
-    return watch.keeper
-
-
-async def _visited(keeper: SessionKeeper, over: asyncio.Event, watch: SessionWatcher) -> None:
-    await keeper.run(over)
-    watch.look(monotonic())  # so that the pages get the last figures
-    await asyncio.sleep(FAREWELL_S)
 
 
 async def end_when_left(
@@ -154,12 +153,12 @@ async def end_when_left(
     over.set()
 
 
-def _on_signals(over: asyncio.Event, keeper: SessionKeeper | None) -> None:
-    """End at a signal, and pass it on to the session of a visit."""
+def _on_signals(over: asyncio.Event, launcher: SessionLauncher | None) -> None:
+    """End at a signal, and pass it on to the session that pages start."""
 
     def end(number: Signals) -> None:
-        if keeper is not None:
-            keeper.signal(number)
+        if launcher is not None:
+            launcher.signal(number)
         over.set()
 
     for number in (SIGINT, SIGTERM, SIGHUP):

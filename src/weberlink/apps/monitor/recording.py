@@ -5,11 +5,12 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor.viewer import Viewer, to_json
+from weberlink.apps.monitor.viewer import Viewer, put_all
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
@@ -73,7 +74,7 @@ class _Recording:
         }
 
 
-class RecordingDesk:
+class RecordingService:
     """Starts, marks and ends the recordings of the running sessions of this host.
 
     Args:
@@ -95,7 +96,7 @@ class RecordingDesk:
         self._failures: dict[str, str] = {}
         """Why the last start of a session failed."""
         self._tell_at = 0.0
-        watch.requests.add("record", self._record)
+        watch.requests.handlers["record"] = self._record
         watch.attach(self)
 
     def look(self, now: float) -> None:
@@ -107,7 +108,11 @@ class RecordingDesk:
             if recording.state == "on":
                 has_ended = recording.look(monotonic())
                 if has_ended:
-                    self._note_end(name, recording)
+                    line = _line(recording)
+                    self._tell(line)
+                    if (session := self._watch.sessions.get(name)) is not None:
+                        level = WARN if recording.state == "failed" else INFO
+                        session.log.note(monotonic(), None, Words(level, line))
                 if has_ended or is_time:
                     self._publish(name)
         for name in [name for name in self._recordings if name not in self._watch.sessions]:
@@ -120,7 +125,7 @@ class RecordingDesk:
         return {"records": viewer.may_change and why is None, "records_why": why}
 
     def introduced(self, session: WatchedSession, viewer: Viewer) -> None:
-        viewer.put("recording", to_json(self._message(session.name)))
+        viewer.put("recording", self._message(session.name))
 
     def close(self) -> None:
         """Finish all recordings."""
@@ -132,25 +137,26 @@ class RecordingDesk:
             recording.look(monotonic())
             self._tell(_line(recording))
 
-    async def _record(self, viewer: Viewer, request: dict[str, Any]) -> Answer | None:
+    async def _record(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
         session = self._watch.sessions.get(viewer.watching or "")
-        do = request.get("do")
-        if do not in ("start", "stop", "mark"):
-            return _answer(refusal('expected "do": "start", "stop" or "mark"'))
         why = "there is no session" if session is None else self._refusal(session)
         if session is None or why is not None:
-            return _answer(refusal(why or ""))
-        if do == "start":
-            return _answer(self._start(session, request.get("name")))
+            return refusal(why or "")
+        if request["do"] == "start":
+            return self._start(session, request.get("name"))
         recording = self._recordings.get(session.name)
         if recording is None or recording.state != "on":
-            return _answer(refusal("the session is not being recorded"))
-        if do == "stop":
+            return refusal("the session is not being recorded")
+        if request["do"] == "stop":
             recording.recorder.stop()
             recording.kill_at = monotonic() + FINISH_LIMIT_S
         else:
-            self._mark(session, recording, request.get("text"))
-        return _answer({"accepted": True})
+            text = shortened(request.get("text") or "")
+            recording.recorder.mark(text)
+            recording.marks += 1
+            session.log.note(monotonic(), None, Words(INFO, f"mark: {text}"))
+            self._publish(session.name)
+        return {"accepted": True}
 
     def _refusal(self, session: WatchedSession) -> str | None:
         """Why a session cannot be recorded; None if it can."""
@@ -163,12 +169,10 @@ class RecordingDesk:
             return str(error)
         return None
 
-    def _start(self, session: WatchedSession, name: object) -> Answer:
+    def _start(self, session: WatchedSession, name: str | None) -> Answer:
         earlier = self._recordings.get(session.name)
         if earlier is not None and earlier.state == "on":
             return refusal(f"the session is being recorded already, to {earlier.path}")
-        if not isinstance(name, str | None):
-            return refusal("the name of a recording is a text")
         try:
             path = self._free_path(file_name(name, session.name))
         except OSError as error:
@@ -178,20 +182,13 @@ class RecordingDesk:
             self._publish(session.name)
             return refusal(why)
         self._failures.pop(session.name, None)
-        rings = {side: str(feed.ring) for side, feed in session.feeds.items()}
+        rings = {side: str(source.ring) for side, source in session.sources.items()}
         began = monotonic()
         recorder = Recorder(facts_of(session.description), rings, path, since=began)
         self._recordings[session.name] = _Recording(recorder, path, began)
         session.log.note(began, None, Words(INFO, f"recording begins: {path.name}"))
         self._publish(session.name)
         return {"accepted": True, "path": str(path)}
-
-    def _mark(self, session: WatchedSession, recording: _Recording, text: object) -> None:
-        text = shortened(text if isinstance(text, str) else "")
-        recording.recorder.mark(text)
-        recording.marks += 1
-        session.log.note(monotonic(), None, Words(INFO, f"mark: {text}"))
-        self._publish(session.name)
 
     def _free_path(self, name: str) -> Path:
         """A path that does not exist yet, in the folder, which is made if it does not exist.
@@ -203,24 +200,12 @@ class RecordingDesk:
         if not os.access(self._folder, os.W_OK | os.X_OK):
             raise PermissionError(13, "Permission denied")
         taken = {recording.path for recording in self._recordings.values()}
-        number = 1
-        while True:
-            path = self._folder / f"{name}{f'-{number}' if number > 1 else ''}.mcap"
-            if path not in taken and not os.path.lexists(path):
-                return path
-            number += 1
-
-    def _note_end(self, name: str, recording: _Recording) -> None:
-        session = self._watch.sessions.get(name)
-        line = _line(recording)
-        self._tell(line)
-        if session is not None:
-            session.log.note(monotonic(), None, Words(WARN if recording.state == "failed" else INFO, line))
+        names = (f"{name}{f'-{number}' if number > 1 else ''}.mcap" for number in count(1))
+        paths = (self._folder / each for each in names)
+        return next(path for path in paths if path not in taken and not os.path.lexists(path))
 
     def _publish(self, name: str) -> None:
-        text = to_json(self._message(name))
-        for viewer in self._watch.viewers_of(name):
-            viewer.put("recording", text)
+        put_all(self._watch.viewers_of(name), "recording", self._message(name))
 
     def _message(self, name: str) -> dict[str, Any]:
         recording, failure = self._recordings.get(name), self._failures.get(name)
@@ -239,7 +224,3 @@ def _line(recording: _Recording) -> str:
     if recording.state == "failed":
         return f"the recording failed: {recording.path}: {recording.why}"
     return f"recorded {recording.seconds:.1f} s: {recording.path}" + (f" ({recording.why})" if recording.why else "")
-
-
-def _answer(answer: Answer) -> Answer:
-    return {"to": "record"} | answer

@@ -2,17 +2,19 @@
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import monotonic
 from typing import Any, Protocol
 
 from weberlink.apps.monitor import driving
-from weberlink.apps.monitor.keeper import SessionKeeper
-from weberlink.apps.monitor.requests import Requests, always
-from weberlink.apps.monitor.viewer import Topic, Viewer, to_json
-from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal, take_settings
+from weberlink.apps.monitor.launcher import SessionLauncher
+from weberlink.apps.monitor.messages import Rooms
+from weberlink.apps.monitor.requests import Requests
+from weberlink.apps.monitor.viewer import Topic, Viewer, put_all
+from weberlink.watching.control import Answer, SessionControl, ask_daemon, refusal
 from weberlink.watching.events import events_message
-from weberlink.watching.rings import Feed, RingOpener, find_rings
+from weberlink.watching.rings import RingOpener, RowSource, find_rings
 from weberlink.watching.session import WatchedSession
 
 LOOK_S = 0.05
@@ -23,7 +25,6 @@ LOOK_ALONE_S = 0.25
 """Period without a page; the rings hold ten seconds."""
 FIND_S = 0.25
 FIGURES_S = 0.5
-HISTORY_S = 2.0
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
 ENDED_KEPT = 4
@@ -50,6 +51,10 @@ class SessionWatcher:
         where: folder of the rings; None for those of this user.
         only: name of the session to follow; None for all.
         tell: called with lines for the user.
+
+    Attributes:
+        requests: what pages may ask for; other parts of the monitor add theirs.
+        launcher: of the session that pages may start; None where they may not.
     """
 
     def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
@@ -60,22 +65,23 @@ class SessionWatcher:
         self._only = only
         self._tell = tell
         self._opener = RingOpener(tell)
-        self._find_at = 0.0
-        self._figures_at = 0.0
-        self._history_at = 0.0
+        self._find_at = self._figures_at = 0.0
         self._attached: list[Attachment] = []
+        self._asked_at: dict[str, int] = {}
+        """The count of changes in the records when the daemons of a session were last asked for their settings."""
+        self._told_events: dict[str, int] = {}
         self._asking: set[asyncio.Task[None]] = set()
+        self._stops = ThreadPoolExecutor(2, "emergency")  # not those of requests that wait for a daemon
         self.requests = Requests()
-        """What pages may ask for; other parts of the monitor add theirs."""
         self.control = SessionControl(self.sessions, self._greet_all, tell)
         self.driving = driving.Driving(self.sessions, self.viewers_of, driving.connect)
-        self.keeper: SessionKeeper | None = None
-        """Of the session that pages may start; None where they may not."""
-        self.requests.add("change", self._change)
-        self.requests.add("drive", self.driving.drive, urgent=always)
-        self.requests.add("session", self._session, urgent=lambda request: request.get("do") == "emergency")
-        self.requests.add("ping", _pong, reads=True, urgent=always)
-        self.requests.add("subscribe", self._subscribe, reads=True)
+        self.launcher: SessionLauncher | None = None
+        self.requests.handlers |= {
+            "change": self._change,
+            "drive": self.driving.drive,
+            "session": self._session,
+            "emergency": self._emergency,
+        }
 
     def attach(self, part: Attachment) -> None:
         """Add a part."""
@@ -93,21 +99,15 @@ class SessionWatcher:
         try:
             while True:
                 self.look(monotonic())
-                due = max(monotonic(), due + self._pause)
+                period = LOOK_DRIVEN_S if self.driving.is_any else LOOK_S if self.viewers else LOOK_ALONE_S
+                due = max(monotonic(), due + period)
                 await asyncio.sleep(due - monotonic())
         finally:
-            self.control.close()
+            self._stops.shutdown(wait=False, cancel_futures=True)
             for task in self._asking:
                 task.cancel()
             for session in self.sessions.values():
                 session.close()
-
-    @property
-    def _pause(self) -> float:
-        """Time to the next look [s]."""
-        if self.driving.is_any:
-            return LOOK_DRIVEN_S
-        return LOOK_S if self.viewers else LOOK_ALONE_S
 
     def look(self, now: float) -> None:
         """One look at everything."""
@@ -117,14 +117,11 @@ class SessionWatcher:
         is_figures_time = now >= self._figures_at
         if is_figures_time:
             self._figures_at = now + FIGURES_S
-        is_history_time = now >= self._history_at
-        if is_history_time:
-            self._history_at = now + HISTORY_S
         for part in self._attached:
             part.look(now)
         for session in list(self.sessions.values()):
             if not session.ended:
-                self._follow(session, is_figures_time=is_figures_time, is_history_time=is_history_time)
+                self._follow(session, is_figures_time=is_figures_time)
             self._tell_events(session)
         self.driving.look(now)
         self._assign()
@@ -135,19 +132,18 @@ class SessionWatcher:
         self.viewers.append(viewer)
         self._assign()
         if viewer.watching is None:
-            viewer.greet(to_json({"type": "hello", "session": None} | self._own_part(viewer)))
-        if self.keeper is not None:
-            viewer.put("keeper", to_json(self.keeper.message))
+            viewer.greet({"type": "hello", "session": None} | self._own_part(viewer))
+        if self.launcher is not None:
+            viewer.put("launcher", self.launcher.message)
 
     def leave(self, viewer: Viewer) -> None:
-        self.viewers.remove(viewer)
+        if viewer in self.viewers:
+            self.viewers.remove(viewer)
         self.driving.leave(viewer)
 
     def tell_all(self, topic: Topic, document: dict[str, Any]) -> None:
         """Tell every page."""
-        text = to_json(document)
-        for viewer in self.viewers:
-            viewer.put(topic, text)
+        put_all(self.viewers, topic, document)
 
     def overview(self) -> list[dict[str, Any]]:
         """All sessions, the newest first."""
@@ -155,7 +151,7 @@ class SessionWatcher:
         return [
             {
                 "session": session.name,
-                "sides": list(session.feeds),
+                "sides": list(session.sources),
                 "live": not session.ended,
                 "newest": session is newest,
                 "rate_hz": session.rate_hz,
@@ -169,109 +165,77 @@ class SessionWatcher:
         return await self.control.change(viewer.watching, request)
 
     async def _session(self, viewer: Viewer, request: dict[str, Any]) -> Answer:
-        """Start or stop a session, or stop it at once."""
-        do, keeper, name = request.get("do"), self.keeper, viewer.watching
-        if do == "start":
-            if keeper is None:
+        """Start or stop a session."""
+        launcher = self.launcher
+        if request["do"] == "start":
+            if launcher is None:
                 return refusal("this monitor starts no sessions; weberlink try does")
-            return keeper.request_start(request.get("scene"))
-        if do == "stop":
-            return await self._stop(name)
-        if do == "emergency":
-            return await self.emergency(name)
-        return refusal('"do" is start, stop or emergency')
+            return launcher.request_start(request.get("scene"))
+        if launcher is not None:
+            if launcher.is_starting:
+                return launcher.request_stop()
+            launcher.expect_end(viewer.watching)
+        return await self.control.stop(viewer.watching, "stopped from the page")
 
-    async def _stop(self, name: str | None) -> Answer:
-        if self.keeper is not None:
-            if self.keeper.is_starting:
-                return self.keeper.request_stop()
-            self.keeper.expect_end(name)
-        return await self.control.stop(name, "stopped from the page")
+    async def _emergency(self, viewer: Viewer, _request: dict[str, Any]) -> Answer:
+        return await asyncio.get_running_loop().run_in_executor(self._stops, self.emergency, viewer.watching)
 
-    async def emergency(self, name: str | None) -> Answer:
-        """Force to zero at once, at both ends of a session; of all sessions of this host if none of that name runs."""
-        if self.keeper is not None:
+    def emergency(self, name: str | None) -> Answer:
+        """Force to zero at once, at both ends of a session; of all sessions of this host if none of that name runs.
+
+        Blocks, and may be called from any thread, see `SessionControl.emergency`.
+        """
+        if self.launcher is not None:
             for session in self.control.halted_by(name):
-                self.keeper.expect_end(session.name)
-        return await self.control.emergency(name)
+                self.launcher.expect_end(session.name)
+        return self.control.emergency(name)
 
     def put(self, session: WatchedSession) -> None:
         """Add a session, or replace an earlier one of that name."""
-        earlier = self.sessions.pop(session.name, None)
-        if earlier is not None:
-            earlier.close()
+        self._drop(session.name)
         self.sessions[session.name] = session
-        if self.keeper is not None:
-            self.keeper.note_running(session.name)
+        if self.launcher is not None:
+            self.launcher.note_running(session.name)
         for viewer in self.viewers_of(session.name):
             self._introduce(viewer, session)
 
-    def admit(self, name: str, feed: Feed) -> None:
-        """Add a feed to its session, or begin a session with it."""
+    def admit(self, name: str, source: RowSource) -> None:
+        """Add a side to its session, or begin a session with it."""
         session = self.sessions.get(name)
-        if session is None or feed.side in session.feeds:
-            self.put(WatchedSession(name, feed))
+        if session is None or source.side in session.sources:
+            self.put(WatchedSession(name, source))
         else:
-            session.admit(feed)
+            session.admit(source)
             self._greet_all(session)
             self.driving.announce(name)
 
     def _find(self) -> None:
         for name, rings in find_rings(self._where).items():
-            if self._follows(name):
+            # With a launcher, the sessions that it has started.
+            if self._only in (None, name) if self.launcher is None else name in self.launcher.started:
                 for ring in rings.values():
-                    feed = self._opener.open(ring)
-                    if feed is not None:
-                        self.admit(name, feed)
-                        self._tell(f"session {name}: {feed.side} at {feed.rate_hz:g} Hz")
+                    source = self._opener.open(ring)
+                    if source is not None:
+                        self.admit(name, source)
+                        self._tell(f"session {name}: {source.side} at {source.rate_hz:g} Hz")
 
-    def _follows(self, name: str) -> bool:
-        """Whether a session is to be shown: with a keeper, one that it has started."""
-        return self._only in (None, name) if self.keeper is None else name in self.keeper.started
-
-    def _follow(self, session: WatchedSession, *, is_figures_time: bool, is_history_time: bool) -> None:
+    def _follow(self, session: WatchedSession, *, is_figures_time: bool) -> None:
         viewers = self.viewers_of(session.name)
         for message in session.look(show=bool(viewers)):
-            text = to_json(message)
-            for viewer in viewers:
-                viewer.put("rows", text)
+            put_all(viewers, "rows", message)
         self._keep_settings(session)
         if session.ended:
             self._tell(f"session {session.name}: over")
             self.driving.announce(session.name)
         self._tell_events(session)
-        if is_history_time or session.ended:
-            self._tell_history(session, viewers)
         if viewers and (is_figures_time or session.ended):
-            text = to_json(session.figures())
-            for viewer in viewers:
-                viewer.put("final" if session.ended else "figures", text)
+            put_all(viewers, "final" if session.ended else "figures", session.figures())
 
     def _tell_events(self, session: WatchedSession) -> None:
-        events = session.log.since(session.told_events)
-        session.told_events = session.log.count
+        events = session.log.since(self._told_events.get(session.name, 0))
+        self._told_events[session.name] = session.log.count
         if events:
-            text = to_json(events_message(session.name, events))
-            for viewer in self.viewers_of(session.name):
-                viewer.put("events", text)
-
-    @staticmethod
-    def _tell_history(session: WatchedSession, viewers: list[Viewer]) -> None:
-        wanting = [viewer for viewer in viewers if viewer.wants_history]
-        if wanting:
-            text = to_json(session.history)
-            for viewer in wanting:
-                viewer.put("history", text)
-
-    async def _subscribe(self, viewer: Viewer, request: dict[str, Any]) -> dict[str, Any] | None:
-        """Begin or end the messages with the history."""
-        if not isinstance(request.get("history"), bool):
-            return refusal('expected {"type": "subscribe", "history": true} or false')
-        viewer.wants_history = request["history"]
-        session = self.sessions.get(viewer.watching or "")
-        if session is not None:
-            self._tell_history(session, [viewer])
-        return None
+            put_all(self.viewers_of(session.name), "events", events_message(session.name, events))
 
     def _assign(self) -> None:
         """Assign each page its session: the one it asked for, or the newest."""
@@ -281,14 +245,14 @@ class SessionWatcher:
             if session is not None and viewer.watching != session.name:
                 self._introduce(viewer, session)
 
-    def _greeting(self, viewer: Viewer, session: WatchedSession) -> str:
+    def _greeting(self, viewer: Viewer, session: WatchedSession) -> dict[str, Any]:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         hello["link"] = self.control.links.get(session.name, hello["link"])
         hello |= self._own_part(viewer)
         for part in self._attached:
             hello |= part.hello(session, viewer)
-        return to_json(hello)
+        return hello
 
     def _greet_all(self, session: WatchedSession) -> None:
         for viewer in self.viewers_of(session.name):
@@ -296,7 +260,8 @@ class SessionWatcher:
 
     def _own_part(self, viewer: Viewer) -> dict[str, Any]:
         """The part of a greeting that depends on the page."""
-        rooms = {"start": False, "scenes": [], "scene": None} if self.keeper is None else self.keeper.rooms
+        nothing: Rooms = {"start": False, "scenes": [], "scene": None}
+        rooms = nothing if self.launcher is None else self.launcher.rooms
         return {"token": self.requests.token if viewer.may_change else None, "rooms": rooms}
 
     def _introduce(self, viewer: Viewer, session: WatchedSession) -> None:
@@ -306,11 +271,10 @@ class SessionWatcher:
         viewer.greet(self._greeting(viewer, session))
         self.driving.tell(viewer)
         for message in session.backlog():
-            viewer.put("rows", to_json(message))
+            viewer.put("rows", message)
         if session.log.events:
-            viewer.put("events", to_json(events_message(session.name, list(session.log.events))))
-        self._tell_history(session, [viewer])
-        viewer.put("final" if session.ended else "figures", to_json(session.figures()))
+            viewer.put("events", events_message(session.name, list(session.log.events)))
+        viewer.put("final" if session.ended else "figures", session.figures())
         for part in self._attached:
             part.introduced(session, viewer)
 
@@ -322,30 +286,30 @@ class SessionWatcher:
         watched = {viewer.watching for viewer in self.viewers}
         over = [session for session in self.sessions.values() if session.ended and session.name not in watched]
         for session in over[:-ENDED_KEPT]:
+            self._drop(session.name)
+
+    def _drop(self, name: str) -> None:
+        session = self.sessions.pop(name, None)
+        if session is not None:
             session.close()
-            self.control.forget(session.name)
-            del self.sessions[session.name]
+            self.control.forget(name)
+            for noted in (self._asked_at, self._told_events):
+                noted.pop(name, None)
 
     def _keep_settings(self, session: WatchedSession) -> None:
         """Ask a daemon for its settings at the beginning, and when its records report a change."""
         count = session.settings_count
-        if count is None or count == session.settings_asked_at:
+        if count is None or count == self._asked_at.get(session.name):
             return
-        session.settings_asked_at = count
+        self._asked_at[session.name] = count
         task = asyncio.get_running_loop().create_task(self._ask_settings(session))
         self._asking.add(task)
         task.add_done_callback(self._asking.discard)
 
     async def _ask_settings(self, session: WatchedSession) -> None:
         for _ in range(ASK_TIMES):
-            answer = await ask_daemon(session.ring, {})
-            take_settings(session, answer)
-            self.control.take_link(session, answer)
+            answer = await asyncio.to_thread(ask_daemon, session.ring, {})
+            self.control.take(session, answer)
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
-
-
-async def _pong(_viewer: Viewer, request: dict[str, Any]) -> Answer:
-    """Echo the time of a page, so that it can measure the round trip."""
-    return {"type": "pong", "at": request.get("at"), "now": monotonic()}

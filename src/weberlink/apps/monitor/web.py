@@ -1,28 +1,29 @@
 """The web server: the page and its files, WebSocket, list of sessions, metrics for Prometheus."""
 
 import asyncio
-import json
 from collections import Counter
 from collections.abc import Awaitable, Callable, Collection
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
 from pathlib import Path
+from time import monotonic
+from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.requests import UNPROVEN
+from weberlink.apps.monitor.requests import LONGEST_MESSAGE, URGENT
 from weberlink.apps.monitor.viewer import Viewer, to_json
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.system.bounded_json import parse
 from weberlink.watching.control import refusal
 
-LONGEST_MESSAGE = 4096
-"""Longest message of a page [bytes]: it only asks for changes."""
+MOST_PER_S = 250.0
+"""Most requests of a page that are taken [1/s]; one that drives sends 125."""
+BURST_S = 0.1
+"""How long a page may have sent nothing to catch up afterwards [s]."""
 REQUESTS_WAITING = 16
 """Most requests of a page that wait for an earlier one."""
-PROOF_HEADER = "X-WeberLink-Token"
 MOST_PAGES = 16
 """Pages with the token; nobody without it can take their places."""
 MOST_GUESTS = 12
@@ -34,7 +35,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Site:
-    """Routes of the web server and their limits.
+    """Routes of the web server and their limits. The emergency stop is a request to `weberlink.apps.monitor.listener`.
 
     Args:
         watch: sessions to show.
@@ -60,70 +61,50 @@ class Site:
         application.router.add_get("/api/sessions", self._sessions)
         application.router.add_get("/metrics", self._metrics)
         application.router.add_get("/ws", self._socket)
-        application.router.add_post("/api/emergency", self._emergency)
         application.on_shutdown.append(self._close_sockets)
         return application
 
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        host = request.headers.get("Host")
-        if not access.host_allowed(host, self._allowed):
-            return _refusal(HTTPStatus.FORBIDDEN, "unknown host name; use the address that weberlink monitor printed")
-        if not access.origin_allowed(request.headers.get("Origin"), host):
-            return _refusal(HTTPStatus.FORBIDDEN, "requests from other pages are not allowed")
+        why = access.refusal(request.headers.get("Host"), request.headers.get("Origin"), self._allowed)
         try:
-            response = await handler(request)
+            response = await handler(request) if why is None else _error(HTTPStatus.FORBIDDEN, why)
         except web.HTTPException as error:
-            return _refusal(error.status, error.reason)
+            response = _error(error.status, error.reason)
         if not response.prepared:
             response.headers.update(access.HEADERS)
+            response.force_close()  # the next request may be the emergency stop, see the listener
         return response
 
     async def _index(self, _request: web.Request) -> web.StreamResponse:
         return web.FileResponse(self._page / "index.html")
 
     async def _sessions(self, _request: web.Request) -> web.StreamResponse:
-        return web.Response(
-            text=json.dumps({"sessions": self._watch.overview()}, allow_nan=False), content_type="application/json"
-        )
+        return web.Response(text=to_json({"sessions": self._watch.overview()}), content_type="application/json")
 
     async def _metrics(self, _request: web.Request) -> web.StreamResponse:
         body, kind = self._exposition()
         return web.Response(body=body, headers={"Content-Type": kind})
 
-    async def _emergency(self, request: web.Request) -> web.StreamResponse:
-        """Stop a session at once, all of this host if none of that name runs: also for a page whose socket is slow."""
-        if not self._watch.requests.proves(request.headers.get(PROOF_HEADER)):
-            return _refusal(HTTPStatus.FORBIDDEN, UNPROVEN)
-        answer = await self._watch.emergency(request.query.get("session"))
-        status = HTTPStatus.OK if answer["accepted"] else HTTPStatus.CONFLICT
-        return web.Response(status=status, text=to_json(answer), content_type="application/json")
-
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        if request.transport is None:  # the client has disconnected
-            raise web.HTTPServiceUnavailable
+        """Serve a page until it leaves."""
         may_change = self._watch.requests.proves(request.query.get("key"))
-        if self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
+        if request.transport is None or self._pages[may_change] >= (MOST_PAGES if may_change else MOST_GUESTS):
             raise web.HTTPServiceUnavailable
         self._pages[may_change] += 1
-        try:
-            return await self._show(request, may_change=may_change)
-        finally:
-            self._pages[may_change] -= 1
-
-    async def _show(self, request: web.Request, *, may_change: bool) -> web.StreamResponse:
-        """Serve a page until it leaves."""
         socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False)
-        await socket.prepare(request)
+        tasks: list[asyncio.Task[None]] = []
         viewer = Viewer(request.query.get("session"), may_change=may_change)
-        self._sockets[socket] = request.transport
-        self._watch.join(viewer)
-        waiting: asyncio.Queue[object] = asyncio.Queue(REQUESTS_WAITING)
-        loop = asyncio.get_running_loop()
-        tasks = [loop.create_task(_send(viewer, socket)), loop.create_task(self._answer_in_turn(viewer, waiting))]
         try:
+            await socket.prepare(request)
+            self._sockets[socket] = request.transport
+            self._watch.join(viewer)
+            waiting: asyncio.Queue[dict[str, Any]] = asyncio.Queue(REQUESTS_WAITING)
+            loop = asyncio.get_running_loop()
+            tasks = [loop.create_task(_send(viewer, socket)), loop.create_task(self._answer_in_turn(viewer, waiting))]
             await self._listen(viewer, socket, waiting)
         finally:
+            self._pages[may_change] -= 1
             self._watch.leave(viewer)
             self._sockets.pop(socket, None)
             for task in tasks:
@@ -132,35 +113,35 @@ class Site:
                     await task
         return socket
 
-    async def _listen(self, viewer: Viewer, socket: web.WebSocketResponse, waiting: "asyncio.Queue[object]") -> None:
+    async def _listen(
+        self, viewer: Viewer, socket: web.WebSocketResponse, waiting: "asyncio.Queue[dict[str, Any]]"
+    ) -> None:
         """Take the messages of a page until it leaves: answer those that are urgent, and queue the others."""
+        due = 0.0
         async for message in socket:
             if message.type is not WSMsgType.TEXT:
                 break
-            try:
-                document = parse(message.data.encode(), LONGEST_MESSAGE)
-            except ValueError:
-                document = None
-            if self._watch.requests.is_urgent(document):
-                await self._answer(viewer, document)
-                continue
-            try:
-                waiting.put_nowait(document)
-            except asyncio.QueueFull:
-                viewer.answer(to_json(refusal("too many requests at once; this one is dropped")))
+            request = self._watch.requests.read(viewer, message.data)
+            if request["type"] == "answer":
+                viewer.answer(request)
+            elif request["type"] in URGENT:
+                await self._answer(viewer, request)
+            elif waiting.full():
+                viewer.answer(refusal("too many requests at once; this one is dropped"))
+            else:
+                waiting.put_nowait(request)
+            due = max(due, monotonic() - BURST_S) + 1.0 / MOST_PER_S
+            if due > monotonic():  # what comes faster waits in the page; what a busy loop has let wait is taken at once
+                await asyncio.sleep(due - monotonic())
 
-    async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[object]") -> None:
+    async def _answer_in_turn(self, viewer: Viewer, waiting: "asyncio.Queue[dict[str, Any]]") -> None:
         while True:
             await self._answer(viewer, await waiting.get())
 
-    async def _answer(self, viewer: Viewer, document: object) -> None:
-        answer = await self._watch.requests.answer(viewer, document)
-        if answer is None:
-            return
-        if answer["type"] == "handle":
-            viewer.put("handle", to_json(answer))
-        else:
-            viewer.answer(to_json(answer))
+    async def _answer(self, viewer: Viewer, request: dict[str, Any]) -> None:
+        answer = await self._watch.requests.answer(viewer, request)
+        if answer is not None:
+            viewer.answer(answer)
 
     async def _close_sockets(self, _application: web.Application) -> None:
         """Close all WebSockets; a page that does not read is not waited for."""
@@ -181,5 +162,5 @@ async def _send(viewer: Viewer, socket: web.WebSocketResponse) -> None:
         await socket.send_str(text)
 
 
-def _refusal(status: int, reason: str) -> web.Response:
-    return web.Response(status=status, text=f"{reason}\n", headers=access.HEADERS)
+def _error(status: int, reason: str) -> web.Response:
+    return web.Response(status=status, text=f"{reason}\n")

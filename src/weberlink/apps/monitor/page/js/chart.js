@@ -1,30 +1,93 @@
 // The chart of a panel: uPlot with bands, zones and marks. Draws the rows of the store between two times.
 
 import uPlot from "../vendor/uplot.js";
-import { entry, frame } from "./frame.js";
-import { marks } from "./marks.js";
-import { amount } from "./panels.js";
+import { element, press } from "./dom.js";
+import { amount } from "./format.js";
 import { merge } from "./ring.js";
 import { theme } from "./theme.js";
 
-const SYNC = uPlot.sync("time");
 const LEGEND_EVERY_MS = 250;
+const LEGEND_CLASSES = { quiet: "all", bad: "missed" };
+
+// The panel around a chart: title with unit, choices, legend, help.
+export function frame({ name, title, unit = "", help, choices = [], ofAxes = false }, parent, choose = null) {
+  const heading = element("h2", { id: `title-${name}` }, title, " ", element("span", { className: "unit" }, unit));
+  const head = element("header", {}, heading);
+  const buttons = choices.map((choice) => element("button", { type: "button" }, choice));
+  for (const [k, button] of buttons.entries())
+    button.addEventListener("click", () => {
+      press(button, buttons);
+      choose(choices[k]);
+    });
+  if (buttons.length)
+    head.append(element("span", { className: "choice", role: "group", "aria-label": `${title}: component` }, ...buttons));
+  const axes = ofAxes ? element("select", { className: "axes", "aria-label": `${title}: axis` }) : null;
+  axes?.addEventListener("change", () => choose(axes.selectedIndex));
+  const legend = element("ul", { className: "legend" });
+  const tip = element("p", { id: `help-${name}`, popover: "auto", className: "tip" }, help);
+  const button = element("button", { type: "button", className: "help", "aria-label": `About ${title}`, popoverTargetElement: tip }, "?");
+  head.append(...(axes ? [axes] : []), legend, button, tip);
+  const note = element("p", { className: "empty" });
+  const body = element("div", { className: "chart", id: `chart-${name}` }, note);
+  parent.append(element("section", { className: "panel", id: `panel-${name}`, "aria-labelledby": heading.id }, head, body));
+  return { body, legend, note, axes, buttons };
+}
+
+// Draws a vertical line with the new setting for each live change.
+export function marks(u, changes) {
+  const { ctx, bbox } = u;
+  for (const { t, label } of changes) {
+    if (t < u.scales.x.min || t > u.scales.x.max) continue;
+    const x = Math.round(u.valToPos(t, "x", true));
+    ctx.save();
+    ctx.strokeStyle = ctx.fillStyle = theme.text;
+    rule(ctx, [x, bbox.top], [x, bbox.top + bbox.height], [3 * devicePixelRatio, 3 * devicePixelRatio]);
+    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    const left = x + ctx.measureText(label).width + 8 * devicePixelRatio > bbox.left + bbox.width;
+    ctx.textAlign = left ? "right" : "left";
+    ctx.textBaseline = "top";
+    ctx.fillText(label, x + (left ? -4 : 4) * devicePixelRatio, bbox.top + 2 * devicePixelRatio);
+    ctx.restore();
+  }
+}
+
+// What all plots share: the time line, and a cursor at the same time in each.
+export function options(body, least, span) {
+  const axis = { stroke: () => theme.quiet, font: theme.font, ticks: { show: false } };
+  return {
+    width: Math.max(120, body.clientWidth),
+    height: Math.max(least, body.clientHeight),
+    legend: { show: false },
+    cursor: { sync: { key: "time", scales: ["x", null] }, y: false, drag: { x: false, y: false }, points: { show: false } },
+    x: { time: false, range: span },
+    axis,
+    time: { ...axis, size: 22, gap: 5, space: 60, values: (u, splits) => splits.map((v) => `${+v.toFixed(2)} s`) },
+  };
+}
 
 export class Chart {
   constructor(panel, store, parent) {
     this.panel = panel;
     this.store = store;
-    this.choice = panel.ofAxes ? 0 : panel.choice;
+    this.choice = panel.ofAxes ? 0 : (panel.choice ?? panel.choices?.[0]);
     this.data = [];
     this.shown = 0;
     this.span = [0, 5];
-    Object.assign(this, frame(panel, parent, (choice) => this.#choose(choice)));
+    const made = frame(panel, parent, (choice) => this.#choose(choice));
+    this.body = made.body;
+    this.legend = made.legend;
+    this.note = made.note;
+    this.axes = made.axes;
+    press(made.buttons[panel.choices?.indexOf(this.choice)], made.buttons);
     this.#build();
-    new ResizeObserver(() => this.#resize()).observe(this.body);
+    new ResizeObserver(() => this.plot.setSize(options(this.body, 60, null))).observe(this.body);
   }
 
-  draw(from, to) {
+  // `side`: the one that is shown of a session that has only that one.
+  draw(from, to, side) {
     this.span = [from, to];
+    const { alone } = this.panel;
+    if (alone) for (const [k, { ring }] of this.panel.sources().entries()) this.sources[k].ring = this.store.rings[side === alone ? alone : ring];
     merge(this.sources, from, to, this.data);
     this.plot.setData(this.data);
     this.#say();
@@ -38,10 +101,6 @@ export class Chart {
     this.#choose(0);
   }
 
-  restyle() {
-    this.plot.redraw();
-  }
-
   #choose(choice) {
     this.choice = choice;
     this.#build();
@@ -50,13 +109,8 @@ export class Chart {
 
   #build() {
     this.plot?.destroy();
-    const { panel, store } = this;
-    const chosen = panel.sources(this.choice, store.axes);
-    this.sources = chosen.map(({ ring, series }) => ({
-      ring: store.rings[ring],
-      name: ring,
-      values: series.map((s) => s.of),
-    }));
+    const chosen = this.panel.sources(this.choice, this.store.axes);
+    this.sources = chosen.map(({ ring, series }) => ({ ring: this.store.rings[ring], values: series.map((s) => s.of) }));
     this.series = chosen.flatMap(({ series }) => series);
     this.data = Array.from({ length: this.series.length + 1 }, () => []);
     this.plot = new uPlot(this.#options(), this.data, this.body);
@@ -64,61 +118,25 @@ export class Chart {
     this.shown = 0;
   }
 
-  // A panel of one side shows the other side in a session that has only that one.
-  prefer(side) {
-    const { alone } = this.panel;
-    if (!alone) return;
-    for (const [k, { ring }] of this.panel.sources().entries())
-      this.sources[k].ring = this.store.rings[side === alone ? alone : ring];
-  }
-
   #options() {
     const { panel } = this;
     const range = panel.range(this.choice);
+    const { x, axis, time, ...common } = options(this.body, 60, () => this.span);
     const grid = { stroke: () => theme.grid, width: 1 };
-    const common = { stroke: () => theme.quiet, font: theme.font, ticks: { show: false }, grid };
-    const y = {
-      ...common,
-      size: 50,
-      gap: 4,
-      space: 22,
-      values: (u, splits) => splits.map((v) => (v === null ? "" : panel.axis(+v.toPrecision(6)))),
-    };
-    if (panel.splits) y.splits = () => panel.splits;
-    const axes = [
-      { ...common, size: 22, gap: 5, space: 60, values: (u, splits) => splits.map((v) => `${+v.toFixed(2)} s`) },
-      y,
-    ];
+    const values = (u, splits) => splits.map((v) => (v === null ? "" : panel.axis(+v.toPrecision(6))));
+    const side = { ...axis, size: 50, gap: 4, space: 22 };
+    /** @type {any[]} */
+    const axes = [{ ...time, grid }, { ...side, grid, values, ...(panel.splits ? { splits: () => panel.splits } : {}) }];
     if (panel.right)
-      axes.push({
-        ...common,
-        side: 1,
-        scale: "y",
-        size: 50,
-        gap: 4,
-        space: 22,
-        grid: { show: false },
-        values: (u, splits) => splits.map((v) => panel.right(v, this.store)),
-      });
+      axes.push({ ...side, side: 1, scale: "y", grid: { show: false }, values: (u, splits) => splits.map((v) => panel.right(v, this.store)) });
     return {
-      ...this.#size(),
+      ...common,
       axes,
       padding: [6, panel.right ? 0 : 10, 0, 0],
       pxAlign: 0,
-      legend: { show: false },
-      cursor: {
-        sync: { key: SYNC.key, scales: ["x", null] },
-        y: false,
-        drag: { x: false, y: false },
-        points: { show: false },
-      },
-      scales: {
-        x: { time: false, range: () => this.span },
-        y: { distr: panel.log ? 3 : 1, range: (u, low, high) => range(low ?? 0, high ?? 0) },
-        marks: { range: () => [0, 1] },
-      },
+      scales: { x, y: { distr: panel.log ? 3 : 1, range: (u, low, high) => range(low ?? 0, high ?? 0) }, marks: { range: () => [0, 1] } },
       series: [{}, ...this.series.map(line)],
-      bands: panel.band ? [{ series: [panel.band[0], panel.band[1]], fill: () => theme["zone-fill"] }] : [],
+      bands: panel.band ? [{ series: panel.band, fill: () => theme["zone-fill"] }] : [],
       hooks: {
         setCursor: [() => this.plot && this.#say()],
         drawAxes: [(u) => this.#under(u)],
@@ -130,17 +148,22 @@ export class Chart {
   #under(u) {
     const { zone, line: limit } = this.panel;
     const { ctx, bbox } = u;
+    const across = (y, colour, dash) => {
+      ctx.strokeStyle = colour;
+      rule(ctx, [bbox.left, y], [bbox.left + bbox.width, y], dash);
+    };
     ctx.save();
     if (zone) {
       const [low, high] = zone.map((v) => u.valToPos(v, "y", true));
       ctx.fillStyle = theme["zone-fill"];
       ctx.fillRect(bbox.left, high, bbox.width, low - high);
-      rule(ctx, bbox, high, theme.zone, []);
+      across(high, theme.zone, []);
     }
-    if (limit) rule(ctx, bbox, u.valToPos(limit(this.store), "y", true), theme.quiet, [5, 4]);
+    if (limit) across(u.valToPos(limit(this.store), "y", true), theme.quiet, [5, 4]);
     ctx.restore();
   }
 
+  // Writes the newest values, or those at the cursor, into the legend.
   #say() {
     const now = performance.now();
     const at = this.plot.cursor.idx;
@@ -151,59 +174,37 @@ export class Chart {
     }
     this.shown = now;
     this.at = at;
-    let item = 0;
-    let known = false;
-    let first = NaN;
-    this.series.forEach((series, k) => {
-      const value = latest(this.data[k + 1], at);
-      if (!series.mark && !known && Number.isFinite(value)) [known, first] = [true, value];
-      if (!series.name) return;
-      const place = this.legend.children[item++].querySelector("b");
-      const text = series.unit ? amount(value, series) : "";
+    const values = this.series.map((_, k) => latest(this.data[k + 1], at));
+    const places = this.legend.querySelectorAll("li");
+    for (const [k, series] of this.series.filter((s) => s.name).entries()) {
+      const place = places[k].querySelector("b");
+      const text = series.unit ? amount(values[this.series.indexOf(series)], series) : "";
       if (place && place.textContent !== text) place.textContent = text;
-    });
-    const note = known ? (this.panel.quietNote?.(this.store, first) ?? "") : this.panel.empty;
+    }
+    const first = values.find((value, k) => !this.series[k].mark && Number.isFinite(value));
+    const note = first === undefined ? this.panel.empty : (this.panel.quietNote?.(this.store) ?? "");
     if (this.note.textContent !== note) this.note.textContent = note;
-  }
-
-  #size() {
-    return { width: Math.max(120, this.body.clientWidth), height: Math.max(60, this.body.clientHeight) };
-  }
-  #resize() {
-    const size = this.#size();
-    if (size.width !== this.plot.width || size.height !== this.plot.height) this.plot.setSize(size);
   }
 }
 
-// The newest known value at a row or up to 50 rows before; at the last row if none is given.
+function entry({ name, colour, faint, unit }) {
+  const item = element("li", { className: `${LEGEND_CLASSES[colour] ?? colour}${faint ? " faint" : ""}` }, `${name} `);
+  if (unit) item.append(element("b", {}, "–"));
+  return item;
+}
+
+// The newest known value at a row or up to 200 rows before; at the last row if none is given.
 function latest(values, at) {
   let i = Math.min(at ?? values.length - 1, values.length - 1);
-  for (const stop = Math.max(0, i - 50); i >= stop; i -= 1) if (values[i] !== undefined) return values[i] ?? NaN;
+  for (const stop = Math.max(0, i - 200); i >= stop; i -= 1) if (values[i] !== undefined) return values[i] ?? NaN;
   return NaN;
 }
 
-function line(series) {
-  if (series.hidden) return { show: true, stroke: "transparent", width: 0, points: { show: false }, spanGaps: false };
-  if (series.poles)
-    return {
-      scale: "marks",
-      stroke: () => theme[series.colour],
-      width: 1.25,
-      paths: poles(series.poles),
-      points: { show: false },
-    };
-  if (series.dots) {
-    const fill = () => theme[series.colour];
-    return { paths: () => null, points: { show: true, size: series.dots, width: 0, fill, stroke: fill } };
-  }
-  return {
-    stroke: () => theme[series.colour],
-    width: series.width,
-    alpha: series.alpha ?? 1,
-    dash: series.dash,
-    points: { show: false },
-    spanGaps: false,
-  };
+function line({ colour, width, alpha = 1, dash, hidden, poles: share, dots }) {
+  const stroke = hidden ? "transparent" : () => theme[colour];
+  if (share) return { scale: "marks", stroke, width: 1.25, paths: poles(share), points: { show: false } };
+  if (dots) return { paths: () => null, points: { show: true, size: dots, width: 0, fill: stroke, stroke } };
+  return { stroke, width: hidden ? 0 : width, alpha, dash, points: { show: false }, spanGaps: false };
 }
 
 // An upright line wherever there is a value, over a share of the height.
@@ -221,12 +222,10 @@ function poles(share) {
   };
 }
 
-function rule(ctx, bbox, y, colour, dash) {
-  ctx.strokeStyle = colour;
+function rule(ctx, from, to, dash) {
   ctx.lineWidth = devicePixelRatio;
   ctx.setLineDash(dash);
   ctx.beginPath();
-  ctx.moveTo(bbox.left, y);
-  ctx.lineTo(bbox.left + bbox.width, y);
+  for (const point of [from, to]) ctx.lineTo(...point);
   ctx.stroke();
 }

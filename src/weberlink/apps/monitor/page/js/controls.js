@@ -1,8 +1,7 @@
 // Settings that can be changed while the session runs: sends the request and shows the answer.
 
-import { show } from "./format.js";
+import { by, fill, show } from "./dom.js";
 
-const by = (id) => document.getElementById(id);
 const AGREED = ["weber", "predictor"]; // by both ends
 const LINK = ["delay_ms", "loss"]; // of the emulated network
 const NAMES = [...AGREED, ...LINK];
@@ -13,8 +12,11 @@ const SETTLED_MS = 120; // a key held on a slider changes it many times
 
 export class Controls {
   // `send(message)` returns whether the message was sent.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(store, send) {
-    Object.assign(this, { store, send, waiting: {} });
+    this.store = store;
+    this.send = send;
+    this.waiting = {};
     for (const name of NAMES) by(name).addEventListener("change", () => this.#settle(name));
     for (const name in SLIDERS) by(name).addEventListener("input", () => this.#label(name, Number(by(name).value)));
   }
@@ -24,7 +26,8 @@ export class Controls {
     const { hello, wanted, ended } = this.store;
     const settings = { ...wanted, ...hello?.link };
     by("link").hidden = !hello?.link;
-    fill(by("predictor"), hello?.predictors ?? [], settings.predictor, reset);
+    fill(by("predictor"), (hello?.predictors ?? []).map((name) => [name, name]));
+    if (settings.predictor && (reset || document.activeElement !== by("predictor"))) by("predictor").value = settings.predictor;
     for (const name in SLIDERS) {
       if (typeof settings[name] !== "number" || name in this.waiting) continue;
       if (reset || document.activeElement !== by(name)) by(name).value = settings[name];
@@ -32,28 +35,24 @@ export class Controls {
     }
     const shown = hello?.link ? NAMES : AGREED;
     const reasons = shown.map((name) => this.#reason(name, connected, hello, ended));
-    shown.forEach((name, k) => {
-      const reason = reasons[k];
-      const place = by(`control-${name}`);
-      by(name).disabled = Boolean(reason);
+    for (const [k, name] of shown.entries()) {
+      by(name).disabled = Boolean(reasons[k]);
       by(name).dataset.value = settings[name] ?? "";
-      place.classList.toggle("off", Boolean(reason));
-      place.title = reason;
-    });
-    const [first] = reasons;
-    if (first && reasons.every((reason) => reason === first)) this.#say(first, "");
+      by(`control-${name}`).classList.toggle("off", Boolean(reasons[k]));
+      by(`control-${name}`).title = reasons[k];
+    }
+    if (reasons[0] && new Set(reasons).size === 1) this.#say(reasons[0], "");
     else if (by("answer").dataset.value === "") this.#say("", "");
   }
 
-  // The answer to a change; other answers are not meant for this.
+  /** @param {import("./messages.js").AnswerMessage} message */
   answer(message) {
-    if ((message.to ?? "change") !== "change") return;
     clearTimeout(this.timer);
     const { hello } = this.store;
     if (message.link && hello) hello.link = { ...hello.link, ...message.link };
     if (!message.accepted) this.#say(`not changed: ${message.why ?? "refused"}`, "refused");
     else if (message.tick === undefined) this.#say("in force, both ends", "accepted");
-    else this.#say(`from tick ${message.tick} on, both ends`, "accepted", message.tick);
+    else this.#say(`from tick ${message.tick} on, both ends`, "accepted", String(message.tick));
     this.refresh(true, true);
   }
 
@@ -64,8 +63,7 @@ export class Controls {
     if (ended) return "the session has ended";
     const link = LINK.includes(name);
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
-    if (hello.readonly && (link || permitted.length))
-      return "read-only: open the address with the key, which weberlink printed";
+    if (hello.readonly && (link || permitted.length)) return "read-only: open the address with the key, which weberlink printed";
     if (link || (hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";
@@ -80,32 +78,18 @@ export class Controls {
 
   #ask(name, value) {
     delete this.waiting[name];
-    if (!this.send({ type: "change", [name]: value })) {
-      this.#say("not changed: the monitor does not answer", "refused");
-      return;
-    }
+    if (!this.send({ type: "change", [name]: value })) return this.#say("not changed: the monitor does not answer", "refused");
     this.#say("asking both ends …", "asked");
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.answer({ accepted: false, why: "no answer" }), PATIENCE_MS);
+    this.timer = setTimeout(() => this.answer({ type: "answer", accepted: false, why: "no answer" }), PATIENCE_MS);
   }
 
   #label(name, value) {
     show(by(`${name}-value`), SLIDERS[name](value), value);
   }
 
-  #say(text, kind, tick) {
-    const place = by("answer");
-    place.textContent = text || "\u00a0";
-    place.dataset.value = kind;
-    place.dataset.tick = tick ?? "";
+  #say(text, kind, tick = "") {
+    show(by("answer"), text || "\u00a0", kind);
+    by("answer").dataset.tick = tick;
   }
-}
-
-function fill(select, names, chosen, reset) {
-  const wanted = names.join("\n");
-  if (select.dataset.names !== wanted) {
-    select.replaceChildren(...names.map((name) => new Option(name, name)));
-    select.dataset.names = wanted;
-  }
-  if (chosen && (reset || document.activeElement !== select)) select.value = chosen;
 }

@@ -7,9 +7,12 @@ const LEASH_M = 0.03; // largest distance of a target under rate control from th
 export class Drive {
   // `send(message, repeat)` returns whether the message was sent, see `Link`; `changed()` is called when a hold begins or ends;
   // `sent(target, held, at)` after each message.
+  /** @param {import("./link.js").Link["send"]} send */
   constructor(send, changed, sent) {
-    Object.assign(this, { send, changed, sent });
-    this.sources = new Set(); // of those that hold: pointer, keys, gamepad
+    this.send = send;
+    this.changed = changed;
+    this.sent = sent;
+    this.sources = new Set(); // of those that hold: pointer, keys
     this.target = null; // [m]; beyond the workspace while the pointer is
     this.half = Infinity; // half an edge of the workspace [m]
     this.refusal = "no session"; // why the handle cannot be held; null if it can

@@ -1,35 +1,39 @@
 // The emergency stop: asks for it by the WebSocket and by HTTP, as soon as the button goes down, and says what happened.
-//
 // It asks whatever the page believes of the session: the page may be behind.
 
-import { announce, notice } from "./notice.js";
+import { announce, by, notice } from "./dom.js";
 
 const PATIENCE_MS = 3000;
 const SAME_PRESS_MS = 1000;
 const INSTEAD = "use the emergency stop of the robot or the device, or press Ctrl-C in the terminal of the session";
 
-const button = document.getElementById("emergency");
+const button = by("emergency");
 const KEY = button.getAttribute("aria-keyshortcuts");
 
 export class Emergency {
   // `said()` is called when the state has changed.
   constructor(store, link, said) {
-    Object.assign(this, { store, link, said, pressed: -Infinity });
+    this.store = store;
+    this.link = link;
+    this.said = said;
+    this.pressed = -Infinity;
     this.clear();
     button.addEventListener("pointerdown", (event) => event.button === 0 && this.press());
-    button.addEventListener("keydown", (event) => {
-      if (event.key !== "Enter" && event.key !== " ") return;
+    const pressed = (event) => {
       event.preventDefault();
       if (!event.repeat) this.press();
-    });
+    };
+    button.addEventListener("keydown", (event) => [" ", "Enter"].includes(event.key) && pressed(event));
     // A click without pointer or key: assistive technology.
     button.addEventListener("click", () => performance.now() - this.pressed > SAME_PRESS_MS && this.press());
     // Whatever has the focus: the key writes nothing, and moves nothing, in any control.
-    addEventListener("keydown", (event) => this.#key(event), true);
+    // With another key held it belongs to the desktop or a screen reader.
+    const others = (event) => event.ctrlKey || event.altKey || event.metaKey;
+    addEventListener("keydown", (event) => event.key === KEY && !others(event) && pressed(event), true);
   }
 
   press() {
-    const bySocket = this.link.send({ type: "session", do: "emergency" });
+    const bySocket = this.link.send({ type: "emergency" });
     this.#post();
     this.pressed = performance.now();
     this.waiting = bySocket ? 2 : 1;
@@ -40,12 +44,10 @@ export class Emergency {
     this.timer = setTimeout(() => this.#fail([...this.reasons, "no answer"].join("; ")), PATIENCE_MS);
   }
 
-  // The answer to a request of type `session`; false if none was asked for here.
-  answer(message) {
-    if (this.state !== "asked") return false;
-    if (message.accepted) this.#stopped();
-    else this.#refused(message.why ?? "refused");
-    return true;
+  answer({ accepted, why }) {
+    if (this.state !== "asked") return;
+    if (accepted) this.#stopped();
+    else this.#refused(why ?? "refused");
   }
 
   // The session is over: whatever the answers were, it is stopped.
@@ -62,25 +64,15 @@ export class Emergency {
     button.dataset.value = "";
   }
 
-  // With another key held it belongs to the desktop or a screen reader.
-  #key(event) {
-    if (event.key !== KEY || event.ctrlKey || event.altKey || event.metaKey) return;
-    event.preventDefault();
-    if (!event.repeat) this.press();
-  }
-
   async #post() {
     const session = this.store.hello?.session; // without one, all sessions of the host are stopped
+    const query = session ? `?${new URLSearchParams({ session })}` : "";
+    const headers = { "X-WeberLink-Token": this.link.token ?? "" };
     try {
-      const response = await fetch(`api/emergency${session ? `?session=${encodeURIComponent(session)}` : ""}`, {
-        method: "POST",
-        keepalive: true,
-        headers: { "X-WeberLink-Token": this.link.token ?? "" },
-      });
+      const response = await fetch(`api/emergency${query}`, { method: "POST", keepalive: true, headers });
       const text = await response.text();
-      const told = parsed(text);
-      if (response.ok && told?.accepted !== false) this.#stopped();
-      else this.#refused(told?.why ?? (text.trim() || `the monitor answered ${response.status}`));
+      if (response.headers.get("Content-Type")?.startsWith("application/json")) this.answer(JSON.parse(text));
+      else this.#refused(text.trim() || `the monitor answered ${response.status}`);
     } catch {
       this.#refused("the monitor does not answer");
     }
@@ -95,9 +87,8 @@ export class Emergency {
   }
 
   #again() {
-    const { hello } = this.store;
+    const { hello, file } = this.store;
     if (hello?.rooms?.start) return "press Start";
-    const file = hello?.names?.file ?? hello?.sides?.master?.file ?? hello?.sides?.slave?.file;
     return `start the session again in its terminal${file ? ` (${file.split("/").pop()})` : ""}`;
   }
 
@@ -123,11 +114,3 @@ export class Emergency {
 }
 
 const clock = () => new Date().toLocaleTimeString("en-GB");
-
-function parsed(text) {
-  try {
-    return JSON.parse(text);
-  } catch {
-    return null;
-  }
-}

@@ -1,10 +1,11 @@
 // Numbers as text. The exact number is beside it, in data-value.
 
 const UNKNOWN = "–";
-const MINUS = "\u2212";
+const DEGREES = 180 / Math.PI;
 
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
-const fixed = (value, digits) => value.toFixed(digits).replace("-", MINUS);
+const fixed = (value, digits) => value.toFixed(digits).replace("-", "\u2212");
+const number = (digits, unit = "", factor = 1) => (v) => known(v) ? fixed(factor * v, digits) + unit : UNKNOWN;
 
 // Three significant digits, without an exponent.
 export function three(value) {
@@ -15,26 +16,31 @@ export function three(value) {
 
 export const AS = {
   count: (v) => (known(v) ? v.toLocaleString("en").replace(/,/g, "\u202f") : UNKNOWN),
-  number1: (v) => (known(v) ? fixed(v, 1) : UNKNOWN),
-  number2: (v) => (known(v) ? fixed(v, 2) : UNKNOWN),
-  number3: (v) => (known(v) ? fixed(v, 3) : UNKNOWN),
+  number1: number(1),
+  number2: number(2),
+  number3: number(3),
   pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
-  rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
-  percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
-  percent2: (v) => (known(v) ? `${fixed(100 * v, 2)} %` : UNKNOWN),
-  milli: (v) => (known(v) ? three(v / 1000) : UNKNOWN),
+  rate: number(1, " /s"),
+  percent: number(1, " %", 100),
+  percent2: number(2, " %", 100),
+  milli: (v) => three(known(v) ? v / 1000 : NaN),
   ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
-  us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
-  mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
-  mnm: (v) => (known(v) ? `${fixed(1000 * v, 2)} mN\u202fm` : UNKNOWN),
-  mnm1: (v) => (known(v) ? `${fixed(1000 * v, 1)} mN\u202fm` : UNKNOWN),
-  degrees: (v) => (known(v) ? `${fixed((180 / Math.PI) * v, 3)}°` : UNKNOWN),
-  newton: (v) => (known(v) ? `${fixed(v, 3)} N` : UNKNOWN),
+  us: number(0, " µs"),
+  mm: number(3, " mm", 1000),
+  mnm: number(2, " mN\u202fm", 1000),
+  mnm1: number(1, " mN\u202fm", 1000),
+  degrees: number(3, "°", DEGREES),
+  degrees1: number(1, "°", DEGREES),
+  newton: number(3, " N"),
 };
 
-// Text and exact value of an element; writes to the document only what has changed.
-export function show(element, text, value) {
-  if (element.textContent !== text) element.textContent = text;
-  const exact = value === null || value === undefined || value !== value ? "" : String(value);
-  if (element.dataset.value !== exact) element.dataset.value = exact;
+// The value of a series of a chart.
+export function amount(value, { digits, unit }) {
+  if (!known(value)) return UNKNOWN;
+  return `${digits === 0 ? AS.count(Math.round(value)) : digits === 1 ? AS.number1(value) : three(value)} ${unit}`;
 }
+
+// Numbers in a record that the greeting does not name.
+export const ENGAGED = 4; // of `state`
+export const RELEASED = 2; // of `ramping`: the operator does not hold the button that lets the robot follow
+export const modelName = (kind) => ["hold", "line", "plane", "sphere"][kind] ?? "unknown";

@@ -1,4 +1,4 @@
-// How long after a message of the pointer the page shows that the handle moves, and the clock of the server.
+// How long after a message of the pointer the page shows that the handle moves.
 //
 // A measurement begins with the first message that moves a target that was still for 150 ms by 1 mm or more. It ends with
 // the first row in which the handle has moved by 0.2 mm or more in that direction. It is dropped after 1 s, or when the hold
@@ -9,12 +9,10 @@ const STEP_M = 0.001;
 const MOVED_M = 0.0002;
 const LONGEST_MS = 1000;
 const KEPT = 500;
-const PINGS_KEPT = 8;
 
 export class Latency {
   constructor() {
     this.times = []; // [ms]
-    this.pings = []; // {rtt, offset} [ms]
     this.forget();
   }
 
@@ -53,23 +51,5 @@ export class Latency {
     if (!this.times.length) return NaN;
     const sorted = [...this.times].sort((a, b) => a - b);
     return sorted[Math.min(sorted.length - 1, Math.ceil(share * sorted.length) - 1)];
-  }
-
-  // An answer to a ping of a time [ms] with the server's clock [s].
-  pong({ at, now }, here) {
-    const rtt = here - at;
-    this.pings = [...this.pings, { rtt, offset: 1000 * now - (at + rtt / 2) }].slice(-PINGS_KEPT);
-  }
-
-  // The server's clock less the page's [ms], by the quickest of the last pings; NaN before the first.
-  get offset() {
-    return this.#quickest.offset;
-  }
-  // Round trip between page and server [ms].
-  get rtt() {
-    return this.#quickest.rtt;
-  }
-  get #quickest() {
-    return this.pings.reduce((best, ping) => (ping.rtt < best.rtt ? ping : best), { rtt: Infinity, offset: NaN });
   }
 }

@@ -25,6 +25,7 @@ export class Link {
   }
 
   // Whether the message was sent. With `repeat`, it is repeated until one with `repeat` false, or this page stops.
+  /** @param {import("./messages.js").Request} message @param {boolean} [repeat] */
   send(message, repeat) {
     if (!this.isOpen) return false;
     const text = JSON.stringify(this.token === null ? message : { ...message, token: this.token });
@@ -44,8 +45,7 @@ export class Link {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const query = new URLSearchParams(location.hash.slice(1)); // #key=...: who has it may change something
     if (this.session !== null) query.set("session", this.session);
-    const socket = new Worker(new URL("socket_thread.js", import.meta.url));
-    this.socket = socket;
+    const socket = (this.socket = new Worker(new URL("socket_thread.js", import.meta.url)));
     socket.onmessage = ({ data: { state, data } }) => {
       if (socket !== this.socket) return;
       if (data !== undefined) this.onMessage(typeof data === "string" ? JSON.parse(data) : data);

@@ -1,126 +1,101 @@
 // The page: puts messages into the store and draws the store, at most 30 times a second.
 
-import { Alarms } from "./alarms.js";
-import { ArmTable } from "./arm.js";
-import { ARM_PANELS } from "./arm_panels.js";
+import { Recording, Room, Sessions } from "./bar.js";
+import { Alarms, ArmTable, EventLog, showPaths } from "./book.js";
+import { Camera } from "./camera.js";
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
-import "./dismiss.js";
+import { all, by, element, press } from "./dom.js";
 import { Emergency } from "./emergency.js";
-import { EventLog } from "./events.js";
-import { Headline, fillFigures } from "./headline.js";
-import { HISTORY } from "./history.js";
 import { Link } from "./link.js";
 import { PANELS } from "./panels.js";
-import { Paths } from "./paths.js";
-import { Recording } from "./record.js";
-import { Room } from "./room.js";
-import { Sessions } from "./sessions.js";
 import { Store } from "./store.js";
-import { chooseTheme, chosenTheme, onThemeChange } from "./theme.js";
+import { onThemeChange } from "./theme.js";
+import { Tiles, fillFigures } from "./tiles.js";
 import { Timeline } from "./timeline.js";
 import { Touch } from "./touch.js";
-import { PictureView } from "./view.js";
 
 const LEAST_INTERVAL_MS = 1000 / 30;
 const IDLE_SHARE = 3; // the page is idle at least this many times as long as a drawing took
 const LONGEST_SLICE_MS = 12; // a drawing lets the emergency stop in between
-const ALL = "all";
 
-const by = (id) => document.getElementById(id);
 const store = new Store();
 const link = new Link("ws", receive, connect);
-const ask = (message, repeat) => link.send(message, repeat);
-const touch = new Touch(store, ask);
+/** @type {Link["send"]} */
+const send = (message, repeat) => link.send(message, repeat);
+const touch = new Touch(store, send);
 const emergency = new Emergency(store, link, () => schedule());
-const headline = new Headline(store);
-const charts = [...PANELS, ...ARM_PANELS, ...HISTORY].map((panel) => new Chart(panel, store, by("charts")));
-charts.push(new Timeline(store, by("charts")));
+const tiles = new Tiles(store);
+const charts = [...PANELS.map((panel) => new Chart(panel, store, by("charts"))), new Timeline(store, by("charts"))];
 const arm = new ArmTable(store);
-const controls = new Controls(store, ask);
+const controls = new Controls(store, send);
 const sessions = new Sessions(store, (name) => link.follow(name));
-const room = new Room(store, ask);
-const recording = new Recording(store, ask);
+const room = new Room(store, send);
+const recording = new Recording(store, send);
 const events = new EventLog();
 const alarms = new Alarms();
-const paths = new Paths();
-const picture = new PictureView();
-const drawing = { window: 5, paused: null, due: false, again: 0, drawn: 0, rest: 0 };
+const camera = new Camera();
+const drawing = { window: 5, paused: null, due: false, more: false, again: 0, drawn: 0, rest: 0 };
 const inSight = new Set(); // the charts and the scene that are in the window: only these are drawn
-let view = null;
-let connected = false;
-
-// What each type of message does besides what the store takes from it; others are ignored.
-const TAKE = {
-  hello: greet,
-  figures(message) {
-    fillFigures(message);
-    alarms.show(message.alarms);
-    paths.show(message.paths);
-    if (message.ended) emergency.ended();
-    if (message.settings || message.ended) refresh();
-  },
-  answer(message) {
-    const { to = "change" } = message;
-    if (to === "change") controls.answer(message);
-    else if (to === "session" && !emergency.answer(message)) room.answer(message);
-    else if (to === "record") recording.answer(message);
-  },
-  events: (message) => events.take(message.events),
-  recording: (message) => recording.take(message),
-  keeper: (message) => room.take(message),
-};
+let [view, connected] = [null, false];
 
 function connect(state) {
   connected = state === "open";
   document.body.dataset.connection = state;
-  headline.connection = state;
-  if (connected && drawing.window === ALL) subscribe();
+  tiles.connection = state;
   refresh();
   touch.connection(connected);
   sessions.refresh(connected);
   schedule();
 }
 
+// What each type of message does besides what the store takes from it; others are ignored.
+/** @param {import("./messages.js").Message} message */
 function receive(message) {
   const before = store.begun;
   store.take(message);
   if (store.begun !== before) renew();
-  TAKE[message.type]?.(message);
+  if (message.type === "hello") greet(message);
+  if (message.type === "figures") {
+    fillFigures(message);
+    alarms.show(message.alarms);
+    showPaths(message.paths);
+    if (message.ended) emergency.ended();
+    if (message.settings || message.ended) refresh();
+  }
+  if (message.type === "answer") ({ session: room, record: recording, emergency }[message.to] ?? controls).answer(message);
+  if (message.type === "events") events.take(message.events);
+  if (message.type === "recording") recording.take(message);
+  if (message.type === "launcher") room.take(message);
   touch.take(message);
   schedule();
 }
 
+/** @param {import("./messages.js").Hello} hello */
 function greet(hello) {
-  link.token = hello.token ?? null;
+  link.token = hello.token;
   document.body.dataset.rotation = String(store.rotates);
   document.body.dataset.arm = String(store.axes !== null);
   arm.build();
-  for (const chart of charts) chart.offer?.(store.axes ?? []);
+  for (const chart of charts) if (chart instanceof Chart) chart.offer(store.axes ?? []);
   view?.setScene();
   fillFigures(store.figures);
-  picture.follow(hello.view && hello.session ? hello.session : null);
+  camera.follow(hello.view && hello.session ? hello.session : null);
   refresh();
   sessions.refresh(connected);
 }
 
 // Another session is shown.
 function renew() {
-  emergency.clear();
-  recording.clear();
-  events.clear();
+  for (const part of [emergency, recording, events]) part.clear();
   alarms.show();
-  paths.show();
+  showPaths();
 }
 
 function refresh() {
   store.may = connected && link.token !== null;
   controls.refresh(connected);
   for (const part of [room, recording]) part.refresh();
-}
-
-function subscribe() {
-  link.send({ type: "subscribe", history: drawing.window === ALL });
 }
 
 // Requests one drawing, with the next frame after the idle time.
@@ -142,8 +117,7 @@ async function draw(now) {
     drawing.drawn += 1;
     drawing.due = false;
     drawing.again = now + Math.max(LEAST_INTERVAL_MS, (1 + IDLE_SHARE) * cost);
-    document.body.dataset.drawn = drawing.drawn;
-    document.body.dataset.cost = cost.toFixed(1);
+    document.body.dataset.drawn = String(drawing.drawn);
     if (drawing.more) schedule();
   }
 }
@@ -167,20 +141,16 @@ async function inSlices(parts) {
 
 // The parts of one drawing.
 function steps(newest) {
-  const all = drawing.window === ALL;
-  const from = all ? 0 : Math.max(0, newest - drawing.window);
-  const to = all ? Math.max(1, newest, store.rings.history.newest) : from + drawing.window;
+  const from = Math.max(0, newest - drawing.window);
   const only = store.present.length === 1 ? store.present[0] : "master";
   return [
-    () => headline.draw(),
+    () => tiles.draw(),
     () => arm.draw(newest),
-    ...charts.filter(({ body }) => inSight.has(body)).map((chart) => () => {
-      chart.prefer?.(only);
-      chart.draw(from, to);
-    }),
+    ...charts.filter(({ body }) => inSight.has(body)).map((chart) => () => chart.draw(from, from + drawing.window, only)),
     () => {
       clearTimeout(drawing.rest);
-      if (inSight.has(by("scene")) && view?.draw(newest, performance.now()) === false) drawing.rest = setTimeout(schedule, view.interval);
+      const drawn = !inSight.has(by("scene")) || (view?.draw(newest, performance.now()) ?? true);
+      if (!drawn) drawing.rest = window.setTimeout(schedule, view.interval);
     },
   ];
 }
@@ -192,22 +162,14 @@ by("pause").addEventListener("click", () => {
   by("pause").textContent = on ? "Resume" : "Pause";
   schedule();
 });
-for (const button of document.querySelectorAll("[data-window]")) {
+for (const button of all("[data-window]"))
   button.addEventListener("click", () => {
-    const { window: length } = button.dataset;
-    const before = drawing.window;
-    drawing.window = length === ALL ? ALL : Number(length);
-    document.body.dataset.length = length;
-    for (const other of document.querySelectorAll("[data-window]"))
-      other.setAttribute("aria-pressed", String(other === button));
-    if ((before === ALL) !== (drawing.window === ALL)) subscribe();
+    drawing.window = Number(button.dataset.window);
+    press(button, all("[data-window]"));
     schedule();
   });
-}
-by("theme").value = chosenTheme();
-by("theme").addEventListener("change", ({ target }) => chooseTheme(target.value));
 onThemeChange(() => {
-  for (const chart of charts) chart.restyle();
+  for (const { plot } of charts) plot.redraw();
   view?.restyle();
   schedule();
 });
@@ -232,11 +194,8 @@ try {
   touch.attach(view);
   by("scene").dataset.value = "webgl";
 } catch (error) {
-  const note = document.createElement("p");
-  note.className = "missing";
-  note.textContent =
-    "The 3-D view needs WebGL, which this browser does not offer. All figures and charts work without it.";
-  by("scene").replaceChildren(note);
+  const text = "The 3-D view needs WebGL, which this browser does not offer. All figures and charts work without it.";
+  by("scene").replaceChildren(element("p", { className: "missing" }, text));
   by("scene").dataset.value = "missing";
   by("scene").title = String(error);
 }

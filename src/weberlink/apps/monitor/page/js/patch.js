@@ -26,8 +26,7 @@ export function patch({ kind, surface, size }, point, reach, into) {
     const out = kind === SPHERE ? radius * Math.sin(arc / radius) : arc;
     for (let spoke = 0; spoke < SPOKES; spoke += 1) {
       const angle = (2 * Math.PI * spoke) / SPOKES;
-      const a = out * Math.cos(angle);
-      const b = out * Math.sin(angle);
+      const [a, b] = [out * Math.cos(angle), out * Math.sin(angle)];
       for (let k = 0; k < 3; k += 1) into[place++] = middle[k] + along * normal[k] + a * first[k] + b * second[k];
     }
   }
@@ -40,8 +39,7 @@ export function triangles() {
   for (let ring = 0; ring < RINGS; ring += 1) {
     for (let spoke = 0; spoke < SPOKES; spoke += 1) {
       const next = (spoke + 1) % SPOKES;
-      const a = ring * SPOKES + spoke,
-        b = ring * SPOKES + next;
+      const [a, b] = [ring * SPOKES + spoke, ring * SPOKES + next];
       faces.push(a, a + SPOKES, b, b, a + SPOKES, b + SPOKES);
     }
   }

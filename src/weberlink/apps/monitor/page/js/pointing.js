@@ -18,7 +18,12 @@ const MOVES = {
 
 export class Pointing {
   constructor(place, view, drive) {
-    Object.assign(this, { place, view, drive, anywhere: false, pointer: null, finger: null, keys: new Set() });
+    this.place = place;
+    this.view = view;
+    this.drive = drive;
+    this.anywhere = false; // whether a drag beside the handle moves it, too
+    this.pointer = this.finger = null;
+    this.keys = new Set();
     const early = { capture: true, passive: false }; // before the controls of the camera
     place.addEventListener("pointerdown", (event) => this.#down(event), early);
     // Raw updates come between two drawings, too. The window hears of pointers of which the place has lost the capture.

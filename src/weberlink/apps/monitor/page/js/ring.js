@@ -11,6 +11,7 @@ export class Ring {
   }
 
   clear() {
+    /** @type {Record<string, Float64Array>} */
     this.columns = { t: new Float64Array(2 * this.capacity) };
     this.begin = 0;
     this.end = 0;
@@ -49,8 +50,7 @@ export class Ring {
   // First row at or after a time.
   at(time) {
     const { t } = this.columns;
-    let low = this.begin;
-    let high = this.end;
+    let [low, high] = [this.begin, this.end];
     while (low < high) {
       const middle = (low + high) >> 1;
       if (t[middle] < time) low = middle + 1;
@@ -61,6 +61,10 @@ export class Ring {
 
   has(name) {
     return name in this.columns;
+  }
+  // A column at a time; not-a-number while it is unknown.
+  value(name, time) {
+    return this.empty || !this.has(name) ? NaN : this.columns[name][Math.min(this.at(time), this.end - 1)];
   }
   last(name) {
     return this.empty || !this.has(name) ? NaN : this.columns[name][this.end - 1];

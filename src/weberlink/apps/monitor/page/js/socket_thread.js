@@ -25,7 +25,7 @@ function open(url) {
   socket = new WebSocket(url);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => postMessage({ state: "open" });
-  socket.onmessage = ({ data }) => postMessage({ data }, typeof data === "string" ? [] : [data]);
+  socket.onmessage = ({ data }) => postMessage({ data });
   socket.onclose = () => {
     postMessage({ state: "closed" });
     self.close();

@@ -19,22 +19,15 @@ export function solids(scene, reach) {
 
 // How far the bounded objects reach from the middle [mm], above the planes only.
 export function extent(scene) {
-  let far = 0;
-  for (const object of scene) {
-    if (object.shape === "box") far = Math.max(far, length2(object.center_m) + Math.hypot(...object.size_m) / 2);
-    if (object.shape === "sphere") far = Math.max(far, length2(object.center_m) + Math.min(object.radius_m, 0.05));
-    if (object.shape === "height_field" && object.heights_m) {
-      far = Math.max(
-        far,
-        length2(object.center_m) +
-          0.5 * object.spacing_m * Math.max(object.heights_m.length, object.heights_m[0].length),
-      );
-    }
-  }
-  return MM * far;
+  const reach = {
+    box: ({ size_m: size }) => Math.hypot(...size) / 2,
+    sphere: ({ radius_m: radius }) => Math.min(radius, 0.05),
+    height_field: ({ heights_m: rows, spacing_m: spacing }) => (rows ? 0.5 * spacing * Math.max(rows.length, rows[0].length) : -Infinity),
+  };
+  const bounded = scene.filter(({ shape }) => shape in reach);
+  return MM * Math.max(0, ...bounded.map((object) => Math.hypot(object.center_m[0], object.center_m[1]) + reach[object.shape](object)));
 }
 
-const length2 = (v) => Math.hypot(v[0], v[1]);
 const vector = (v) => new THREE.Vector3(...v).multiplyScalar(MM);
 
 function half({ point_m: point, normal }) {
@@ -43,17 +36,9 @@ function half({ point_m: point, normal }) {
 }
 
 function matter(clip, { inside = false, carve = [] } = {}, shade = "solid") {
-  const thin = carve.length > 0;
-  return new THREE.MeshLambertMaterial({
-    color: theme[shade],
-    side: inside ? THREE.BackSide : THREE.FrontSide,
-    clippingPlanes: clip,
-    transparent: thin,
-    opacity: thin ? 0.4 : 1,
-    polygonOffset: true,
-    polygonOffsetFactor: 1,
-    polygonOffsetUnits: 1,
-  });
+  const look = { color: theme[shade], side: inside ? THREE.BackSide : THREE.FrontSide, clippingPlanes: clip };
+  const below = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }; // its lines
+  return new THREE.MeshLambertMaterial({ ...look, ...below, transparent: carve.length > 0, opacity: carve.length ? 0.4 : 1 });
 }
 
 function lines(geometry, clip, opacity = 0.55) {
@@ -64,9 +49,8 @@ function lines(geometry, clip, opacity = 0.55) {
 function grid(reach) {
   const points = [];
   const count = Math.floor(reach / GRID_MM);
-  for (let k = -count; k <= count; k += 1) {
-    points.push(k * GRID_MM, -reach, 0, k * GRID_MM, reach, 0, -reach, k * GRID_MM, 0, reach, k * GRID_MM, 0);
-  }
+  for (let at = -count * GRID_MM; at <= count * GRID_MM; at += GRID_MM)
+    points.push(at, -reach, 0, at, reach, 0, -reach, at, 0, reach, at, 0);
   return new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
 }
 
@@ -74,8 +58,7 @@ function grid(reach) {
 function globe(radius) {
   const points = [];
   const at = (longitude, latitude) => {
-    const a = (Math.PI * longitude) / 36,
-      b = (Math.PI * latitude) / 36;
+    const [a, b] = [longitude, latitude].map((steps) => (Math.PI * steps) / 36);
     return [radius * Math.cos(b) * Math.cos(a), radius * Math.cos(b) * Math.sin(a), radius * Math.sin(b)];
   };
   for (let a = 0; a < 72; a += 1) {
@@ -87,70 +70,51 @@ function globe(radius) {
   return new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
 }
 
-function carved(group, object) {
-  for (const cut of object.carve ?? []) {
-    const made = MAKERS[cut.shape]?.({ ...cut, inside: true }, 0, []);
-    if (made && cut.shape !== "plane") group.add(made);
-  }
+// An object in a group of its own, beside what is cut out of it.
+function carved(body, object) {
+  const group = new THREE.Group().add(body);
+  for (const cut of object.carve ?? []) if (cut.shape !== "plane" && cut.shape in MAKERS) group.add(MAKERS[cut.shape]({ ...cut, inside: true }, 0, []));
   return group;
 }
 
 const MAKERS = {
   plane(object, reach) {
-    const group = new THREE.Group();
-    group.add(
-      new THREE.Mesh(new THREE.PlaneGeometry(2 * reach, 2 * reach), matter([], object, "floor")),
-      lines(grid(reach), []),
-    );
+    const ground = new THREE.Mesh(new THREE.PlaneGeometry(2 * reach, 2 * reach), matter([], object, "floor"));
+    const body = new THREE.Group().add(ground, lines(grid(reach), []));
     const normal = new THREE.Vector3(...object.normal).normalize();
-    group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
-    group.position.copy(normal).multiplyScalar(normal.dot(vector(object.point_m)));
-    const outer = new THREE.Group();
-    outer.add(group);
-    return carved(outer, object);
+    body.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+    body.position.copy(normal).multiplyScalar(normal.dot(vector(object.point_m)));
+    return carved(body, object);
   },
   sphere(object, reach, clip) {
     const radius = MM * object.radius_m;
-    const group = new THREE.Group();
     // Pole on the z axis, so that the latitude circles are those of a dome.
     const round = new THREE.SphereGeometry(radius, 72, 72).rotateX(Math.PI / 2);
-    group.add(new THREE.Mesh(round, matter(clip, object)), lines(globe(radius), clip, 0.4));
-    group.position.copy(vector(object.center_m));
-    const outer = new THREE.Group();
-    outer.add(group);
-    return carved(outer, object);
+    const body = new THREE.Group().add(new THREE.Mesh(round, matter(clip, object)), lines(globe(radius), clip, 0.4));
+    body.position.copy(vector(object.center_m));
+    return carved(body, object);
   },
   box(object, reach, clip) {
-    const group = new THREE.Group();
     const block = new THREE.BoxGeometry(...object.size_m.map((edge) => MM * edge));
-    group.add(new THREE.Mesh(block, matter(clip, object)), lines(new THREE.EdgesGeometry(block), clip, 1));
-    group.position.copy(vector(object.center_m));
+    const body = new THREE.Group().add(new THREE.Mesh(block, matter(clip, object)), lines(new THREE.EdgesGeometry(block), clip, 1));
+    body.position.copy(vector(object.center_m));
     const [roll, pitch, yaw] = (object.rotation_deg ?? [0, 0, 0]).map(THREE.MathUtils.degToRad);
-    group.rotation.set(roll, pitch, yaw, "ZYX");
-    const outer = new THREE.Group();
-    outer.add(group);
-    return carved(outer, object);
+    body.rotation.set(roll, pitch, yaw, "ZYX");
+    return carved(body, object);
   },
   height_field(object, reach, clip) {
     const { heights_m: heights, spacing_m: spacing, center_m: center } = object;
     if (!heights) return null;
-    const rows = heights.length;
-    const columns = heights[0].length;
-    const geometry = new THREE.PlaneGeometry(
-      MM * spacing * (columns - 1),
-      MM * spacing * (rows - 1),
-      columns - 1,
-      rows - 1,
-    );
+    const [rows, columns] = [heights.length, heights[0].length];
+    const [width, height] = [columns - 1, rows - 1].map((count) => MM * spacing * count);
+    const geometry = new THREE.PlaneGeometry(width, height, columns - 1, rows - 1);
     const points = geometry.attributes.position;
-    for (let k = 0; k < points.count; k += 1) {
-      // three's rows begin at the largest y
-      points.setZ(k, MM * heights[rows - 1 - Math.floor(k / columns)][k % columns]);
-    }
+    // three's rows begin at the largest y
+    for (let k = 0; k < points.count; k += 1) points.setZ(k, MM * heights[rows - 1 - Math.floor(k / columns)][k % columns]);
     geometry.computeVertexNormals();
-    const group = new THREE.Group();
-    group.add(new THREE.Mesh(geometry, matter(clip, object)), lines(new THREE.WireframeGeometry(geometry), clip, 0.12));
-    group.position.copy(vector(center));
-    return group;
+    const wires = lines(new THREE.WireframeGeometry(geometry), clip, 0.12);
+    const body = new THREE.Group().add(new THREE.Mesh(geometry, matter(clip, object)), wires);
+    body.position.copy(vector(center));
+    return body;
   },
 };

@@ -4,7 +4,6 @@ import { Ring } from "./ring.js";
 
 const LONGEST_WINDOW_S = 60;
 const ROWS_PER_S = 330; // 250, and the rows that sent an update
-const MOST_OF_HISTORY = 1024; // intervals
 const RATE_SPAN_S = 1;
 const RATE_STEP_S = 0.1;
 const NEAR_S = 1.5; // largest time between a change and the first record with it
@@ -12,10 +11,9 @@ const COUNTED = ["updates_sent", "datagrams_sent", "lateness_us", "work_us"];
 
 export class Store {
   constructor() {
-    const rows = LONGEST_WINDOW_S * ROWS_PER_S;
-    this.rings = { master: new Ring(rows), slave: new Ring(rows), felt: new Ring(rows) };
-    for (const side of ["master", "slave"]) this.rings[`${side}Rates`] = new Ring((2 * LONGEST_WINDOW_S) / RATE_STEP_S);
-    this.rings.history = new Ring(MOST_OF_HISTORY);
+    const [rows, steps] = [LONGEST_WINDOW_S * ROWS_PER_S, (2 * LONGEST_WINDOW_S) / RATE_STEP_S];
+    /** @type {Record<string, Ring>} */
+    this.rings = { master: new Ring(rows), slave: new Ring(rows), felt: new Ring(rows), masterRates: new Ring(steps), slaveRates: new Ring(steps) };
     this.may = false; // whether this page may change anything now
     this.begun = 0; // how many sessions were shown
     this.forget();
@@ -24,7 +22,9 @@ export class Store {
   forget() {
     this.begun += 1;
     for (const ring of Object.values(this.rings)) ring.clear();
+    /** @type {import("./messages.js").Hello} */
     this.hello = null;
+    /** @type {import("./messages.js").Figures} */
     this.figures = null;
     this.changes = []; // {t, label}: live changes, as marks in the charts
     this.switched = -Infinity; // time of the last change of settings in the records
@@ -45,7 +45,7 @@ export class Store {
   }
   // Whether the session has torque and orientation, too.
   get rotates() {
-    return Boolean(this.#description()?.torque_bank);
+    return Boolean(this.description?.torque_bank);
   }
   // Names of the axes of an arm that is led joint by joint; null in a Cartesian session.
   get axes() {
@@ -53,10 +53,15 @@ export class Store {
   }
   // The points of the robot's tool from its tip [m], where they are known.
   get tool() {
-    return this.#description()?.system?.slave?.robot?.tool?.points_m;
+    return this.description?.system?.slave?.robot?.tool?.points_m;
   }
-  #description() {
+  /** @returns {any} */
+  get description() {
     return this.hello?.sides?.master ?? this.hello?.sides?.slave;
+  }
+
+  get file() {
+    return this.hello?.names?.file ?? this.hello?.sides?.master?.file ?? this.hello?.sides?.slave?.file;
   }
 
   // Names of the numbers in a record, as the greeting lists them.
@@ -78,32 +83,22 @@ export class Store {
   }
 
   // Takes one message of the server; ignores those of a type that this page does not know.
+  /** @param {import("./messages.js").Message} message */
   take(message) {
-    switch (message.type) {
-      case "hello":
-        this.#greet(message);
-        break;
-      case "samples":
-        this.#samples(message);
-        break;
-      case "felt":
-        this.rings.felt.push(message.t, { deadbands: message.deadbands, error_n: message.error_n, bound_n: message.bound_n });
-        break;
-      case "figures":
-        this.figures = message;
-        this.ended = Boolean(message.ended);
-        if (message.settings) this.#adopt(message.settings, message.generation);
-        break;
-      case "history":
-        this.#recall(message);
-        break;
-      case "answer":
-        if (message.accepted && message.pending) {
-          this.agreed = { generation: message.generation, settings: message.pending };
-        }
-        if (message.settings) this.#adopt(message.settings, message.generation);
-        break;
+    if (message.type === "hello") this.#greet(message);
+    if (message.type === "samples") this.#samples(message);
+    if (message.type === "felt") {
+      const { t, deadbands, error_n, bound_n } = message;
+      this.rings.felt.push(t, { deadbands, error_n, bound_n });
     }
+    if (message.type === "figures") {
+      this.figures = message;
+      this.ended = Boolean(message.ended);
+    }
+    if (message.type === "answer" && message.accepted && message.pending)
+      this.agreed = { generation: message.generation, settings: message.pending };
+    if ((message.type === "answer" || message.type === "figures") && message.settings)
+      this.#adopt(message.settings, message.generation);
   }
 
   #greet(hello) {
@@ -123,16 +118,9 @@ export class Store {
     this.#rates(ring, this.rings[`${side}Rates`]);
   }
 
-  // The history comes as a whole each time.
-  #recall({ session, columns: { t, ...columns } }) {
-    if (session !== this.hello?.session) return;
-    this.rings.history.clear();
-    this.rings.history.push(t, columns);
-  }
-
   // The rows that come next are older than those that are here.
   #rewind() {
-    for (const ring of Object.values(this.rings)) if (ring !== this.rings.history) ring.clear();
+    for (const ring of Object.values(this.rings)) ring.clear();
   }
 
   // Every 0.1 s: packets and datagrams per second over the last second, from the counters, which omitted rows do not
@@ -140,13 +128,8 @@ export class Store {
   #rates(ring, rates) {
     const { t } = ring.columns;
     if (!COUNTED.every((name) => ring.has(name))) return;
-    const {
-      updates_sent: updates,
-      datagrams_sent: datagrams,
-      lateness_us: late,
-      work_us: work,
-      gripper_updates_sent: gripper,
-    } = ring.columns;
+    const { updates_sent: updates, datagrams_sent: datagrams, lateness_us: late, work_us: work } = ring.columns;
+    const { gripper_updates_sent: gripper } = ring.columns;
     let time = Math.max(rates.newest + RATE_STEP_S, ring.oldest + RATE_STEP_S);
     for (; time <= ring.newest; time += RATE_STEP_S) {
       const end = Math.min(ring.at(time), ring.end - 1);
@@ -193,8 +176,7 @@ export class Store {
     const { felt } = this.rings;
     if (felt.empty || felt.newest < this.newest - 2 * span) return NaN;
     const { deadbands } = felt.columns;
-    let sum = 0;
-    let count = 0;
+    let [sum, count] = [0, 0];
     for (let i = felt.at(felt.newest - span); i < felt.end; i += 1) {
       if (deadbands[i] === deadbands[i]) {
         sum += deadbands[i] * deadbands[i];

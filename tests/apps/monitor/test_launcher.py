@@ -1,0 +1,176 @@
+"""The session that a page starts, with a small program in the place of `weberlink loopback`."""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from signal import SIGINT, Signals
+from typing import Any
+
+import pytest
+
+from weberlink.apps.monitor.launcher import SessionLauncher, TryOrder
+from weberlink.system.scenes import SceneChoice
+
+SCENES = {"dome": SceneChoice("A dome", ()), "box": SceneChoice("A box", ("slave.scene=box",))}
+# Notes its arguments, and runs until it is told to end, or as long as --duration says.
+PROGRAM = """
+import json, os, signal, sys, time
+if "wrong=1" in sys.argv:
+    sys.exit("weberlink: wrong: no such key")
+if "advised=1" in sys.argv:
+    print("weberlink: note: codec.force.floor_n 0: use 0.02", file=sys.stderr, flush=True)
+caught = []
+signal.signal(signal.SIGINT, lambda number, _: caught.append(number))
+with open(sys.argv[1], "a") as notes:
+    notes.write(json.dumps([os.getpid(), os.getsid(0), sys.argv[2:]]) + "\\n")
+limit = float(sys.argv[sys.argv.index("--duration") + 1]) if "--duration" in sys.argv else 60.0
+until = time.monotonic() + limit
+while not caught and time.monotonic() < until:
+    time.sleep(0.01)
+json.dump({"outcome": "interrupted" if caught else "completed", "ticks": 7}, sys.stdout)
+sys.exit(1 if "failing=1" in sys.argv else 0)
+"""
+
+
+class Told:
+    """A launcher, and what it says."""
+
+    def __init__(self, notes: Path, order: TryOrder) -> None:
+        self.notes = notes
+        self.lines: list[str] = []
+        self.messages: list[dict[str, Any]] = []
+        self.inherited: list[tuple[str, str]] = []
+        program = (sys.executable, "-S", "-c", PROGRAM, str(notes))
+        self.launcher = SessionLauncher(order, self.lines.append, self._announce, self._inherit, program)
+        self._changed = asyncio.Event()
+
+    def _announce(self, message: dict[str, Any]) -> None:
+        self.messages.append(message)
+        self._changed.set()
+
+    async def _inherit(self, former: str | None, name: str) -> None:
+        self.inherited.append((former, name))
+
+    @property
+    def started(self) -> list[tuple[int, int, list[str]]]:
+        """Process, session of processes, and arguments of each program that has begun."""
+        return [json.loads(line) for line in self.notes.read_text().splitlines()] if self.notes.exists() else []
+
+    async def until_begun(self, number: int) -> int:
+        """Wait until that many have begun; returns the process id of the last."""
+        while min(len(self.started), len(self.launcher.started)) < number:
+            await asyncio.sleep(0.01)
+        self.launcher.note_running(str(self.started[-1][0]))
+        return self.started[-1][0]
+
+    @property
+    def states(self) -> list[tuple[str, str | None]]:
+        return [(message["state"], message["scene"]) for message in self.messages]
+
+
+def order(*overrides: str, duration_s: float | None = None) -> TryOrder:
+    return TryOrder("try.yaml", overrides, SCENES, "dome", duration_s)
+
+
+def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signals | None]]) -> Told:
+    """Run a visit; `act` may return a signal that interrupts it."""
+
+    async def run() -> Told:
+        told, interrupted = Told(folder / "notes", order), asyncio.Event()
+        async with asyncio.timeout(30.0):
+            visit = asyncio.get_running_loop().create_task(told.launcher.run(interrupted))
+            number = await act(told)
+            if number is not None:
+                told.launcher.signal(number)
+                interrupted.set()
+            await visit
+        return told
+
+    return asyncio.run(run())
+
+
+async def nothing(_told: Told) -> None:
+    pass
+
+
+def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
+    async def interrupt(told: Told) -> Signals:
+        await told.until_begun(1)
+        return SIGINT
+
+    told = conduct(tmp_path, order("a=1"), interrupt)
+    ((pid, group, arguments),) = told.started
+    assert arguments == ["loopback", "try.yaml", "--json", "-", "--set", "a=1"]
+    assert pid == group  # Ctrl-C does not reach it
+    assert told.launcher.last is not None and told.launcher.last.report == {"outcome": "interrupted", "ticks": 7}
+    assert told.launcher.last.status == 0
+    assert told.states == [("starting", "dome"), ("running", "dome"), ("idle", "dome")]
+    assert told.lines == []
+
+
+def test_another_scene_is_another_session(tmp_path: Path) -> None:
+    async def change(told: Told) -> Signals:
+        await told.until_begun(1)
+        assert told.launcher.request_start("box") == {"accepted": True}
+        await told.until_begun(2)
+        assert told.launcher.rooms["scene"] == "box"
+        return SIGINT
+
+    told = conduct(tmp_path, order(), change)
+    (first, _, _), (second, _, arguments) = told.started
+    assert arguments[-2:] == ["--set", "slave.scene=box"]
+    assert told.inherited == [(str(first), str(second))]
+    assert told.states[2:] == [("starting", "box"), ("running", "box"), ("idle", "box")]
+
+
+def test_stopped_session_can_be_started_again(tmp_path: Path) -> None:
+    async def stop(told: Told) -> Signals:
+        pid = await told.until_begun(1)
+        os.kill(pid, SIGINT)  # as the daemons end when the page asks them to
+        told.launcher.expect_end(str(pid))
+        while told.launcher.message["state"] != "idle":
+            await asyncio.sleep(0.01)
+        assert told.launcher.request_start(None) == {"accepted": True}
+        await told.until_begun(2)
+        return SIGINT
+
+    told = conduct(tmp_path, order(), stop)
+    assert len(told.started) == 2 and len(told.inherited) == 1
+    assert told.launcher.rooms["scene"] == "dome"
+
+
+def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
+    told = conduct(tmp_path, order("wrong=1"), nothing)
+    assert told.launcher.message == {
+        "type": "launcher",
+        "state": "failed",
+        "scene": "dome",
+        "why": "wrong: no such key",
+    }
+    assert told.launcher.last is not None and told.launcher.last.report is None and told.launcher.last.status == 1
+
+
+@pytest.mark.parametrize(("overrides", "status"), [((), 0), (("failing=1",), 1)])
+def test_limited_visit_ends_with_its_session(tmp_path: Path, overrides: tuple[str, ...], status: int) -> None:
+    told = conduct(tmp_path, order(*overrides, duration_s=0.2), nothing)
+    assert told.started[0][2][-2:] == ["--duration", "1.000"]  # the shortest
+    assert told.launcher.last is not None and told.launcher.last.status == status
+    assert told.launcher.last.report == {"outcome": "completed", "ticks": 7}
+
+
+def test_unknown_scene_and_second_start_are_refused(tmp_path: Path) -> None:
+    async def ask(told: Told) -> Signals:
+        await told.until_begun(1)
+        assert "no such scene; there are dome, box" in told.launcher.request_start("sea")["why"]
+        told.launcher.request_start("box")
+        await asyncio.sleep(0)
+        assert "under way" in told.launcher.request_start("box")["why"]
+        await told.until_begun(2)
+        told.launcher.signal(SIGINT)
+        assert "ends" in told.launcher.request_start("box")["why"]
+        return SIGINT
+
+    conduct(tmp_path, order(), ask)

@@ -1,0 +1,75 @@
+"""Records and sources made by hand, for what is tested without a daemon."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.system.systems import CONFIGS
+from weberlink.protocol.states import State
+from weberlink.system.composition.channels import banks, channels
+from weberlink.system.configuration import load
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.ring import RingWriter
+from weberlink.watching.rings import RowSource
+
+RATE = 1000.0
+WALL_OFFSET_S = 1_763_000_000.0
+"""From the clock of the records to the wall clock."""
+BANK = ("zoh", "linear", "plane", "sphere")
+
+
+def records(ticks: int, *, first: int = 0, phase: float = 0.0, seed: int | None = None) -> Records:
+    """Ticks of an engaged side; with a seed, everything that the felt error needs is noise."""
+    made = np.zeros(ticks, DTYPE)
+    made["tick"] = np.arange(first, first + ticks)
+    made["at"] = 10.0 + phase + made["tick"] / RATE
+    made["state"] = State.ENGAGED.value
+    made["rtt_us"] = made["one_way_us"] = made["peer_at"] = np.nan
+    if seed is not None:
+        noise = np.random.default_rng(seed)
+        for name in ("raw", "output", "decoded", "position"):
+            made[name] = noise.normal(size=(ticks, 3))
+        made["bound"] = 1.5
+    return made
+
+
+def write(ring: RingWriter, made: Records) -> None:
+    for record in made:
+        values: list[float] = []
+        for value in record.item():
+            values += value.tolist() if isinstance(value, np.ndarray) else [value]
+        ring.write(values)
+
+
+def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
+    """As a daemon of this configuration writes it, but for what may be changed."""
+    system = load(CONFIGS / file).system
+    force, torque = banks(system)
+    return {
+        "side": side,
+        "file": file,
+        "pid": 1,
+        "rate_hz": system.rate_hz,
+        "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
+        "bank": list(force),
+        "position_bank": list(channels(system)[0].bank),
+        **({} if torque is None else {"torque_bank": list(torque)}),
+        "changes": ["weber"],
+    }
+
+
+class HandSource(RowSource):
+    """A source that is given its records by hand."""
+
+    def __init__(self, side: str, *, began: float = 10.0, ring: Path = Path("/nonexistent/ring")) -> None:
+        super().__init__(side, RATE, began, ring, wall_offset_s=WALL_OFFSET_S, description=description(side))
+        self.is_closed = False
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def pieces(made: Records, cuts: list[int]) -> list[Records]:
+    return np.split(made, sorted(cut % (len(made) + 1) for cut in cuts))
