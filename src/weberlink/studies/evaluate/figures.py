@@ -2,14 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from weberlink.studies.coded_trace import CodedTrace, TickWindow
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Observation, curves
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
+from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.force_figure import draw_force
 from weberlink.system.scoring.perception import ABSOLUTE_THRESHOLD_N
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 USUAL_WEBER = 0.10
 
@@ -17,7 +21,7 @@ USUAL_WEBER = 0.10
 def draw_study(
     study: EvaluationStudy,
     traces: Sequence[NamedTrace],
-    rows: Sequence[EvaluationRow],
+    rows: "DataFrame",
     folder: Path,
     caption: str,
     window: TickWindow | None = None,
@@ -35,7 +39,10 @@ def draw_study(
     Raises:
         OSError: a file cannot be written.
     """
-    observed = [Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd) for row in rows]
+    observed = [
+        Observation(*values)
+        for values in rows[["trace", "predictor", "weber", "packets_per_s", "error_rms_jnd"]].itertuples(index=False)
+    ]
     quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"

@@ -1,8 +1,8 @@
 """The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,61 +11,13 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.traces import FILES, NamedTrace
+from weberlink.studies.frame import Row
 from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
 SAMPLE_S = 1e-5
 """Rough run time of a coded sample."""
-
-
-@dataclass(frozen=True)
-class EvaluationRow:
-    """The figures of one trace with one predictor, Weber factor and deadband."""
-
-    trace: str
-    predictor: str
-    weber: float
-    samples: int
-    duration_s: float
-    packets: int
-    packets_per_s: float
-    reduction: float
-    """Against one packet per sample."""
-    bytes_per_s: float
-    """UDP payload of the updates, as on a link secured by a pre-shared key."""
-    error_rms_n: float
-    error_max_n: float
-    error_max_deadbands: float
-    """Largest error in units of its bound, in the deadband's own measure."""
-    violation_fraction: float
-    """Share of ticks outside the deadband of this row; 0 if the codec works."""
-    violation_longest_s: float
-    error_rms_jnd: float
-    """This and the next eight: measures of `QualityStatistics`, with the same JND for all rows."""
-    error_max_jnd: float
-    noticeable_fraction: float
-    noticeable_longest_s: float
-    log_error_rms_jnd: float
-    log_error_max_jnd: float
-    jump_median_jnd: float | None
-    """None without a jump, likewise the next two."""
-    jump_p99_jnd: float | None
-    jump_max_jnd: float | None
-    tick_us: float
-    """Median run time of encode plus decode."""
-    selected: dict[str, int] | None = None
-    """Sends per predictor; hybrid only."""
-    deadband: str = ISOTROPIC
-    source: str = FILES
-    """Of the trace: a source of shipped recordings, or `FILES`."""
-    widened_fraction: float | None = None
-    """Share of ticks in which the bounded rate of updates widened the deadband; None without one."""
-    widened_max_n: float | None = None
-    """Largest deadband then."""
-
-    def as_json(self) -> dict[str, Any]:
-        return {key: value for key, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -123,7 +75,7 @@ class EvaluationStudy:
             for weber in self.webers
         ]
 
-    def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
+    def rows(self, trace: NamedTrace) -> list[Row]:
         """All rows of one trace, computed here."""
         return [row for case in self.cases([trace]) for row in rows_of(case)]
 
@@ -138,7 +90,7 @@ class EvaluationCase(NamedTuple):
     deadband: str
 
 
-def rows_of(case: EvaluationCase) -> list[EvaluationRow]:
+def rows_of(case: EvaluationCase) -> list[Row]:
     """The row of a case."""
     (name, trace, source), study, predictor, weber, deadband = case
     signal = signal_of(trace)
@@ -164,8 +116,13 @@ def evaluate(
     weber: float,
     deadband: str = ISOTROPIC,
     source: str = FILES,
-) -> EvaluationRow:
-    """Code a signal with a fresh encoder and decoder.
+) -> Row:
+    """Code a signal with a fresh encoder and decoder. Figures that do not apply are left out of the row.
+
+    `reduction` is against one packet per sample, `bytes_per_s` the UDP payload on a link secured by a pre-shared key,
+    `error_max_deadbands` in the deadband's own measure, `violation_*` outside the deadband (none if the codec works),
+    `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
+    tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`.
 
     Args:
         name: of the trace.
@@ -180,26 +137,27 @@ def evaluate(
     quality = QualityStatistics(signal.period_s, threshold)
     quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
     quality.add_jumps(run.jump_n, run.before_n)
-    return EvaluationRow(
-        trace=name,
-        predictor=predictor,
-        weber=weber,
-        samples=samples,
-        duration_s=duration,
-        packets=packets,
-        packets_per_s=packets / duration,
-        reduction=1.0 - packets / samples,
-        bytes_per_s=run.payload_bytes(channel) / duration,
-        error_rms_n=rms(run.error_n),
-        error_max_n=float(run.error_n.max()),
-        error_max_deadbands=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
-        violation_fraction=float(outside.mean()),
-        violation_longest_s=longest_run(outside) * signal.period_s,
-        **quality.summary(),  # type: ignore[arg-type]
-        tick_us=run.tick_us,
-        selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
-        deadband=deadband,
-        source=source,
-        widened_fraction=None if channel.rate is None else float(run.widened.mean()),
-        widened_max_n=float(run.bound_n[run.widened].max()) if run.widened.any() else None,
-    )
+    row = {
+        "trace": name,
+        "predictor": predictor,
+        "weber": weber,
+        "samples": samples,
+        "duration_s": duration,
+        "packets": packets,
+        "packets_per_s": packets / duration,
+        "reduction": 1.0 - packets / samples,
+        "bytes_per_s": run.payload_bytes(channel) / duration,
+        "error_rms_n": rms(run.error_n),
+        "error_max_n": float(run.error_n.max()),
+        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        "violation_fraction": float(outside.mean()),
+        "violation_longest_s": longest_run(outside) * signal.period_s,
+        **quality.summary(),
+        "tick_us": run.tick_us,
+        "selected": dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
+        "deadband": deadband,
+        "source": source,
+        "widened_fraction": None if channel.rate is None else float(run.widened.mean()),
+        "widened_max_n": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
+    }
+    return {name: figure for name, figure in row.items() if figure is not None}
