@@ -123,18 +123,22 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
 
 @study.command()
 def precision(
-    full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
+    full: Full = False,
+    json_out: Json = None,
+    csv_out: Csv = None,
+    plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Measure error against run time of the integrators.
 
     Takes half a minute on two idle cores; with --full many minutes. Ctrl-C ends it with the problems so far.
     """
-    from weberlink.studies.precision.command import run  # noqa: PLC0415
+    from weberlink.studies.precision.study import FULL, Effort, run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
-        result = run(full=full, plots=plots is not None, progress=progress)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
+        result = run(FULL if full else Effort(), plots=plots is not None, progress=progress)
+    publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
 @study.command()
