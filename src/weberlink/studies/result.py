@@ -94,7 +94,8 @@ def frame_table(
         options: of `plain_table`.
     """
     left = [column.head for column in columns.values() if column.left]
-    table = plain_table(*(column.head for column in columns.values()), left=left, caption="\n".join(notes), **options)
+    heads = (column.head for column in columns.values())
+    table = plain_table(*heads, left=left, caption="\n".join(notes), **({"padding": (0, 1, 0, 0)} | options))
     shown = frame[list(columns)]
     for (_, row), values, missing in zip(
         frame.iterrows(), shown.itertuples(index=False), shown.isna().to_numpy(), strict=True

@@ -57,12 +57,12 @@ def tables_of(rows: "DataFrame", jnd: float, run_time: float, footer: str) -> Re
         columns = {
             name: column for name, column in SINGLE.items() if name in rows and not (alike and name == "deadband")
         }
-        parts.append(frame_table(rows, columns, notes=[told, *([] if many else notes)], padding=(0, 1, 0, 0)))
+        parts.append(frame_table(rows, columns, notes=[told, *([] if many else notes)]))
     if many:
         found = by_source(rows)
         told = f"geometric means over recordings{f'; {EVERY}: over sources' if EVERY in set(found.source) else ''}"
         best = f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above"
         columns = {name: column for name, column in SOURCES.items() if not (alike and name == "deadband")}
         notes = [told, best, "all rows: --json OUT, --csv OUT", *notes]
-        parts.append(frame_table(found, columns, notes=notes, padding=(0, 1, 0, 0)))
+        parts.append(frame_table(found, columns, notes=notes))
     return Group(*parts)

@@ -264,7 +264,7 @@ def _tables(effort: Effort, rows: "DataFrame", run_time_s: float, caption: str) 
             caption,
         ]
         title = "integrator: auto at 1 kHz, against all others"
-        parts.append(frame_table(chosen, CHOICE, title=title, notes=notes, padding=(0, 1, 0, 0)))
+        parts.append(frame_table(chosen, CHOICE, title=title, notes=notes))
     return Group(parts[0], "", *parts[1:])
 
 
