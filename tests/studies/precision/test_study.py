@@ -22,7 +22,8 @@ from weberlink.studies.frame import FrameResult, data_frame
 from weberlink.studies.precision.measurement import StepSize, energy_gained, measured
 from weberlink.studies.precision.problems import PROBLEMS, HalfSpace, Problem, ProblemSurface
 from weberlink.studies.precision.reference import reference
-from weberlink.studies.precision.study import Effort, fitted_order, front, recommendation, run
+from weberlink.studies.precision.study import Effort, fitted_order, recommendation, run
+from weberlink.studies.result import pareto
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS}
 WALL = Problem(
@@ -203,4 +204,4 @@ def test_the_front_is_what_nothing_dominates(cloud: list[tuple[float, float]]) -
     frame = data_frame([{"time": time, "error": error} for time, error in cloud] or [{"time": 1.0, "error": inf}])
     dominated = [any(a <= time and b <= error and (a, b) != (time, error) for a, b in cloud) for time, error in cloud]
     expected = [error < inf and not lost for (_, error), lost in zip(cloud, dominated, strict=True)]
-    assert front(frame.time, frame.error).tolist() == (expected or [False])
+    assert pareto(frame.time, frame.error).tolist() == (expected or [False])

@@ -150,7 +150,7 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "wall_1e5", "1e5 N/m, contact from the start",
-        ROBOT, (floor(1e5),), ((0.0, (0.0, 0.0, -0.002)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
+        ROBOT, (floor(1e5),), ((0.0, (0.0, 0.0, -0.006)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
         smooth=BOTH,
     ),
     Problem(
@@ -169,7 +169,7 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "overdamped", "1e5 N/m with 2e4 N s/m: time constants 0.5 us and 0.2 s",
-        ROBOT, (floor(1e5, 2e4),), ((0.0, (0.0, 0.0, -0.004)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
+        ROBOT, (floor(1e5, 2e4),), ((0.0, (0.0, 0.0, -0.03)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
     ),
     Problem(
         "impact_2m_s", "2 m/s into 2e4 N/m with 30 N s/m: the force jumps",

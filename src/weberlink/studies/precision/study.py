@@ -18,7 +18,7 @@ from weberlink.studies.parallel import Progress
 from weberlink.studies.precision.measurement import StepSize, measured
 from weberlink.studies.precision.problems import PROBLEMS, TICK, Problem
 from weberlink.studies.precision.reference import reference
-from weberlink.studies.result import Column, frame_table
+from weberlink.studies.result import Column, frame_table, pareto
 from weberlink.system.configuration.extras import need
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def rows_of(case: PrecisionCase) -> list[Row]:
                 row["tick_us"] = tick_us(problem, scheme, step, known.start_force)
             rows.append(row)
     frame = data_frame(rows)
-    best = front(frame.run_time_ms_per_s, compared_errors(frame, resolved(frame)))
+    best = pareto(frame.run_time_ms_per_s, compared_errors(frame, resolved(frame)))
     return [row | {"on_front": on} for row, on in zip(rows, best.tolist(), strict=True)]
 
 
@@ -173,15 +173,6 @@ def orders(rows: "DataFrame", effort: Effort) -> "DataFrame":
 def compared_errors(rows: "DataFrame", floor: float) -> "Series[float]":
     """Position errors as compared: at least `floor`, and infinite for what diverged."""
     return rows.position_error.astype(float).clip(lower=floor).mask(rows.diverged, inf).fillna(inf)
-
-
-def front(times: "Series[float]", errors: "Series[float]") -> "Series[bool]":
-    """Whether each point is on the Pareto front: finite, and no other is as small in both figures."""
-    import pandas as pd  # noqa: PLC0415
-
-    ordered = pd.DataFrame({"time": times, "error": errors}).sort_values(["time", "error"])
-    best_before = ordered.error.cummin().shift(fill_value=inf)
-    return (ordered.error < best_before).reindex(times.index)
 
 
 def recommendation(rows: "DataFrame", floor: float | None = None) -> Row | None:
