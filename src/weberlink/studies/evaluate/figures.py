@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
@@ -69,7 +70,7 @@ def _draw_force(
 def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
     """Write the error over packets (left) and over run time (right), means over the traces, a point a Weber factor.
 
-    A ring marks the Pareto front of its panel: no other point is as small in both figures.
+    Run times are medians of encode plus decode. A ring marks the Pareto front of its panel: no other point is as small in both figures.
 
     Args:
         rows: of force, and of position if it was evaluated.
@@ -91,7 +92,7 @@ def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
             mine.groupby(["predictor", "weber"], sort=False)[["packets_per_s", "tick_us", error]].mean().reset_index()
         )
         for axes, cost, words in zip(
-            line, ("packets_per_s", "tick_us"), ("packets per second", "us per sample, encode and decode"), strict=True
+            line, ("packets_per_s", "tick_us"), ("packets per second", "us per sample"), strict=True
         ):
             for name, points in means.groupby("predictor", sort=False):
                 style = known[name]
