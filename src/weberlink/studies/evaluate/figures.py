@@ -70,7 +70,8 @@ def _draw_force(
 def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
     """Write the error over packets (left) and over run time (right), means over the traces, a point a Weber factor.
 
-    Run times are medians of encode plus decode. A ring marks the Pareto front of its panel: no other point is as small in both figures.
+    Run times are medians of encode plus decode. A ring marks the Pareto front of its panel: no other point is as small
+    in both figures.
 
     Args:
         rows: of force, and of position if it was evaluated.
@@ -78,11 +79,9 @@ def cost_front(rows: "DataFrame", stem: Path, title: str, caption: str) -> None:
         title: of the traces.
         caption: the environment of the rows.
     """
-    kinds = [
-        ("force", "error_rms_jnd", "force error, RMS [JND]"),
-        ("position", "error_rms_m", "position error, RMS [m]"),
-    ]
-    kinds = [kind for kind in kinds if kind[0] in set(rows.channel)]
+    labels = {"force": ("error_rms_jnd", "force, RMS [JND]"), "position": ("error_rms_mm", "position, RMS [mm]")}
+    kinds = [(channel, *labels[channel]) for channel in rows.channel.unique()]
+    rows = rows.assign(error_rms_mm=1e3 * rows.get("error_rms_m", np.nan))
     figure = sheet(7.0 * len(kinds) + 1.5, f"Error over packets and over run time, {title}", caption)
     grid = figure.subplots(len(kinds), 2, sharey="row", squeeze=False)
     known = styles(rows.predictor.unique())
