@@ -237,7 +237,7 @@ def _tables(effort: Effort, rows: "DataFrame", run_time_s: float, caption: str) 
         slopes = {problem: _slopes(each) for problem, each in mine.groupby("problem")} if len(mine) else {}
         prices[f"{name} order"] = [slopes.get(problem, "") for problem in prices.index]
         columns |= {name: Column(name, "{:.3g}"), f"{name} order": Column("order", left=True)}
-    told = f"CPU ms per simulated s for {100 * GOAL:g} % position error; orders of position, force"
+    told = f"CPU ms per simulated s for {100 * GOAL:g} % position error; fitted orders"
     parts = [frame_table(prices.reset_index(names="problem"), columns, title=told)]
     chosen = recommendations(rows)
     if len(chosen):
