@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class EvaluationStudy:
     def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
         """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
         ways = [(deadband, "force", predictor) for deadband in self.deadbands for predictor in self.predictors]
-        ways += [("", "position", predictor) for predictor in self.position_predictors]
+        ways += [(ISOTROPIC, "position", predictor) for predictor in self.position_predictors]
         return [
             EvaluationCase(trace, self, predictor, weber, deadband, channel)
             for trace in traces
@@ -113,14 +113,14 @@ def rows_of(case: EvaluationCase) -> list[Row]:
     """The row of a case."""
     (name, trace, source), study, predictor, weber, deadband, kind = case
     signal = signal_of(trace)
+    told: dict[str, Any] = {"predictor": predictor, "weber": weber, "source": source}
     if kind == "position":
-        coder = study.position_channel(predictor, weber, signal.period_s)
-        return [evaluate_position(name, signal, coder, predictor=predictor, weber=weber, source=source)]
+        # About the middle of the range, as in the workspace of a device.
+        middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
+        centered = Signal(signal.position_m - middle, signal.position_m, signal.period_s)
+        return [evaluate(name, centered, study.position_channel(predictor, weber, signal.period_s), None, **told)]
     channel = study.channel(predictor, weber, deadband, signal.period_s)
-    row = evaluate(
-        name, signal, channel, Threshold(study.jnd), predictor=predictor, weber=weber, deadband=deadband, source=source
-    )
-    return [row]
+    return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
 
 
 def seconds(case: EvaluationCase) -> float:
@@ -132,11 +132,11 @@ def evaluate(
     name: str,
     signal: Signal,
     channel: Channel,
-    threshold: Threshold,
+    threshold: Threshold | None,
     *,
     predictor: str,
     weber: float,
-    deadband: str = ISOTROPIC,
+    deadband: str | None = None,
     source: str = FILES,
 ) -> Row:
     """Code a signal with a fresh encoder and decoder. Figures that do not apply are left out of the row.
@@ -144,24 +144,28 @@ def evaluate(
     `reduction` is against one packet per sample, `bytes_per_s` the UDP payload on a link secured by a pre-shared key,
     `error_max_deadbands` in the deadband's own measure, `violation_*` outside the deadband (none if the codec works),
     `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
-    tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`.
+    tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
+    alone; the errors of positions are in metres.
 
     Args:
         name: of the trace.
-        signal: force and position.
-        channel: a force channel. The keyword arguments are copied to the row.
-        threshold: a JND of the person.
+        signal: force and position; on a position channel, positions instead of forces.
+        channel: of force or position. The keyword arguments are copied to the row.
+        threshold: a JND of the person; None on a position channel.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside = run.deviation_n > run.bound_n
-    quality = QualityStatistics(signal.period_s, threshold)
-    quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
-    quality.add_jumps(run.jump_n, run.before_n)
+    unit, measures = "m", {}
+    if threshold is not None:
+        quality = QualityStatistics(signal.period_s, threshold)
+        quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
+        quality.add_jumps(run.jump_n, run.before_n)
+        unit, measures = "n", quality.summary()
     row = {
         "trace": name,
-        "channel": "force",
+        "channel": "position" if threshold is None else "force",
         "predictor": predictor,
         "weber": weber,
         "samples": samples,
@@ -170,49 +174,17 @@ def evaluate(
         "packets_per_s": packets / duration,
         "reduction": 1.0 - packets / samples,
         "bytes_per_s": run.payload_bytes(channel) / duration,
-        "error_rms_n": rms(run.error_n),
-        "error_max_n": float(run.error_n.max()),
+        f"error_rms_{unit}": rms(run.error_n),
+        f"error_max_{unit}": float(run.error_n.max()),
         "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
         "violation_fraction": float(outside.mean()),
         "violation_longest_s": longest_run(outside) * signal.period_s,
-        **quality.summary(),
+        **measures,
         "tick_us": run.tick_us,
         "selected": dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         "deadband": deadband,
         "source": source,
         "widened_fraction": None if channel.rate is None else float(run.widened.mean()),
-        "widened_max_n": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
+        f"widened_max_{unit}": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
     }
     return {name: figure for name, figure in row.items() if figure is not None}
-
-
-def evaluate_position(
-    name: str, signal: Signal, channel: Channel, *, predictor: str, weber: float, source: str = FILES
-) -> Row:
-    """Code the position of a signal about the middle of its range, as in the workspace of a device.
-
-    Figures and arguments are those of `evaluate`, errors in metres.
-    """
-    middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
-    centered = signal.position_m - middle
-    run = replay(Signal(centered, centered, signal.period_s), channel)
-    samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
-    outside = run.deviation_n > run.bound_n
-    return {
-        "trace": name,
-        "channel": "position",
-        "predictor": predictor,
-        "weber": weber,
-        "samples": samples,
-        "duration_s": duration,
-        "packets": packets,
-        "packets_per_s": packets / duration,
-        "reduction": 1.0 - packets / samples,
-        "bytes_per_s": run.payload_bytes(channel) / duration,
-        "error_rms_m": rms(run.error_n),
-        "error_max_m": float(run.error_n.max()),
-        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
-        "violation_fraction": float(outside.mean()),
-        "tick_us": run.tick_us,
-        "source": source,
-    }

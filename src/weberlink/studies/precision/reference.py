@@ -42,14 +42,10 @@ class ReferenceSolution:
     agreement: float
     """Largest difference between the two solvers, in position or force, relative to the scales."""
 
-    @property
-    def agrees(self) -> bool:
-        return self.agreement <= AGREEMENT
-
     def as_json(self) -> dict[str, Any]:
         return {
             "reference_agreement": self.agreement,
-            "agrees": self.agrees,
+            "agrees": self.agreement <= AGREEMENT,
             "events": self.trajectory.events,
             "position_scale_m": self.position_scale,
             "force_scale_n": self.force_scale,
