@@ -5,50 +5,40 @@ import json
 import os
 import signal
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import pytest
+from rich.console import Console
 
-from weberlink.studies.frame import Study, StudyError, check_resources
+from weberlink.studies.frame import Row, Study, StudyError, check_resources, data_frame, records
+from weberlink.studies.result import Column, frame_table
 from weberlink.system.configuration import ConfigurationError
 
 
-@dataclass(frozen=True)
-class Power:
-    """A number and its square."""
-
-    number: int
-    square: int
-
-    def as_json(self) -> dict[str, Any]:
-        return {"number": self.number, "square": self.square} | (
-            {"odd": {"half": self.number / 2}} if self.number % 2 else {}
-        )
+def square(number: int) -> list[Row]:
+    """A number, its square, and for odd ones its half."""
+    return [{"number": number, "square": number**2} | ({"odd": {"half": number / 2}} if number % 2 else {})]
 
 
-def square(number: int) -> list[Power]:
-    return [Power(number, number**2)]
-
-
-def die(number: int) -> list[Power]:
+def die(number: int) -> list[Row]:
     """Ends its process as the kernel does when memory runs out."""
     os.kill(os.getpid(), signal.SIGKILL)
     return square(number)
 
 
-def square_until_two(number: int) -> list[Power]:
+def square_until_two(number: int) -> list[Row]:
     if number > 2:
         raise KeyboardInterrupt
     return square(number)
 
 
-STUDY: Study[int, int, Power] = Study(
+STUDY: Study[int, int] = Study(
     name="squares",
     cases=range,
     run=square,
-    summary=lambda most, rows: {"most": most, "sum": sum(row.square for row in rows)},
+    summary=lambda most, rows: {"most": most, "sum": int(rows["square"].sum())},
     tables=lambda most, rows, run_time_s, caption: f"{len(rows)} of {most} squares; {caption}",
     plots=lambda most, rows, folder, caption: (folder / "squares").write_text(caption) and None,
     cost=float,
@@ -60,7 +50,7 @@ STUDY: Study[int, int, Power] = Study(
 def test_rows_stand_in_the_order_of_the_cases(workers: int | None) -> None:
     told: list[tuple[int, int]] = []
     result = STUDY.result(6, workers=workers, progress=lambda *counts: told.append(counts))
-    assert [row.number for row in result.rows] == list(range(6))
+    assert [row["number"] for row in result.rows] == list(range(6))
     assert told == [(done, 6) for done in range(1, 7)]
     assert result.interrupted == ""
 
@@ -89,9 +79,24 @@ def test_csv_has_a_cell_for_every_figure(tmp_path: Path) -> None:
         ]
 
 
+def test_a_missing_figure_is_null_in_json_and_a_dash_in_a_table() -> None:
+    frame = data_frame([row for number in range(2) for row in square(number)])
+    assert records(frame)[0] == {"number": 0, "square": 0, "odd_half": None}
+    columns = {
+        "number": Column("n"),
+        "odd_half": Column("half", "{:.2f}"),
+        "square": Column("even", lambda x: str(x % 2 == 0)),
+    }
+    paper = StringIO()
+    Console(width=80, file=paper).print(frame_table(frame, columns, notes=["a note"]))
+    assert [line.split() for line in paper.getvalue().splitlines()] == [
+        ["n", "half", "even"], ["0", "-", "True"], ["1", "0.50", "False"], ["a", "note"],
+    ]  # fmt: skip
+
+
 def test_ctrl_c_keeps_finished_rows_and_draws_nothing(tmp_path: Path) -> None:
     result = replace(STUDY, run=square_until_two).result(5, workers=1)
-    assert [row.number for row in result.rows] == [0, 1, 2]
+    assert [row["number"] for row in result.rows] == [0, 1, 2]
     assert result.interrupted == "3 of 5 cases"
     result.draw(tmp_path / "none")
     assert not (tmp_path / "none").exists()
@@ -136,8 +141,8 @@ def test_an_error_on_a_cluster_is_raised_here(scheduler: str) -> None:
         replace(STUDY, run=invert).result(3, dask=scheduler)
 
 
-def invert(number: int) -> list[Power]:
-    return [Power(number, 1 // number)]
+def invert(number: int) -> list[Row]:
+    return [{"inverse": 1 // number}]
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "post://host:1"])

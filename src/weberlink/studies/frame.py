@@ -1,11 +1,10 @@
 """The frame of a study: its cases in processes or on a Dask cluster, and their rows as table, JSON, CSV and figures.
 
-A study says what its cases are, what rows a case gives, and how rows become tables and figures. The frame does the
-rest: it spreads the cases, reports progress, keeps the finished rows when Ctrl-C or SIGTERM ends the work, and states
-machine, versions, commit and seed in every result.
+A study defines its cases, the rows of a case (plain dictionaries), and how a data frame of the rows becomes tables and
+figures. The frame does the rest: it spreads the cases, reports progress, keeps the finished rows when Ctrl-C or SIGTERM
+ends the work, and states machine, versions, commit and seed in every result.
 """
 
-import csv
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from rich.console import RenderableType
 
@@ -23,6 +22,9 @@ from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 WORTH_PROCESSES_S = 1.0
 """Estimated run time of all cases above which starting other processes saves time."""
@@ -36,21 +38,15 @@ class StudyError(RuntimeError):
     """A worker or the cluster was lost before the end. The message is one line."""
 
 
-class StudyRow(Protocol):
-    """One result of a case."""
-
-    def as_json(self) -> dict[str, Any]:
-        """Figures by name; a figure may be a dictionary of numbers."""
-        ...
-
-
 Options = TypeVar("Options")
 Case = TypeVar("Case")
-Row = TypeVar("Row", bound=StudyRow)
+Row = dict[str, Any]
+"""One result of a case: figures by name; a figure may be a dictionary of numbers. Figures that do not apply are left
+out."""
 
 
 @dataclass(frozen=True)
-class FrameResult(StudyResult, Generic[Row]):
+class FrameResult(StudyResult):
     """The rows of all cases, or of those that were done when the work ended."""
 
     rows: list[Row]
@@ -61,35 +57,31 @@ class FrameResult(StudyResult, Generic[Row]):
         Raises:
             OSError: the file cannot be written.
         """
-        flat = [_flat(row.as_json()) for row in self.rows]
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(dict.fromkeys(key for row in flat for key in row)), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(flat)
+        data_frame(self.rows).to_csv(path, index=False)
 
 
 @dataclass(frozen=True)
-class Study(Generic[Options, Case, Row]):
+class Study(Generic[Options, Case]):
     """What makes one study; options are an object of its own, already checked.
 
     Args:
         name: of the command.
         cases: of some options, in the order of their rows; cases are picklable.
         run: the rows of a case; a function of a module, because other processes call it.
-        summary: what the JSON document has beside `rows`, `seed`, `run_time_s` and `environment`.
         tables: of at least one row, in 80 columns; takes options, rows, run time [s] and the line on the environment.
         plots: draws into an existing folder; takes options, rows, folder and the line on the environment.
         cost: estimated run time of a case [s]; the longest start first.
+        summary: what the JSON document has beside `rows`, `seed`, `run_time_s` and `environment`.
         seed: of everything that is random; None where nothing is.
     """
 
     name: str
     cases: Callable[[Options], Sequence[Case]]
     run: Callable[[Case], Sequence[Row]]
-    summary: Callable[[Options, Sequence[Row]], dict[str, Any]]
-    tables: Callable[[Options, Sequence[Row], float, str], RenderableType]
-    plots: Callable[[Options, Sequence[Row], Path, str], None]
+    tables: Callable[[Options, "DataFrame", float, str], RenderableType]
+    plots: Callable[[Options, "DataFrame", Path, str], None]
     cost: Callable[[Case], float]
+    summary: Callable[[Options, "DataFrame"], dict[str, Any]] = lambda *_: {}
     seed: int | None = None
 
     def result(
@@ -99,7 +91,7 @@ class Study(Generic[Options, Case, Row]):
         workers: int | None = None,
         dask: str | None = None,
         progress: Progress = lambda *_: None,
-    ) -> FrameResult[Row]:
+    ) -> FrameResult:
         """Run all cases, or those that are done when Ctrl-C or SIGTERM comes. The rows do not depend on the workers.
 
         Args:
@@ -119,18 +111,19 @@ class Study(Generic[Options, Case, Row]):
         interrupted = how_much(len(done), len(cases), "cases")
         run_time, facts = perf_counter() - began, environment()
         caption = footer(facts, self.seed)
+        frame = data_frame(rows)
         document = {
-            **self.summary(options, rows),
-            "rows": [row.as_json() for row in rows],
+            **(self.summary(options, frame) if rows else {}),
+            "rows": rows,
             **({} if self.seed is None else {"seed": self.seed}),
             "run_time_s": run_time,
             "environment": facts,
         }
 
         def draw(folder: Path) -> None:
-            self.plots(options, rows, folder, caption)
+            self.plots(options, frame, folder, caption)
 
-        table = self.tables(options, rows, run_time, caption) if rows else caption
+        table = self.tables(options, frame, run_time, caption) if rows else caption
         # A figure compares cases, and needs all of them.
         return FrameResult(document, table, None if interrupted else draw, rows, interrupted=interrupted)
 
@@ -150,6 +143,18 @@ class Study(Generic[Options, Case, Row]):
             ) from None
 
 
+def data_frame(rows: Sequence[Row]) -> "DataFrame":
+    """Rows with a column for every figure; the keys of a dictionary become parts of column names."""
+    from pandas import json_normalize  # noqa: PLC0415 - heavy, an extra
+
+    return json_normalize(list(rows), sep="_")
+
+
+def records(frame: "DataFrame") -> list[Row]:
+    """The rows of a frame for JSON, with None for what is missing."""
+    return cast("list[Row]", frame.astype(object).where(frame.notna(), None).to_dict("records"))
+
+
 def check_resources(workers: int | None, dask: str | None, *, plots: bool) -> None:
     """Refuse what cannot work before anything is read or computed; arguments as of `Study.result`.
 
@@ -159,6 +164,7 @@ def check_resources(workers: int | None, dask: str | None, *, plots: bool) -> No
     Raises:
         ConfigurationError: a package is missing, or both kinds of workers are asked for.
     """
+    need("pandas", "studies", "weberlink study")
     if plots:
         need("matplotlib", "studies", "--plots")
     if dask is not None:
@@ -237,14 +243,3 @@ def _connected(address: str) -> Iterator[Any]:
 
 def _reason(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
-
-
-def _flat(figures: dict[str, Any]) -> dict[str, Any]:
-    """Figures without dictionaries, whose keys become parts of names."""
-    flat: dict[str, Any] = {}
-    for name, value in figures.items():
-        if isinstance(value, dict):
-            flat |= {f"{name}_{key}": each for key, each in value.items()}
-        else:
-            flat[name] = value
-    return flat

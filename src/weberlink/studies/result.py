@@ -1,12 +1,16 @@
 """The result of a study, and the plain tables in which studies are printed."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import RenderableType
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
 
 @dataclass(frozen=True)
@@ -57,3 +61,56 @@ def plain_table(first: str, *others: str, left: Collection[str] = (), wrap: bool
     for name in others:
         table.add_column(name, justify="left" if name in left else "right", no_wrap=not wrap)
     return table
+
+
+class Column(NamedTuple):
+    """How a column of a data frame is printed.
+
+    Args:
+        head: its name in the table.
+        form: a format string for a value, or a function that returns the text.
+        left: whether it is left-justified; the first column always is.
+    """
+
+    head: str
+    form: str | Callable[[Any], str] = "{}"
+    left: bool = False
+
+
+def frame_table(
+    frame: "DataFrame",
+    columns: Mapping[str, Column],
+    *,
+    notes: Iterable[str] = (),
+    style: Callable[[Any], str | None] = lambda _: None,
+    **options: Any,
+) -> Table:
+    """Some columns of a data frame as a table without lines; "-" stands for a missing value.
+
+    Args:
+        frame: one row for each row of the table.
+        columns: by the name of the column in the frame; at least one.
+        notes: lines of the caption.
+        style: of a row of the frame, such as "bold"; None for the usual one.
+        options: of `plain_table`.
+    """
+    left = [column.head for column in columns.values() if column.left]
+    heads = (column.head for column in columns.values())
+    table = plain_table(*heads, left=left, caption="\n".join(notes), **({"padding": (0, 1, 0, 0)} | options))
+    shown = frame[list(columns)]
+    for (_, row), values, missing in zip(
+        frame.iterrows(), shown.itertuples(index=False), shown.isna().to_numpy(), strict=True
+    ):
+        forms = (column.form if callable(column.form) else column.form.format for column in columns.values())
+        cells = ("-" if absent else form(value) for form, value, absent in zip(forms, values, missing, strict=True))
+        table.add_row(*cells, style=style(row))
+    return table
+
+
+def pareto(costs: "Series[float]", errors: "Series[float]") -> "Series[bool]":
+    """Whether each point is on the Pareto front: finite, and no other is as small in both figures."""
+    import pandas as pd  # noqa: PLC0415 - heavy, an extra
+
+    ordered = pd.DataFrame({"cost": costs, "error": errors}).sort_values(["cost", "error"])
+    best_before = ordered.error.cummin().shift(fill_value=inf)
+    return (ordered.error < best_before).reindex(costs.index)

@@ -1,31 +1,30 @@
 """Figures by source: geometric means that no source dominates, and the comparison with the best single predictor."""
 
-from dataclasses import replace
+from math import isnan
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.studies.evaluate.signals import walk
 from weberlink.studies import recordings
-from weberlink.studies.evaluate.by_source import EVERY, SINGLES, SourceFigures, by_source, loses
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
+from weberlink.studies.evaluate.by_source import EVERY, SINGLES, by_source
+from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
+from weberlink.studies.frame import data_frame
 from weberlink.system.configuration import ConfigurationError
 
 (ROW,) = EvaluationStudy(("zoh",)).rows(NamedTrace("walk", walk(1000, 1)))
 
 
-def row(trace: str, source: str, predictor: str, packets: int) -> EvaluationRow:
-    return replace(
-        ROW, trace=trace, source=source, predictor=predictor, packets=packets, packets_per_s=packets / ROW.duration_s
-    )
-
-
-def figures(packets: dict[tuple[str, str], dict[str, int]]) -> dict[tuple[str, str], SourceFigures]:
+def figures(packets: dict[tuple[str, str], dict[str, int]]) -> dict[tuple[str, str], Any]:
+    """By source and predictor, of rows with so many packets in a second."""
     rows = [
-        row(trace, source, name, count) for (trace, source), each in packets.items() for name, count in each.items()
+        ROW | {"trace": trace, "source": source, "predictor": name, "packets": count, "duration_s": 1.0}
+        for (trace, source), each in packets.items()
+        for name, count in each.items()
     ]
-    return {(one.source, one.predictor): one for one in by_source(rows)}
+    return {(one.source, one.predictor): one for one in by_source(data_frame(rows)).itertuples()}
 
 
 def test_a_source_counts_once_however_many_recordings_it_has() -> None:
@@ -51,7 +50,8 @@ def test_the_best_single_is_that_of_each_recording() -> None:
 
 def test_what_was_not_evaluated_is_unknown() -> None:
     found = figures({("a1", "a"): {"zoh": 10, "linear": 20}})
-    assert (found["a", "zoh"].over_hybrid, found["a", "zoh"].over_best, found["a", "zoh"].above) == (None, None, None)
+    zoh = found["a", "zoh"]
+    assert all(map(isnan, (zoh.over_hybrid, zoh.over_best, zoh.above, zoh.above_by)))
 
 
 def test_a_recording_without_packets_has_a_ratio() -> None:
@@ -59,9 +59,11 @@ def test_a_recording_without_packets_has_a_ratio() -> None:
     assert found["a", "adaptive"].over_hybrid == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize(("rate", "best", "lost"), [(1.9, 1.0, False), (2.1, 1.0, True), (105.0, 100.0, False)])
-def test_a_loss_is_a_share_and_a_packet_a_second(rate: float, best: float, lost: bool) -> None:
-    assert loses(rate, best) is lost
+@pytest.mark.parametrize(
+    ("rate", "best", "lost"), [(1, 1, 0.0), (2, 1, 0.0), (3, 1, 1.0), (105, 100, 0.0), (106, 100, 1.0)]
+)
+def test_a_loss_is_a_share_and_a_packet_a_second(rate: int, best: int, lost: float) -> None:
+    assert figures({("a1", "a"): {**dict.fromkeys(SINGLES, best), "hybrid": rate}})["a", "hybrid"].above_by == lost
 
 
 # --- shipped recordings as arguments

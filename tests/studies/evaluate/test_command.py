@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
@@ -22,10 +23,13 @@ from tests.studies.evaluate.signals import walk, wall
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
+from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.command import run
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
+from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, names
+from weberlink.studies.frame import Row, data_frame
+from weberlink.system.configuration.model import PositionCodecSettings
 
 OPERATOR = CONFIGS / "traces" / "operator.npz"
 MAIN = "from weberlink.cli import main; main()"
@@ -128,7 +132,19 @@ def test_different_files_have_different_names(listed: list[Path]) -> None:
 
 
 def test_paper_stands_for_its_weber_factors(traces: list[Path]) -> None:
-    assert [row.weber for row in run(traces[:1], "zoh", "paper", 0.02).rows] == [0.025, 0.05, 0.10, 0.15, 0.20, 0.30]
+    assert [row["weber"] for row in run(traces[:1], "zoh", "paper", 0.02).rows] == [0.025, 0.05, 0.10, 0.15, 0.20, 0.30]
+
+
+def test_every_predictor_of_a_configuration_can_be_evaluated(traces: list[Path]) -> None:
+    rows = run(traces[:1], "all", "0.1", 0.02, position=True).rows
+    named = {kind: [row["predictor"] for row in rows if row["channel"] == kind] for kind in ("force", "position")}
+    assert named["force"] == [*PREDICTORS, *BANKS]
+    for name in named["position"]:
+        assert PositionCodecSettings.model_validate({"predictor": name}).predictor == name
+    refused = set(named["force"]) - set(named["position"])
+    for name in refused:
+        with pytest.raises(ValidationError):
+            PositionCodecSettings.model_validate({"predictor": name})
 
 
 @pytest.mark.parametrize(
@@ -184,8 +200,8 @@ def test_stated_units_give_the_figures_of_si_units(tmp_path: Path) -> None:
     si = run([in_units(tmp_path / "si.csv", 1.0, 1.0)], "zoh,plane", "0.1", 0.02).rows
     other = run([in_units(tmp_path / "mm.csv", 1e-3, 1e-3)], "zoh,plane", "0.1", 0.02, units="mm,ms").rows
     for a, b in zip(si, other, strict=True):
-        assert b.packets_per_s == pytest.approx(a.packets_per_s)
-        assert b.error_rms_jnd == pytest.approx(a.error_rms_jnd)
+        assert b["packets_per_s"] == pytest.approx(a["packets_per_s"])
+        assert b["error_rms_jnd"] == pytest.approx(a["error_rms_jnd"])
     stated = run([in_units(tmp_path / "far.csv", 1.0, 1e-3)], "zoh", "0.1", 0.02, units="m").rows
     assert len(stated) == 1, "if somebody says that it is so"
 
@@ -261,9 +277,9 @@ def test_ctrl_c_and_sigterm_keep_finished_rows(workers: int, number: signal.Sign
 # --- table and figures
 
 
-def printed(rows: list[EvaluationRow]) -> list[str]:
+def printed(rows: list[Row]) -> list[str]:
     paper = StringIO()
-    Console(width=80, file=paper).print(tables_of(rows, 0.10, 1.0, "made by a test"))
+    Console(width=80, file=paper).print(tables_of(data_frame(rows), 0.10, 1.0, "made by a test"))
     return paper.getvalue().splitlines()
 
 
@@ -278,7 +294,7 @@ def test_few_rows_are_printed_singly_and_many_as_means() -> None:
     lines = printed(one + other)
     assert max(map(len, lines)) <= 80
     assert lines[0].split()[:4] == ["source", "predictor", "k", "n"]
-    mean = (one[0].packets_per_s * other[0].packets_per_s) ** 0.5
+    mean = (one[0]["packets_per_s"] * other[0]["packets_per_s"]) ** 0.5
     assert lines[1].split()[:5] == ["files", "zoh", "0.02", "2", f"{mean:.1f}"]
 
 
@@ -288,6 +304,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
+    assert "error_over_cost.png" in drawn
     for name in ("packet_rate", "quality", "quality_over_rate", "force"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
@@ -298,7 +315,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
         selected = row.pop("selected", None)
         assert {key: flat[key] for key in row} == {key: str(value) for key, value in row.items()}
         assert [flat[f"selected_{name}"] for name in ("zoh", "linear", "plane", "sphere")] == (
-            ["", "", "", ""] if selected is None else [str(sends) for sends in selected.values()]
+            ["", "", "", ""] if selected is None else [str(float(sends)) for sends in selected.values()]
         )
     assert (tmp_path / "curves.csv").read_text().count("\n") == 5
 
@@ -339,5 +356,5 @@ def test_wrong_figure_options_are_said_before_the_work(tmp_path: Path) -> None:
 
 def test_recordings_of_people_stay_within_the_deadband() -> None:
     for row in run([Path(f"tue_{what}_1") for what in ("rigid", "foam", "free")], "zoh,hybrid", "0.1", 0.02).rows:
-        assert row.source == "tue"
-        assert row.violation_fraction == 0.0
+        assert row["source"] == "tue"
+        assert row["violation_fraction"] == 0.0

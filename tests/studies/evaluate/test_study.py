@@ -3,7 +3,6 @@
 import json
 import pickle
 import re
-from dataclasses import replace
 from functools import cache
 from math import hypot, inf, log, sqrt
 from pathlib import Path
@@ -20,13 +19,13 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.study import (
-    EvaluationRow,
     EvaluationStudy,
     evaluate,
     rows_of,
     seconds,
 )
 from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.frame import Row
 from weberlink.system.scoring.perception import Threshold
 
 ROOT = Path(__file__).parents[3]
@@ -36,13 +35,13 @@ TRACES = [NamedTrace("wall", wall(150)), NamedTrace("walk", walk(200, seed=1))]
 STUDY = EvaluationStudy(("plane", "zoh", "hybrid"), (0.20, 0.05))
 
 
-def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> EvaluationRow:
+def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> Row:
     return evaluate("made", signal_of(signal), channel, Threshold(jnd), predictor="zoh", weber=0.10)
 
 
-def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
+def timeless(rows: list[Row]) -> list[Row]:
     """Without the measured run time."""
-    return [replace(row, tick_us=0.0) for row in rows]
+    return [row | {"tick_us": 0.0} for row in rows]
 
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
@@ -74,58 +73,70 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
     in_jnd = [error / jnd for error, jnd in zip(errors, jnds, strict=True)]
     duration = len(errors) * 1e-3
     assert len(datagrams) > 1
-    assert found.packets == len(datagrams)
-    assert found.bytes_per_s == pytest.approx(sum(datagrams) / duration)
-    assert found.packets_per_s == pytest.approx(found.packets / duration)
-    assert found.reduction == pytest.approx(1.0 - found.packets / len(errors))
-    assert found.error_rms_n == pytest.approx(sqrt(sum(e * e for e in errors) / len(errors)))
-    assert found.error_max_n == pytest.approx(max(errors))
-    assert found.error_max_deadbands == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
-    assert found.error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in in_jnd) / len(in_jnd)))
-    assert found.error_max_jnd == pytest.approx(max(in_jnd))
-    assert found.noticeable_fraction == pytest.approx(sum(x > 1.0 for x in in_jnd) / len(in_jnd))
+    assert found["packets"] == len(datagrams)
+    assert found["bytes_per_s"] == pytest.approx(sum(datagrams) / duration)
+    assert found["packets_per_s"] == pytest.approx(found["packets"] / duration)
+    assert found["reduction"] == pytest.approx(1.0 - found["packets"] / len(errors))
+    assert found["error_rms_n"] == pytest.approx(sqrt(sum(e * e for e in errors) / len(errors)))
+    assert found["error_max_n"] == pytest.approx(max(errors))
+    assert found["error_max_deadbands"] == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
+    assert found["error_rms_jnd"] == pytest.approx(sqrt(sum(x * x for x in in_jnd) / len(in_jnd)))
+    assert found["error_max_jnd"] == pytest.approx(max(in_jnd))
+    assert found["noticeable_fraction"] == pytest.approx(sum(x > 1.0 for x in in_jnd) / len(in_jnd))
     logs = [
         abs(log((hypot(*f) + 0.4) / (hypot(*d) + 0.4))) / log(1.1)
         for f, d in zip(signal.force_n.tolist(), decoded, strict=True)
     ]
-    assert found.log_error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in logs) / len(logs)))
-    assert found.log_error_max_jnd == pytest.approx(max(logs))
+    assert found["log_error_rms_jnd"] == pytest.approx(sqrt(sum(x * x for x in logs) / len(logs)))
+    assert found["log_error_max_jnd"] == pytest.approx(max(logs))
     jumps = [
         hypot(*np.subtract(new, old)) / max(0.10 * hypot(*old), 0.04)
         for sent, new, old in zip(sends[1:], decoded[1:], decoded, strict=False)
         if sent
     ]
-    assert found.jump_median_jnd == pytest.approx(sorted(jumps)[(len(jumps) - 1) // 2], rel=0.005)
-    assert found.jump_max_jnd == pytest.approx(max(jumps))
-    assert (found.violation_fraction, found.violation_longest_s) == (0.0, 0.0)
-    assert found.error_max_deadbands <= 1.0
-    assert found.tick_us > 0.0
+    assert found["jump_median_jnd"] == pytest.approx(sorted(jumps)[(len(jumps) - 1) // 2], rel=0.005)
+    assert found["jump_max_jnd"] == pytest.approx(max(jumps))
+    assert (found["violation_fraction"], found["violation_longest_s"]) == (0.0, 0.0)
+    assert found["error_max_deadbands"] <= 1.0
+    assert found["tick_us"] > 0.0
     if predictor == "hybrid":
-        assert found.selected is not None
-        assert list(found.selected) == ["zoh", "linear", "plane", "sphere"]
-        assert sum(found.selected.values()) == found.packets
+        assert list(found["selected"]) == ["zoh", "linear", "plane", "sphere"]
+        assert sum(found["selected"].values()) == found["packets"]
     else:
-        assert found.selected is None
+        assert "selected" not in found
 
 
 def test_saturation_of_the_wire_counts_as_violation() -> None:
     found = row_of(trace([0.0] * 6 + [50.0] * 3 + [0.0] * 3, [0.0] * 12), force_channel(predictor="zoh", weber=0.10))
-    assert found.error_max_n == pytest.approx(50.0 - 32.767)
-    assert found.violation_fraction == pytest.approx(3 / 12)
-    assert found.violation_longest_s == pytest.approx(3e-3)
+    assert found["error_max_n"] == pytest.approx(50.0 - 32.767)
+    assert found["violation_fraction"] == pytest.approx(3 / 12)
+    assert found["violation_longest_s"] == pytest.approx(3e-3)
 
 
 def test_a_smaller_jnd_finds_more_noticeable_ticks() -> None:
     channel = force_channel(predictor="zoh", weber=0.20)
     keen, dull = row_of(wall(), channel, jnd=0.05), row_of(wall(), channel, jnd=0.40)
-    assert keen.noticeable_fraction > dull.noticeable_fraction == 0.0
-    assert keen.error_rms_n == dull.error_rms_n
+    assert keen["noticeable_fraction"] > dull["noticeable_fraction"] == 0.0
+    assert keen["error_rms_n"] == dull["error_rms_n"]
 
 
 def test_a_row_is_json() -> None:
     for found in EvaluationStudy().rows(NamedTrace("made", wall(300))):
-        document = json.loads(json.dumps(found.as_json(), allow_nan=False))
-        assert ("selected" in document) == (found.predictor == "hybrid")
+        document = json.loads(json.dumps(found, allow_nan=False))
+        assert ("selected" in document) == (found["predictor"] == "hybrid")
+
+
+@pytest.mark.parametrize("predictor", ["zoh", "linear", "path", "hybrid", "adaptive"])
+def test_a_position_stays_within_its_bound(predictor: str) -> None:
+    """The middle of a trace's range does not count: a robot may be far from the origin of its frame."""
+    study = EvaluationStudy((), (0.1,), position_predictors=(predictor,))
+    here = trace([0.0] * 400, [0.0005 * sqrt(tick) for tick in range(400)])
+    far = Trace(here.time_s, here.position_m + 0.5, here.force_n, here.gaps_s)
+    (near,), (away,) = (study.rows(NamedTrace("made", each)) for each in (here, far))
+    assert (near["channel"], near["violation_fraction"], away["violation_fraction"]) == ("position", 0.0, 0.0)
+    assert near["error_max_deadbands"] <= 1.0
+    assert 0 < near["packets"] < 400
+    assert away["error_rms_m"] == pytest.approx(near["error_rms_m"], abs=2e-5)
 
 
 # --- cases
@@ -135,7 +146,7 @@ def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
     cases = STUDY.cases(TRACES)
     assert all(seconds(case) == pytest.approx(1e-5 * len(case.trace.trace.time_s)) for case in cases)
     rows = [row for case in cases for row in rows_of(pickle.loads(pickle.dumps(case)))]
-    assert [(row.trace, row.predictor, row.weber) for row in rows] == [
+    assert [(row["trace"], row["predictor"], row["weber"]) for row in rows] == [
         (trace, predictor, weber)
         for trace in ("wall", "walk")
         for predictor in ("plane", "zoh", "hybrid")
@@ -145,7 +156,7 @@ def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
 
 
 def test_rows_do_not_depend_on_each_other() -> None:
-    both = [row for row in STUDY.rows(TRACES[1]) if (row.predictor, row.weber) == ("plane", 0.05)]
+    both = [row for row in STUDY.rows(TRACES[1]) if (row["predictor"], row["weber"]) == ("plane", 0.05)]
     alone = EvaluationStudy(("plane",), (0.05,)).rows(TRACES[1])
     assert timeless(both) == timeless(alone)
 
@@ -204,6 +215,6 @@ def test_shipped_trace_stays_within_the_deadband() -> None:
     own = read_trace(ROOT / "configs" / "traces" / "operator.npz")
     rows = EvaluationStudy(webers=(0.05, 0.20)).rows(NamedTrace("own", own))
     for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
-        assert 0 < coarse.packets < fine.packets
-        assert fine.samples == len(own.time_s)
-        assert max(fine.error_max_deadbands, coarse.error_max_deadbands) <= 1.0
+        assert 0 < coarse["packets"] < fine["packets"]
+        assert fine["samples"] == len(own.time_s)
+        assert max(fine["error_max_deadbands"], coarse["error_max_deadbands"]) <= 1.0

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import RenderableType
@@ -13,18 +13,22 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.coded_trace import TickWindow
 from weberlink.studies.evaluate.by_source import by_source
-from weberlink.studies.evaluate.study import EvaluationCase, EvaluationRow, EvaluationStudy, rows_of, seconds
+from weberlink.studies.evaluate.study import EvaluationCase, EvaluationStudy, rows_of, seconds
 from weberlink.studies.evaluate.table import tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces, units_of
-from weberlink.studies.frame import FrameResult, Study, check_resources
+from weberlink.studies.frame import FrameResult, Study, check_resources, records
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.model import LONGEST_LOOKAHEAD_MS
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below the noise of any sensor, and no range."""
 PAPER = "paper"
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ def _cases(options: EvaluationOptions) -> list[EvaluationCase]:
     return options.study.cases(options.traces)
 
 
-def _summary(options: EvaluationOptions, rows: Sequence[EvaluationRow]) -> dict[str, Any]:
+def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
     study = options.study
     return {
         "floor_n": study.floor,
@@ -56,23 +60,21 @@ def _summary(options: EvaluationOptions, rows: Sequence[EvaluationRow]) -> dict[
         "jnd": study.jnd,
         "wire": options.wire,
         "max_updates_per_s": study.max_updates_per_s,
-        "sources": [figures.as_json() for figures in by_source(rows)],
+        "sources": records(by_source(rows[rows.channel == "force"])),
     }
 
 
-def _tables(
-    options: EvaluationOptions, rows: Sequence[EvaluationRow], run_time_s: float, caption: str
-) -> RenderableType:
+def _tables(options: EvaluationOptions, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
     return tables_of(rows, options.study.jnd, run_time_s, caption)
 
 
-def _plots(options: EvaluationOptions, rows: Sequence[EvaluationRow], folder: Path, caption: str) -> None:
+def _plots(options: EvaluationOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
     draw_study(options.study, options.traces, rows, folder, caption, options.window)
 
 
-STUDY = Study("evaluate", _cases, rows_of, _summary, _tables, _plots, seconds)
+STUDY = Study("evaluate", _cases, rows_of, _tables, _plots, seconds, _summary)
 
 
 def run(
@@ -85,6 +87,7 @@ def run(
     jnd: float = 0.10,
     wire: bool = True,
     plots: bool = False,
+    position: bool = False,
     deadbands: str = ISOTROPIC,
     max_updates: float | None = None,
     units: str | None = None,
@@ -92,20 +95,21 @@ def run(
     workers: int | None = None,
     dask: str | None = None,
     progress: Progress = lambda *_: None,
-) -> FrameResult[EvaluationRow]:
+) -> FrameResult:
     """Evaluate every combination, or those that are done when Ctrl-C or SIGTERM comes.
 
     Rows do not depend on where they were computed, except for the measured run time.
 
     Args:
         traces: files, or names of shipped recordings and of their sources; each recording once.
-        predictors: names, separated by commas.
+        predictors: names, separated by commas, or "all" for every one that a configuration can name.
         webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
         lookahead_ms: how far the encoder looks ahead, 0 to `LONGEST_LOOKAHEAD_MS`.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
+        position: whether the position channel is evaluated too, with those predictors that need no force.
         deadbands: names of shapes, separated by commas.
         max_updates: largest rate of updates [1/s]; None for no limit.
         units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
@@ -122,14 +126,18 @@ def run(
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
         raise ConfigurationError(f"--lookahead: must be 0 to {LONGEST_LOOKAHEAD_MS:g} ms, not {lookahead_ms:g}")
+    known = (*PREDICTORS, *BANKS)
+    forces = list(known) if predictors == ALL else _names("--predictor", predictors, known)
+    positions = [name for name in forces if name in BANKS or not PREDICTORS[name].geometric] if position else []
     study = EvaluationStudy(
-        _names("--predictor", predictors, (*PREDICTORS, *BANKS)),
+        forces,
         _webers(webers),
         floor,
         jnd=jnd,
         deadbands=_deadbands(deadbands, floor, plots=plots),
         lookahead_ms=lookahead_ms,
         max_updates_per_s=max_updates,
+        position_predictors=positions,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces, None if units is None else units_of(units))

@@ -1,71 +1,24 @@
 """The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.codec import Channel, force_channel
+from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.traces import FILES, NamedTrace
+from weberlink.studies.frame import Row
 from weberlink.studies.paper.claims import PREDICTORS
+from weberlink.system.configuration.model import PositionCodecSettings
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
 SAMPLE_S = 1e-5
 """Rough run time of a coded sample."""
-
-
-@dataclass(frozen=True)
-class EvaluationRow:
-    """The figures of one trace with one predictor, Weber factor and deadband."""
-
-    trace: str
-    predictor: str
-    weber: float
-    samples: int
-    duration_s: float
-    packets: int
-    packets_per_s: float
-    reduction: float
-    """Against one packet per sample."""
-    bytes_per_s: float
-    """UDP payload of the updates, as on a link secured by a pre-shared key."""
-    error_rms_n: float
-    error_max_n: float
-    error_max_deadbands: float
-    """Largest error in units of its bound, in the deadband's own measure."""
-    violation_fraction: float
-    """Share of ticks outside the deadband of this row; 0 if the codec works."""
-    violation_longest_s: float
-    error_rms_jnd: float
-    """This and the next eight: measures of `QualityStatistics`, with the same JND for all rows."""
-    error_max_jnd: float
-    noticeable_fraction: float
-    noticeable_longest_s: float
-    log_error_rms_jnd: float
-    log_error_max_jnd: float
-    jump_median_jnd: float | None
-    """None without a jump, likewise the next two."""
-    jump_p99_jnd: float | None
-    jump_max_jnd: float | None
-    tick_us: float
-    """Median run time of encode plus decode."""
-    selected: dict[str, int] | None = None
-    """Sends per predictor; hybrid only."""
-    deadband: str = ISOTROPIC
-    source: str = FILES
-    """Of the trace: a source of shipped recordings, or `FILES`."""
-    widened_fraction: float | None = None
-    """Share of ticks in which the bounded rate of updates widened the deadband; None without one."""
-    widened_max_n: float | None = None
-    """Largest deadband then."""
-
-    def as_json(self) -> dict[str, Any]:
-        return {key: value for key, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -83,6 +36,7 @@ class EvaluationStudy:
         deadbands: names of shapes, each once; their other parameters have the default values.
         lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
         max_updates_per_s: largest rate of updates; None for no limit.
+        position_predictors: names, with the same Weber factors; each once.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -95,6 +49,7 @@ class EvaluationStudy:
     deadbands: Sequence[str] = (ISOTROPIC,)
     lookahead_ms: float = 0.0
     max_updates_per_s: float | None = None
+    position_predictors: Sequence[str] = ()
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
@@ -113,17 +68,32 @@ class EvaluationStudy:
             lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
+    def position_channel(self, predictor: str, weber: float, period_s: float = DEFAULT_PERIOD_S) -> Channel:
+        """A position channel with the bound of a configuration."""
+        settings = PositionCodecSettings.model_validate({"predictor": predictor})
+        return position_channel(
+            predictor=predictor,
+            bank=settings.bank,
+            weber=weber,
+            bound=settings.bound_m,
+            position_step=self.position_step,
+            saturates=self.saturates,
+            tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
+        )
+
     def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
-        """All cases: traces outermost, then deadbands, then predictors, then Weber factors."""
+        """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
+        ways = [(deadband, "force", predictor) for deadband in self.deadbands for predictor in self.predictors]
+        ways += [(ISOTROPIC, "position", predictor) for predictor in self.position_predictors]
         return [
-            EvaluationCase(trace, self, predictor, weber, deadband)
+            EvaluationCase(trace, self, predictor, weber, deadband, channel)
             for trace in traces
-            for deadband in self.deadbands
-            for predictor in self.predictors
+            for deadband, channel, predictor in ways
             for weber in self.webers
         ]
 
-    def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
+    def rows(self, trace: NamedTrace) -> list[Row]:
         """All rows of one trace, computed here."""
         return [row for case in self.cases([trace]) for row in rows_of(case)]
 
@@ -136,17 +106,21 @@ class EvaluationCase(NamedTuple):
     predictor: str
     weber: float
     deadband: str
+    channel: str = "force"
 
 
-def rows_of(case: EvaluationCase) -> list[EvaluationRow]:
+def rows_of(case: EvaluationCase) -> list[Row]:
     """The row of a case."""
-    (name, trace, source), study, predictor, weber, deadband = case
+    (name, trace, source), study, predictor, weber, deadband, kind = case
     signal = signal_of(trace)
+    told: dict[str, Any] = {"predictor": predictor, "weber": weber, "source": source}
+    if kind == "position":
+        # About the middle of the range, as in the workspace of a device.
+        middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
+        centered = Signal(signal.position_m - middle, signal.position_m, signal.period_s)
+        return [evaluate(name, centered, study.position_channel(predictor, weber, signal.period_s), None, **told)]
     channel = study.channel(predictor, weber, deadband, signal.period_s)
-    row = evaluate(
-        name, signal, channel, Threshold(study.jnd), predictor=predictor, weber=weber, deadband=deadband, source=source
-    )
-    return [row]
+    return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
 
 
 def seconds(case: EvaluationCase) -> float:
@@ -158,48 +132,59 @@ def evaluate(
     name: str,
     signal: Signal,
     channel: Channel,
-    threshold: Threshold,
+    threshold: Threshold | None,
     *,
     predictor: str,
     weber: float,
-    deadband: str = ISOTROPIC,
+    deadband: str | None = None,
     source: str = FILES,
-) -> EvaluationRow:
-    """Code a signal with a fresh encoder and decoder.
+) -> Row:
+    """Code a signal with a fresh encoder and decoder. Figures that do not apply are left out of the row.
+
+    `reduction` is against one packet per sample, `bytes_per_s` the UDP payload on a link secured by a pre-shared key,
+    `error_max_deadbands` in the deadband's own measure, `violation_*` outside the deadband (none if the codec works),
+    `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
+    tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
+    alone; the errors of positions are in metres.
 
     Args:
         name: of the trace.
-        signal: force and position.
-        channel: a force channel. The keyword arguments are copied to the row.
-        threshold: a JND of the person.
+        signal: force and position; on a position channel, positions instead of forces.
+        channel: of force or position. The keyword arguments are copied to the row.
+        threshold: a JND of the person; None on a position channel.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside = run.deviation_n > run.bound_n
-    quality = QualityStatistics(signal.period_s, threshold)
-    quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
-    quality.add_jumps(run.jump_n, run.before_n)
-    return EvaluationRow(
-        trace=name,
-        predictor=predictor,
-        weber=weber,
-        samples=samples,
-        duration_s=duration,
-        packets=packets,
-        packets_per_s=packets / duration,
-        reduction=1.0 - packets / samples,
-        bytes_per_s=run.payload_bytes(channel) / duration,
-        error_rms_n=rms(run.error_n),
-        error_max_n=float(run.error_n.max()),
-        error_max_deadbands=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
-        violation_fraction=float(outside.mean()),
-        violation_longest_s=longest_run(outside) * signal.period_s,
-        **quality.summary(),  # type: ignore[arg-type]
-        tick_us=run.tick_us,
-        selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
-        deadband=deadband,
-        source=source,
-        widened_fraction=None if channel.rate is None else float(run.widened.mean()),
-        widened_max_n=float(run.bound_n[run.widened].max()) if run.widened.any() else None,
-    )
+    unit, measures = "m", {}
+    if threshold is not None:
+        quality = QualityStatistics(signal.period_s, threshold)
+        quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
+        quality.add_jumps(run.jump_n, run.before_n)
+        unit, measures = "n", quality.summary()
+    row = {
+        "trace": name,
+        "channel": "position" if threshold is None else "force",
+        "predictor": predictor,
+        "weber": weber,
+        "samples": samples,
+        "duration_s": duration,
+        "packets": packets,
+        "packets_per_s": packets / duration,
+        "reduction": 1.0 - packets / samples,
+        "bytes_per_s": run.payload_bytes(channel) / duration,
+        f"error_rms_{unit}": rms(run.error_n),
+        f"error_max_{unit}": float(run.error_n.max()),
+        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        "violation_fraction": float(outside.mean()),
+        "violation_longest_s": longest_run(outside) * signal.period_s,
+        **measures,
+        "tick_us": run.tick_us,
+        "selected": dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
+        "deadband": deadband,
+        "source": source,
+        "widened_fraction": None if channel.rate is None else float(run.widened.mean()),
+        f"widened_max_{unit}": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
+    }
+    return {name: figure for name, figure in row.items() if figure is not None}

@@ -1,91 +1,84 @@
 """The tables of `weberlink study evaluate` in 80 columns: single rows while they are few, and figures by source."""
 
-from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 
-from weberlink.studies.evaluate.by_source import EVERY, MOST, SINGLES, SourceFigures, by_source
-from weberlink.studies.evaluate.study import EvaluationRow
-from weberlink.studies.result import plain_table
+from weberlink.studies.evaluate.by_source import EVERY, MOST, SINGLES, by_source
+from weberlink.studies.result import Column, frame_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FEW = 40
 """Up to this number, every row is printed."""
 NAME_WIDTH = 15
 """Of a longer trace name the end is shown, where names differ."""
 
-_FIGURES: dict[str, tuple[Callable[[EvaluationRow], float], str]] = {
-    "packets/s": (lambda row: row.packets_per_s, "{:.1f}"),
-    "RMS JND": (lambda row: row.error_rms_jnd, "{:.3f}"),
-    "jump JND": (lambda row: row.jump_p99_jnd or 0.0, "{:.1f}"),
-    "noticed": (lambda row: 100.0 * row.noticeable_fraction, "{:.1f} %"),
-    "us/tick": (lambda row: row.tick_us, "{:.1f}"),
+WAYS = {
+    "deadband": Column("deadband", left=True),
+    "predictor": Column("predictor", left=True),
+    "weber": Column("k", "{:g}"),
 }
-_HEADS: dict[str, Callable[[EvaluationRow], str]] = {
-    "trace": lambda row: row.trace if len(row.trace) <= NAME_WIDTH else f"…{row.trace[1 - NAME_WIDTH :]}",
-    "deadband": lambda row: row.deadband,
-    "predictor": lambda row: row.predictor,
-    "k": lambda row: f"{row.weber:g}",
+SINGLE = {
+    "trace": Column("trace", lambda name: name if len(name) <= NAME_WIDTH else f"…{name[1 - NAME_WIDTH :]}"),
+    **WAYS,
+    "packets_per_s": Column("packets/s", "{:.1f}"),
+    "error_rms_jnd": Column("RMS JND", "{:.3f}"),
+    "jump_p99_jnd": Column("jump JND", "{:.1f}"),
+    "noticeable_fraction": Column("noticed", lambda share: f"{100 * share:.1f} %"),
+    "tick_us": Column("us/tick", "{:.1f}"),
+}
+SOURCES = {
+    "source": Column("source"),
+    **WAYS,
+    "recordings": Column("n"),
+    "packets_per_s": Column("packets/s", "{:.1f}"),
+    "bytes_per_s": Column("B/s", "{:.0f}"),
+    "over_hybrid": Column("/hybrid", "{:.3f}"),
+    "over_best": Column("/best", "{:.3f}"),
+    "above": Column(f">{MOST:g}", "{:.0%}"),
+    "error_rms_jnd": Column("RMS JND", "{:.3f}"),
+}
+
+POSITION = {
+    "predictor": Column("predictor"),
+    "weber": Column("k", "{:g}"),
+    "packets_per_s": Column("packets/s", "{:.1f}"),
+    "bytes_per_s": Column("B/s", "{:.0f}"),
+    "error_rms_m": Column("RMS mm", lambda metres: f"{1e3 * metres:.3f}"),
+    "error_max_m": Column("max mm", lambda metres: f"{1e3 * metres:.2f}"),
+    "tick_us": Column("us/tick", "{:.1f}"),
 }
 
 
-def tables_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer: str) -> RenderableType:
+def tables_of(rows: "DataFrame", jnd: float, run_time: float, footer: str) -> RenderableType:
     """The tables of at least one row; the run time is that of all rows [s]."""
-    many = len({row.trace for row in rows}) > 1
-    notes = [f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}", footer]
-    if widened := max((row.widened_fraction or 0.0 for row in rows), default=0.0):
-        most = max(row.widened_max_n or 0.0 for row in rows)
-        notes.insert(0, f"deadband widened in up to {100 * widened:.1f} % of ticks, to at most {most:.3f} N")
-    parts: list[Table] = []
+    all_rows = rows
+    positions, rows = rows[rows.channel == "position"], rows[rows.channel == "force"]
+    many, alike = rows.trace.nunique() > 1, rows.deadband.nunique() == 1
+    broken = int((all_rows.violation_fraction > 0.0).sum())
+    violations = f"ticks outside their deadband in {broken} of them" if broken else "no tick outside its deadband"
+    count = len(rows) + len(positions)
+    notes = [f"{count} row{'s' if count > 1 else ''} in {run_time:.1f} s; {violations}", footer]
+    if "widened_max_n" in rows:
+        widened, most = 100 * rows.widened_fraction.max(), rows.widened_max_n.max()
+        notes.insert(0, f"deadband widened in up to {widened:.1f} % of ticks, to at most {most:.3f} N")
+    parts = []
     if len(rows) <= FEW or not many:
-        parts.append(_single(rows, jnd, [] if many else notes))
+        told = f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"
+        columns = {
+            name: column for name, column in SINGLE.items() if name in rows and not (alike and name == "deadband")
+        }
+        parts.append(frame_table(rows, columns, notes=[told, *([] if many else notes)]))
     if many:
-        parts.append(_by_source(by_source(rows), notes))
-    return Group(*parts)
-
-
-def _single(rows: Sequence[EvaluationRow], jnd: float, notes: Sequence[str]) -> Table:
-    shaped = len({row.deadband for row in rows}) > 1
-    heads = [name for name in _HEADS if name != "deadband" or shaped]
-    caption = f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"
-    table = plain_table(
-        *heads, *_FIGURES, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([caption, *notes])
-    )
-    for row in rows:
-        values = (form.format(of(row)) for of, form in _FIGURES.values())
-        table.add_row(*(_HEADS[name](row) for name in heads), *values)
-    return table
-
-
-def _by_source(found: Sequence[SourceFigures], notes: Sequence[str]) -> Table:
-    shaped = len({one.deadband for one in found}) > 1
-    heads = ("source", *(("deadband",) if shaped else ()), "predictor", "k", "n")
-    figures = ("packets/s", "B/s", "/hybrid", "/best", f">{MOST:g}", "RMS JND")
-    several = any(one.source == EVERY for one in found)
-    caption = [
-        f"geometric means over recordings{f'; {EVERY}: over sources' if several else ''}",
-        f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above",
-        "all rows: --json OUT, --csv OUT",
-    ]
-    table = plain_table(
-        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])
-    )
-    for one in found:
-        table.add_row(
-            one.source,
-            *((one.deadband,) if shaped else ()),
-            one.predictor,
-            f"{one.weber:g}",
-            str(one.recordings),
-            f"{one.packets_per_s:.1f}",
-            f"{one.bytes_per_s:.0f}",
-            *("-" if value is None else f"{value:.3f}" for value in (one.over_hybrid, one.over_best)),
-            "-" if one.above is None else f"{100 * one.above:.0f} %",
-            f"{one.error_rms_jnd:.3f}",
-        )
-    return table
-
-
-def _violations(rows: Sequence[EvaluationRow]) -> str:
-    broken = sum(row.violation_fraction > 0.0 for row in rows)
-    return f"ticks outside their deadband in {broken} of them" if broken else "no tick outside its deadband"
+        found = by_source(rows)
+        told = f"geometric means over recordings{f'; {EVERY}: over sources' if EVERY in set(found.source) else ''}"
+        best = f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above"
+        columns = {name: column for name, column in SOURCES.items() if not (alike and name == "deadband")}
+        notes = [told, best, "all rows: --json OUT, --csv OUT", *notes]
+        parts.append(frame_table(found, columns, notes=notes))
+    if len(positions):
+        means = positions.groupby(["predictor", "weber"], sort=False)[list(POSITION)[2:]].mean().reset_index()
+        parts.append(frame_table(means, POSITION, title="position channel, means over traces"))
+    return Group(*parts[::-1])  # the notes stand last

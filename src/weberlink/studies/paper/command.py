@@ -139,7 +139,7 @@ def run(
     def coded(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[Observation]:
         tasks = replace(study, webers=scope.webers).cases(named)
         return [
-            Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
+            Observation(*(row[name] for name in ("trace", "predictor", "weber", "packets_per_s", "error_rms_jnd")))
             for rows in done(rows_of, tasks, "signals through the codec")
             for row in rows
         ]
