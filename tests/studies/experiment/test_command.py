@@ -22,7 +22,7 @@ from weberlink.cli import app
 from weberlink.geometry.vector import ZERO, distance
 from weberlink.protocol.keys import generate
 from weberlink.studies.experiment.command import ExperimentRequest, run
-from weberlink.studies.experiment.ledger import RATED, read
+from weberlink.studies.experiment.ledger import read
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, order
 from weberlink.studies.experiment.trial_runner import TrialSignals
 from weberlink.studies.paper.claims import PREDICTORS, WEBERS
@@ -76,7 +76,7 @@ def test_a_simulated_subject_rates_every_condition(study: Path) -> None:
     plan, *events = lines_of(study / "simulated-001.jsonl")
     assert plan["simulated"] is True
     assert all(event["simulated"] is True for event in events)
-    rated = [event for event in events if event["event"] == RATED]
+    rated = [event for event in events if event["event"] == "trial_rated"]
     assert [(event["predictor"], event["weber"]) for event in rated] == [(c.predictor, c.weber) for c in order(0, 1)]
     for event in rated:
         figures = event["figures"]
@@ -93,7 +93,7 @@ def test_the_coding_of_a_trial_is_that_of_its_condition(study: Path) -> None:
     rates = {
         (event["predictor"], event["weber"]): event["figures"]["packets_per_s"]
         for event in events
-        if event["event"] == RATED
+        if event["event"] == "trial_rated"
     }
     for predictor in PREDICTORS:
         assert rates[predictor, 0.025] > rates[predictor, 0.30]
@@ -115,7 +115,7 @@ def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> N
     result = command(*arguments, "--set", ON_SURFACE)  # the length of a trial is known
     assert result.exit_code == 0, result.output
     whole = [
-        [(e["rating"], e["figures"]) for e in lines_of(folder / path.name) if e["event"] == RATED]
+        [(e["rating"], e["figures"]) for e in lines_of(folder / path.name) if e["event"] == "trial_rated"]
         for folder in (study, tmp_path)
     ]
     assert whole[0] == whole[1]
@@ -234,7 +234,7 @@ class _RatesOnce(io.StringIO):
         self._screen = screen
         self._rating: int | None = rating
 
-    def readline(self, size: int = -1, /) -> str:  # noqa: ARG002
+    def readline(self, size: int = -1, /) -> str:
         if self._rating is None:
             return ""
         if not self._screen.getvalue().endswith("Rating 0 to 5: "):
@@ -258,14 +258,15 @@ def test_a_person_rates_leaves_and_continues(tmp_path: Path) -> None:
         screens.append(screen.getvalue())
     progress = read(tmp_path / "subject-001.jsonl")
     assert progress is not None
-    assert [event["rating"] for event in progress.rated.values()] == [4, 3]
-    for number, event in progress.rated.items():
-        figures = event["figures"]
+    assert [entry.rating for entry in progress.rated.values()] == [4, 3]
+    for number, entry in progress.rated.items():
+        figures = entry.figures
+        assert entry.recording is not None
         assert figures["outcome"] == "completed"
         assert figures["samples"] > 0
-        assert (tmp_path / event["recording"]).stat().st_size > 1000
+        assert (tmp_path / entry.recording).stat().st_size > 1000
         # A trial that a stall of the host disturbed is repeated, and its number then says which attempt it was.
-        assert re.fullmatch(rf"subject-001/trial-{number:02d}(-\d)?\.mcap", event["recording"])
+        assert re.fullmatch(rf"subject-001/trial-{number:02d}(-\d)?\.mcap", entry.recording)
     assert "29 trials" in screens[1]
     assert not any(word in screen for screen in screens for word in ("zoh", "linear", "plane", "sphere", "hybrid"))
 

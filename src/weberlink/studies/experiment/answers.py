@@ -76,7 +76,7 @@ class StudyRatings:
     @property
     def scale(self) -> dict[int, str]:
         """Words that the subjects read for each level, the best first."""
-        return {level: self.plan.wording[str(level)] for level in sorted(map(int, self.plan.wording), reverse=True)}
+        return {level: self.plan.wording[level] for level in sorted(self.plan.wording, reverse=True)}
 
     @property
     def predictors(self) -> list[str]:
@@ -151,7 +151,7 @@ def gather(folder: Path, whose: Whose | None) -> StudyRatings:
         whose = "simulated" if found["simulated"] else "people"
     ledgers = {subject: _read(folder, subject, whose) for subject in found[whose]}
     begun = {subject: progress for subject, progress in ledgers.items() if progress is not None}
-    complete = {subject: progress for subject, progress in begun.items() if progress.complete}
+    complete = {subject: progress for subject, progress in begun.items() if not progress.remaining}
     if not complete:
         raise LedgerError(f"{folder}: no {_kind(whose)} has rated all trials; {len(ledgers)} incomplete")
     first, *others = complete
@@ -177,8 +177,8 @@ def _read(folder: Path, subject: int, whose: Whose) -> SubjectProgress | None:
     if plan.simulated != (whose == "simulated") or plan.subject != subject:
         is_of = f"{'simulated ' if plan.simulated else ''}subject {plan.subject}"
         raise LedgerError(f"{path}:1: is the ledger of {is_of}, which does not match its file name")
-    for number, event in progress.rated.items():
-        rate = (event.get("figures") or {}).get("packets_per_s")
+    for number, entry in progress.rated.items():
+        rate = entry.figures.get("packets_per_s")
         if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
             raise LedgerError(f"{path}: trial {number}: expected figures with packets_per_s, not {rate!r}")
     return progress
@@ -206,12 +206,12 @@ def _answers(subject: int, progress: SubjectProgress) -> list[TrialRating]:
         TrialRating(
             subject,
             number,
-            int(event.get("attempt", 1)),
+            entry.attempt,
             progress.plan.trials[number - 1],
-            int(event["rating"]),
-            event.get("figures") or {},
+            entry.rating,
+            entry.figures,
         )
-        for number, event in sorted(progress.rated.items())
+        for number, entry in sorted(progress.rated.items())
     ]
 
 

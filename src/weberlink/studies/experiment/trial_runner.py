@@ -93,15 +93,20 @@ class TrialSignals:
             coding += UNDISTURBED + (UNDISTURBED_ROTATION if rotates else ())
         return [*self.overrides, *coding, *further]
 
+    def changes(self, plan: TrialPlan) -> str:
+        """The fields that differ from those of a plan, in words; empty if none does."""
+        document = self.document
+        if _digest(document) == plan.digest:
+            return ""
+        return ", ".join(differences(plan.configuration, document)) or "its files"
+
     def check(self, plan: TrialPlan) -> None:
         """Check that the file was not edited during the experiment.
 
         Raises:
             ConfigurationError: if it was.
         """
-        document = self.document
-        if _digest(document) != plan.digest:
-            fields = ", ".join(differences(plan.configuration, document)) or "its files"
+        if fields := self.changes(plan):
             raise ConfigurationError(
                 f"{self.file}: was changed during the experiment ({fields}); restore it and continue"
             )
