@@ -356,7 +356,7 @@ def test_simulated_ratings_are_marked_everywhere(study: Path, tmp_path: Path) ->
     assert document["simulated"] is True
     assert document["mark"].startswith("SIMULATED RATINGS")
     with (tmp_path / "out.csv").open(newline="") as file:
-        assert {row["simulated"] for row in csv.DictReader(file)} == {"true"}
+        assert {row["simulated"] for row in csv.DictReader(file)} == {"True"}
     with (tmp_path / "plots" / "curves.csv").open(newline="") as file:
         assert {row["mark"] for row in csv.DictReader(file)} == {"SIMULATED RATINGS"}
     for name in ("packet_rate", "quality", "quality_over_rate"):
@@ -373,13 +373,17 @@ def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
     rated = [
         event for number in (1, 2) for event in lines_of(study / f"simulated-00{number}.jsonl") if "rating" in event
     ]
-    assert len(document["rows"]) == 30
-    for row in document["rows"]:
+    assert [(row["trial"], row["predictor"], row["rating"]) for row in document["rows"]] == [
+        (event["trial"], event["predictor"], event["rating"]) for event in rated
+    ]
+    assert list(dict.fromkeys(row["predictor"] for row in document["means"])) == list(PREDICTORS)
+    assert len(document["means"]) == 30
+    for row in document["means"]:
         mine = [e for e in rated if (e["predictor"], e["weber"]) == (row["predictor"], row["weber"])]
-        assert len(mine) == row["subjects"] == 2
-        assert row["rating"]["mean"] == pytest.approx(sum(e["rating"] for e in mine) / 2)
-        assert row["packets_per_s"]["mean"] == pytest.approx(sum(e["figures"]["packets_per_s"] for e in mine) / 2)
-        assert row["rating"]["low"] <= row["rating"]["mean"] <= row["rating"]["high"]
+        assert len(mine) == row["units"] == 2
+        assert row["rating_mean"] == pytest.approx(sum(e["rating"] for e in mine) / 2)
+        assert row["packets_per_s_mean"] == pytest.approx(sum(e["figures"]["packets_per_s"] for e in mine) / 2)
+        assert row["rating_low"] <= row["rating_mean"] <= row["rating_high"]
     assert document["tests"]["friedman_predictors"]["p"] is None
     assert "too few subjects" in document["tests"]["friedman_predictors"]["remark"]
     assert document["savings"]["level"] == 3.0
