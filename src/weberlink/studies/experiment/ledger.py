@@ -169,9 +169,12 @@ class Ledger:
         if written != len(data):
             os.ftruncate(self.descriptor, end)
             raise OSError(ENOSPC, os.strerror(ENOSPC), str(self.path))
-        if self.progress is None:
+        if isinstance(line, TrialPlan):
             _sync_folder(self.path.parent)
-        self.progress = _apply(self.progress, line)
+            self.progress = SubjectProgress(line)
+        else:
+            assert self.progress is not None
+            self.progress.take(line)
         return self.progress
 
 
@@ -226,21 +229,14 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _apply(progress: SubjectProgress | None, line: TrialPlan | Entry) -> SubjectProgress:
-    if progress is None:
-        assert isinstance(line, TrialPlan)
-        return SubjectProgress(line)
-    assert not isinstance(line, TrialPlan)
-    progress.take(line)
-    return progress
-
-
 def _parse(data: bytes, path: Path) -> SubjectProgress | None:
     progress: SubjectProgress | None = None
     for number, line in enumerate(data.split(b"\n")[:-1], 1):
         try:
-            read_line = TrialPlan.model_validate_json if progress is None else _ENTRY.validate_json
-            progress = _apply(progress, read_line(line))
+            if progress is None:
+                progress = SubjectProgress(TrialPlan.model_validate_json(line))
+            else:
+                progress.take(_ENTRY.validate_json(line))
         except ValueError as error:
             told = str(error)
             if isinstance(error, ValidationError):

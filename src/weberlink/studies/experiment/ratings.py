@@ -17,9 +17,9 @@ from weberlink.studies.experiment.answers import PEOPLE, SIMULATED, StudyRatings
 from weberlink.studies.experiment.ledger import LedgerError, SubjectProgress
 from weberlink.studies.experiment.plan import HIGHEST, LOWEST
 from weberlink.studies.experiment.statistics import ABOVE, against, friedman, savings
-from weberlink.studies.frame import FrameResult, Study, check_resources
+from weberlink.studies.frame import FrameResult, Study, check_resources, data_frame
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.studies.result import plain_table
+from weberlink.studies.result import Column, frame_table, plain_table
 from weberlink.system.configuration import ConfigurationError
 
 if TYPE_CHECKING:
@@ -129,6 +129,7 @@ def _tables(options: RatingsOptions, rows: "DataFrame", _run_time_s: float, capt
             rating.add_row("", *(f"{low:.1f}-{high:.1f}" for low, high in bands), style="dim")
         rate.add_row(name, *mine.packets_per_s_mean.map("{:.1f}".format))
     tests = document["tests"]
+    ranks = data_frame(tests[f"signed_rank_against_{TESTED_AGAINST}"])
     return Group(
         *([Text(f"{MARK}: {EXPLANATION}", style="bold red")] if options.mark else []),
         subjects + (f"; incomplete, left out: {left_out}" if left_out else ""),
@@ -139,7 +140,7 @@ def _tables(options: RatingsOptions, rows: "DataFrame", _run_time_s: float, capt
         rate,
         "",
         *_friedman_lines(tests),
-        *_signed_ranks(tests[f"signed_rank_against_{TESTED_AGAINST}"]),
+        *([frame_table(ranks, RANKS)] if ranks.p.notna().all() else []),
         Text(f"\npackets per second at a mean rating of {options.level:g}", style="bold"),
         _savings(document["savings"]["predictors"]),
         "",
@@ -159,13 +160,17 @@ def _friedman_lines(tests: dict[str, Any]) -> Iterator[str]:
         )
 
 
-def _signed_ranks(tests: Sequence[dict[str, Any]]) -> list[Table]:
-    table = plain_table(f"against {TESTED_AGAINST}, Wilcoxon", "median difference", "W", "p", "p, Holm")
-    for test in tests:
-        if test["p"] is not None:
-            difference = f"{test['median_difference']:+.2f}"
-            table.add_row(test["name"], difference, f"{test['w']:g}", _p(test["p"]), _p(test["p_holm"]))
-    return [table] if table.rows else []
+def _p(p: float) -> str:
+    return f"< {LEAST_P}" if p < LEAST_P else f"{p:.3f}"
+
+
+RANKS = {
+    "name": Column(f"against {TESTED_AGAINST}, Wilcoxon"),
+    "median_difference": Column("median difference", "{:+.2f}"),
+    "w": Column("W", "{:g}"),
+    "p": Column("p", _p),
+    "p_holm": Column("p, Holm", _p),
+}
 
 
 def _savings(predictors: Sequence[dict[str, Any]]) -> Table:
@@ -178,10 +183,6 @@ def _savings(predictors: Sequence[dict[str, Any]]) -> Table:
             *("" if one["predictor"] == base else _share(one[f"fewer_than_{base}"]) for base in BASES),
         )
     return table
-
-
-def _p(p: float) -> str:
-    return f"< {LEAST_P}" if p < LEAST_P else f"{p:.3f}"
 
 
 def _share(saving: dict[str, Any]) -> str:

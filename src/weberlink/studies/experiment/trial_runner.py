@@ -81,8 +81,8 @@ class TrialSignals:
         Raises:
             ConfigurationError: if it cannot run with every predictor and reference.
         """
-        conditions = [CodingCondition(predictor, 0.1) for predictor in PREDICTORS]
-        for condition in [*conditions, *(reference.condition for reference in REFERENCES)]:
+        every = (CodingCondition(predictor, 0.1) for predictor in PREDICTORS)
+        for condition in (*every, *(reference.condition for reference in REFERENCES)):
             try_out(load(self.file, self.with_condition(condition)))
 
     def with_condition(self, condition: CodingCondition, *further: str) -> list[str]:
