@@ -258,8 +258,6 @@ def paper(
     json_out: Json = None,
     csv_out: Csv = None,
     plots: Plots = None,
-    footer: Footer = True,
-    format_: Format = None,
 ) -> None:
     """Compare the paper's claims with measurements.
 
@@ -273,4 +271,4 @@ def paper(
             result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
     except StudyError as error:
         fail(str(error), FAILED)
-    publish_rows(result, json_out, csv_out, plots, footer, format_)
+    publish_rows(result, json_out, csv_out, plots, footer=True, formats=None)  # the page names its pictures

@@ -170,7 +170,11 @@ def test_the_page_has_every_source_and_three_figures(result: FrameResult, tmp_pa
     result.draw(tmp_path)
     page = (tmp_path / PAGE).read_text(encoding="utf-8")
     table = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith("|")]
-    assert len(table) == 2 + 1 + 3
+    assert [line[0].strip() for line in table if line[1].strip()][2:] == [
+        "the paper",
+        "files (1)",
+        *[SCENES[2].name] * 2,
+    ]
     assert {len(line) for line in table} == {1 + len(CLAIMS)}
     pictures = re.findall(r"\]\(([\w/]+\.png)\)", page)
     assert len(pictures) == 3

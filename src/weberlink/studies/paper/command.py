@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from itertools import product
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -164,26 +165,35 @@ def _summary(options: PaperOptions, rows: "DataFrame") -> dict[str, Any]:
 
 MARKS = {HOLDS: "{}*", FAILS: "{}", TOO_EASY: "({})", NO_CLAIM: "{}", UNMEASURED: "-"}
 NOTES = (
-    f"k: at a Weber factor of {WEBER:g}; q: at equal quality, the error of the reference at it",
-    f"*: as many fewer as the paper claims. (): too easy, {100 * EASY:g} % fewer or more. never: on so many",
-    "signals the quality is not reached. The paper claims nothing where there is no surface.",
+    f"Packets more or fewer [%], k at a Weber factor of {WEBER:g}, q at equal quality.",
+    "*: as many fewer as the paper claims. never: on a signal, not at that quality.",
+    f"(): at least {100 * EASY:g} % fewer, too easy to decide anything.",
 )
+SECTIONS = {
+    (RECORDED, True): "recordings",
+    (RECORDED, False): "no surface, no claim",
+    (CODED, True): TITLES[CODED],
+    (WHOLE, True): TITLES[WHOLE],
+}
 
 
 def _claims(judged: "DataFrame") -> "DataFrame":
-    """The changes of the packets [%] as text: a row for the paper, for each source and each scene, a column a claim."""
+    """Changes of the packets [%] as text: a row for the paper, for each source and each scene, a column for a claim."""
     from pandas import DataFrame  # noqa: PLC0415 - heavy, an extra
 
-    heads = [f"{claim.predictor} / {claim.reference}, {claim.at[0].replace('w', 'k')}" for claim in CLAIMS]
-    rows = [["the paper", *(f"{-100 * claim.fewer:+.0f}" for claim in CLAIMS)]]
-    for (condition, source, surface), mine in judged.groupby(["condition", "source", "surface"], sort=False):
-        name = f"{source} ({mine.signals.max()}{'' if surface else ', no surface'})"
-        cells = [
-            f"never {one.unreached}" if one.unreached else MARKS[one.verdict].format(f"{-100 * one.fewer:+.0f}")
-            for one in mine.itertuples()
-        ]
-        rows.append([name if condition == RECORDED else f"{source}, {condition}", *cells])
-    return DataFrame(rows, columns=["packets [%]", *heads])
+    names = [f"{claim.predictor} / {claim.reference}, {'k' if claim.at == 'weber' else 'q'}" for claim in CLAIMS]
+    rows = [["the paper", *(f"{round(-100 * claim.fewer):+d}" for claim in CLAIMS)]]
+    for key, title in SECTIONS.items():
+        part = judged[(judged.condition == key[0]) & (judged.surface == key[1])]
+        rows += [[f"{title}:", *[""] * len(CLAIMS)]] if len(part) else []
+        for source, mine in part.groupby("source", sort=False):
+            cells = [
+                "never" if one.unreached else "-" if isnan(one.fewer) else
+                MARKS[one.verdict].format(f"{round(-100 * one.fewer):+d}")
+                for one in mine.itertuples()
+            ]  # fmt: skip
+            rows.append([f"{source} ({mine.signals.max()})" if key[0] == RECORDED else source, *cells])
+    return DataFrame(rows, columns=["", *names])
 
 
 def _tables(options: PaperOptions, rows: "DataFrame", _run_time_s: float, caption: str) -> RenderableType:

@@ -9,7 +9,7 @@ from weberlink.studies.coded_trace import CodedTrace
 from weberlink.studies.curve_figures import QualityAxis, draw_over_rate, draw_over_weber, handles
 from weberlink.studies.curves import RATE, curves
 from weberlink.studies.force_figure import draw_force
-from weberlink.studies.sheet import legend, save, sheet
+from weberlink.studies.sheet import save, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,12 +34,13 @@ def draw_curves(rows: "DataFrame", folder: Path, caption: str) -> None:
         title: curves(part.rename(columns={"signal": "unit"}), QUALITY.column, resamples=0)
         for title, part in rows.groupby("panel", sort=False)
     }
-    count = -(-len(means) // COLUMNS)
+    count = -(-(len(means) + 1) // COLUMNS)  # one more for the legend
     for name, title in (("packet_rate", "Packets over Weber factor"), ("quality_over_rate", "Error over packets")):
         figure = sheet(PANEL_CM * count, f"{title}: means over signals", caption)
         panels = figure.subplots(count, COLUMNS, squeeze=False).ravel()
         for axes, (panel, found) in zip(panels, means.items(), strict=False):
             axes.set_title(panel, fontsize=9)
+            axes.tick_params(labelsize=8)
             if name == "packet_rate":
                 draw_over_weber(axes, found, RATE)
             else:
@@ -47,7 +48,7 @@ def draw_curves(rows: "DataFrame", folder: Path, caption: str) -> None:
                 axes.set_ylabel(f"{QUALITY.label}, reversed")
         for axes in panels[len(means) :]:
             axes.set_axis_off()
-        legend(panels[0], handles(next(iter(means.values()))), columns=3, above=1.12)
+        panels[-1].legend(handles=handles(next(iter(means.values()))), loc="center", handlelength=4.0, frameon=False)
         save(figure, folder / name, dpi=110, usual=("png",))
 
 
