@@ -5,6 +5,7 @@ A case of the study is a subject who has rated every trial, a row is a rating.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,22 +60,28 @@ class RatingsOptions:
         count = len(self.answers.complete)
         return f"{count} {'simulated ' if self.mark else ''}{'subject' if count == 1 else 'subjects'}"
 
+    @cached_property
+    def analysis(self) -> dict[str, Any]:
+        """Means, tests and savings, as in the JSON document."""
+        return _analyse(self)
+
 
 def _cases(options: RatingsOptions) -> Sequence[SubjectProgress]:
     return options.answers.complete
 
 
-def _curves(rows: "DataFrame") -> "DataFrame":
-    """Mean ratings and packet rates; predictors are in the order of the paper."""
-    names = [*PREDICTORS, *sorted({*rows.predictor} - {*PREDICTORS})]
-    ranked = rows.sort_values("predictor", key=lambda column: column.map(names.index), kind="stable")
-    return curves(ranked.rename(columns={"subject": "unit"}), "rating", seed=SEED)
+def _summary(options: RatingsOptions, _rows: "DataFrame") -> dict[str, Any]:
+    return options.analysis
 
 
-def _summary(options: RatingsOptions, rows: "DataFrame") -> dict[str, Any]:
+def _analyse(options: RatingsOptions) -> dict[str, Any]:
     from pandas import MultiIndex  # noqa: PLC0415 - heavy, an extra
 
-    plan, means = options.answers.plan, _curves(rows)
+    plan = options.answers.plan
+    rows = data_frame([row for progress in options.answers.complete for row in rows_of(progress)])
+    known = [*PREDICTORS, *sorted({*rows.predictor} - {*PREDICTORS})]
+    rows = rows.sort_values("predictor", key=lambda column: column.map(known.index), kind="stable")
+    means = curves(rows.rename(columns={"subject": "unit"}), "rating", seed=SEED)
     names = list(means.predictor.unique())
     by_predictor = rows.pivot_table(index="subject", columns="predictor", values="rating")[names]
     by_weber = rows.pivot_table(index="subject", columns="weber", values="rating")
@@ -112,10 +119,10 @@ def _summary(options: RatingsOptions, rows: "DataFrame") -> dict[str, Any]:
     }
 
 
-def _tables(options: RatingsOptions, rows: "DataFrame", _run_time_s: float, caption: str) -> RenderableType:
+def _tables(options: RatingsOptions, _rows: "DataFrame", _run_time_s: float, caption: str) -> RenderableType:
     """All tables below each other, and the environment in which they were made."""
-    plan, document, many = options.answers.plan, _summary(options, rows), len(options.answers.complete) > 1
-    means = _curves(rows)
+    plan, document, many = options.answers.plan, options.analysis, len(options.answers.complete) > 1
+    means = data_frame(document["means"])
     trials = len(plan.trials)
     left_out = ", ".join(f"{number} ({rated} of {trials})" for number, rated in options.answers.incomplete.items())
     subjects = f"{options.who} with {trials} trials of {plan.duration_s:g} s"
@@ -192,12 +199,12 @@ def _share(saving: dict[str, Any]) -> str:
     return text if saving["low"] is None else f"{text} ({100 * saving['low']:.0f} to {100 * saving['high']:.0f})"
 
 
-def _plots(options: RatingsOptions, rows: "DataFrame", folder: Path, caption: str) -> None:
+def _plots(options: RatingsOptions, _rows: "DataFrame", folder: Path, caption: str) -> None:
     from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - imports matplotlib
 
     axis = QualityAxis("rating", "rating", "higher", (LOWEST, HIGHEST), options.answers.plan.wording)
     units = "simulated subjects" if options.mark else "subjects"
-    CurveFigures(_curves(rows), axis, caption, options.who, options.mark, units).write(folder)
+    CurveFigures(data_frame(options.analysis["means"]), axis, caption, options.who, options.mark, units).write(folder)
 
 
 STUDY = Study("ratings", _cases, rows_of, _tables, _plots, lambda _: 0.0, _summary, SEED)
