@@ -118,6 +118,14 @@ class PosedRobot(Robot, Protocol):
 
 
 @runtime_checkable
+class TimedRobot(Robot, Protocol):
+    """A computed robot that adapts its computation to the machine."""
+
+    def measure_steps(self, stopwatch: Callable[[], float]) -> None:
+        """Choose the steps per tick by what a step takes here and now; for a live loop, before `open`."""
+
+
+@runtime_checkable
 class Explaining(Protocol):
     """A robot that can say why samples are missing."""
 

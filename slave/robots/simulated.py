@@ -1,6 +1,8 @@
 """A point mass under position control: a robot with inertia, lag and contact dynamics."""
 
+from collections.abc import Callable
 from math import ceil, sqrt
+from statistics import median
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, WithJsonSchema
@@ -12,6 +14,9 @@ from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.slave.robots.virtual import VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
+
+TIMED_STEPS = 31
+"""Steps whose median counts: some milliseconds at most."""
 
 
 def _check_integrator(name: str) -> str:
@@ -51,16 +56,38 @@ class SimulatedRobot(ComputedRobot):
         stiffness = self.spec.stiffness_n_m
         critical = 2.0 * sqrt(stiffness * options.mass_kg)
         damping = critical if options.damping_n_s_m is None else options.damping_n_s_m
-        self._body = ControlledMass(options.mass_kg, stiffness, damping)
-        self.integrator, self.substeps, self._reason = chosen(
-            self._body, scene, tick_period, options.integrator, options.substeps
-        )
+        self.body = ControlledMass(options.mass_kg, stiffness, damping)
+        self._named = options.integrator, options.substeps
+        self.integrator, self.substeps, self._reason = chosen(self.body, scene, tick_period, *self._named)
         self._solver: Integrator
         self._motion: MassState
         self._restart()
 
+    def measure_steps(self, stopwatch: Callable[[], float]) -> None:
+        """Choose the substeps by what a step takes here and now; for a live loop, before `open`."""
+        scene, edge = self._scene, self.spec.workspace_m[1][0]
+        if scene is None:
+            return
+        grid = [edge * share for share in (0.0, -0.2, -0.5, -0.9, 0.2, 0.5, 0.9)]
+        scene.touch(self._home)  # outside
+        points = ((x, y, z) for x in grid for y in grid for z in grid)
+        inside = next((point for point in points if scene.touch(point)), None)
+        if inside is None:
+            scene.reset()
+            return  # nothing to press within reach: the stated constant remains
+        motion, times = MassState(inside, (0.02, 0.01, 0.0), ZERO), []
+        for _ in range(TIMED_STEPS):
+            began = stopwatch()
+            motion = self._solver.advance(motion, inside, self._tick_period)
+            times.append(stopwatch() - began)
+        step_s = max(median(times), 1e-6)
+        self.integrator, self.substeps, self._reason = chosen(
+            self.body, scene, self._tick_period, *self._named, splitting_s=step_s
+        )
+        self._reset()
+
     def _restart(self) -> None:
-        self._solver = INTEGRATORS[self.integrator].build(self._body, self._scene)
+        self._solver = INTEGRATORS[self.integrator].build(self.body, self._scene)
         self._motion = MassState(self._home, ZERO, ZERO)
 
     def _reset(self) -> None:
@@ -81,7 +108,7 @@ class SimulatedRobot(ComputedRobot):
 
     def description(self) -> str:
         """The integrator with the reason for its choice, and the lag of the position control, in one line."""
-        mass, stiffness, damping = self._body
+        mass, stiffness, damping = self.body
         steps = f" in {self.substeps} substeps" if self.substeps > 1 else ""
         lag_ms = 1e3 * damping / stiffness
         return f"{mass:g} kg, {self.integrator} integrator{steps} ({self._reason}), lags a ramp by {lag_ms:.1f} ms"

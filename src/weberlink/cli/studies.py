@@ -61,7 +61,9 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
             "recordings for all.",
         ),
     ],
-    predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
+    predictor: Annotated[
+        str, typer.Option(metavar="P,..", help='Predictors; "all" for every one that a configuration can name.')
+    ] = "zoh,linear,plane,sphere,hybrid",
     weber: Annotated[
         str, typer.Option(metavar="K,..", help='Weber factors; "paper" for 0.025,0.05,0.1,0.15,0.2,0.3.')
     ] = "0.10",
@@ -79,6 +81,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     max_updates: Annotated[
         float | None, typer.Option(metavar="N", min=1.0, callback=finite, help="Largest rate of updates [1/s].")
     ] = None,
+    position: Annotated[bool, typer.Option("--position", help="The position channel beside the force.")] = False,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     units: Annotated[
         str | None,
@@ -112,7 +115,8 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                lookahead_ms=lookahead, jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                lookahead_ms=lookahead, jnd=jnd, wire=wire, position=position, plots=plots is not None,
+                deadbands=deadband,
                 max_updates=max_updates, units=units, period=(from_, until),
                 workers=workers, dask=dask, progress=progress,
             )  # fmt: skip
@@ -123,18 +127,22 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
 
 @study.command()
 def precision(
-    full: Full = False, json_out: Json = None, plots: Plots = None, footer: Footer = True, format_: Format = None
+    full: Full = False,
+    json_out: Json = None,
+    csv_out: Csv = None,
+    plots: Plots = None,
+    footer: Footer = True,
+    format_: Format = None,
 ) -> None:
     """Measure error against run time of the integrators.
 
     Takes half a minute on two idle cores; with --full many minutes. Ctrl-C ends it with the problems so far.
     """
-    from weberlink.studies.precision.command import run  # noqa: PLC0415
+    from weberlink.studies.precision.study import FULL, Effort, run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
-        result = run(full=full, plots=plots is not None, progress=progress)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
+        result = run(FULL if full else Effort(), plots=plots is not None, progress=progress)
+    publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
 @study.command()
@@ -148,25 +156,34 @@ def stability(
         typer.Option("--scheme", metavar="NAME", help="Of --cells; may be repeated. Default: bounded."),
     ] = None,
     workers: Workers = None,
+    dask: Dask = None,
     json_out: Json = None,
+    csv_out: Csv = None,
     plots: Plots = None,
     footer: Footer = True,
     format_: Format = None,
 ) -> None:
     """Map stability, force and energy on stiff and extreme cases.
 
-    Takes a minute on two idle cores; with --full an hour. Ctrl-C ends it with the results so far.
+    Takes two and a half minutes on two idle cores; with --full an hour. Ctrl-C stops early and reports the finished
+    cells.
     """
-    from weberlink.studies.stability import command, display_study  # noqa: PLC0415
+    from weberlink.studies.frame import StudyError, check_resources  # noqa: PLC0415
 
-    with errors(), progress_bar() as progress:
-        if cells:
-            names = scheme or ["bounded"]
-            result = display_study.run(names, plots=plots is not None, workers=workers, progress=progress)
-        else:
-            result = command.run(full=full, plots=plots is not None, workers=workers, progress=progress)
-    with figures(footer, format_):
-        publish(result, json_out, plots)
+    try:
+        with errors(), progress_bar() as progress:
+            check_resources(workers, dask, plots=plots is not None)
+            if cells:
+                from weberlink.studies.stability import display_study  # noqa: PLC0415
+
+                result = display_study.run(scheme or ["bounded"], workers=workers, dask=dask, progress=progress)
+            else:
+                from weberlink.studies.stability.study import STUDY, MapOptions  # noqa: PLC0415
+
+                result = STUDY.result(MapOptions(full), workers=workers, dask=dask, progress=progress)
+    except StudyError as error:
+        fail(str(error), FAILED)
+    publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
 @study.command()

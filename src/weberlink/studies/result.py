@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,7 +10,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,8 @@ def frame_table(
         options: of `plain_table`.
     """
     left = [column.head for column in columns.values() if column.left]
-    table = plain_table(*(column.head for column in columns.values()), left=left, caption="\n".join(notes), **options)
+    heads = (column.head for column in columns.values())
+    table = plain_table(*heads, left=left, caption="\n".join(notes), **({"padding": (0, 1, 0, 0)} | options))
     shown = frame[list(columns)]
     for (_, row), values, missing in zip(
         frame.iterrows(), shown.itertuples(index=False), shown.isna().to_numpy(), strict=True
@@ -103,3 +105,12 @@ def frame_table(
         cells = ("-" if absent else form(value) for form, value, absent in zip(forms, values, missing, strict=True))
         table.add_row(*cells, style=style(row))
     return table
+
+
+def pareto(costs: "Series[float]", errors: "Series[float]") -> "Series[bool]":
+    """Whether each point is on the Pareto front: finite, and no other is as small in both figures."""
+    import pandas as pd  # noqa: PLC0415 - heavy, an extra
+
+    ordered = pd.DataFrame({"cost": costs, "error": errors}).sort_values(["cost", "error"])
+    best_before = ordered.error.cummin().shift(fill_value=inf)
+    return (ordered.error < best_before).reindex(costs.index)

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from PIL import Image  # comes with matplotlib
+from PIL.PngImagePlugin import PngInfo
 
 from weberlink.studies.drawing import current
 
@@ -139,7 +141,15 @@ def save(figure: Figure, stem: Path, *, dpi: float = 200, usual: Sequence[str] =
     """
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink", "pdf.fonttype": 42}):
         for name in current().formats or usual:
-            figure.savefig(beside(stem, f".{name}"), dpi=dpi, metadata=_metadata(name, str(figure.get_label())))
+            path, metadata = beside(stem, f".{name}"), _metadata(name, str(figure.get_label()))
+            figure.savefig(path, dpi=dpi, metadata=metadata)
+            if name == "png":  # with a palette it is a third as large
+                description = PngInfo()
+                description.add_text("Description", str(figure.get_label()))
+                with Image.open(path) as image:
+                    image.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(
+                        path, optimize=True, pnginfo=description
+                    )
 
 
 def _metadata(name: str, caption: str) -> Mapping[str, str | None]:

@@ -15,7 +15,7 @@ from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.slave.robots.contract import Robot, RobotSpec
+from weberlink.slave.robots.contract import Robot, RobotSpec, TimedRobot
 from weberlink.slave.scenes.scene import Scene
 from weberlink.system.advice import advise
 from weberlink.system.composition.channels import channels, streams
@@ -69,6 +69,8 @@ def _hand_and_tool(configuration: Configuration, tag: int) -> Iterator[str]:
     system = configuration.system
     device = None if configuration.device is None else build_device(configuration)
     robot = None if configuration.robot is None else build_robot(configuration)
+    if isinstance(robot, TimedRobot):
+        robot.measure_steps(perf_counter)  # as the daemon does
     forward, backward = channels(system)
     shape = backward.deadband.describe()
     scene = build_scene(configuration)

@@ -152,7 +152,7 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known
         return build_master(configuration, peer=peer, **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
-    return build_slave(configuration, shows=True, **common)
+    return build_slave(configuration, live=True, **common)
 
 
 @contextmanager

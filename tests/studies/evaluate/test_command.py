@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
@@ -22,11 +23,13 @@ from tests.studies.evaluate.signals import walk, wall
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
+from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.command import run
 from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, names
 from weberlink.studies.frame import Row, data_frame
+from weberlink.system.configuration.model import PositionCodecSettings
 
 OPERATOR = CONFIGS / "traces" / "operator.npz"
 MAIN = "from weberlink.cli import main; main()"
@@ -130,6 +133,18 @@ def test_different_files_have_different_names(listed: list[Path]) -> None:
 
 def test_paper_stands_for_its_weber_factors(traces: list[Path]) -> None:
     assert [row["weber"] for row in run(traces[:1], "zoh", "paper", 0.02).rows] == [0.025, 0.05, 0.10, 0.15, 0.20, 0.30]
+
+
+def test_every_predictor_of_a_configuration_can_be_evaluated(traces: list[Path]) -> None:
+    rows = run(traces[:1], "all", "0.1", 0.02, position=True).rows
+    named = {kind: [row["predictor"] for row in rows if row["channel"] == kind] for kind in ("force", "position")}
+    assert named["force"] == [*PREDICTORS, *BANKS]
+    for name in named["position"]:
+        assert PositionCodecSettings.model_validate({"predictor": name}).predictor == name
+    refused = set(named["force"]) - set(named["position"])
+    for name in refused:
+        with pytest.raises(ValidationError):
+            PositionCodecSettings.model_validate({"predictor": name})
 
 
 @pytest.mark.parametrize(
@@ -289,6 +304,7 @@ def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) ->
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
+    assert "error_over_cost.png" in drawn
     for name in ("packet_rate", "quality", "quality_over_rate", "force"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:

@@ -17,11 +17,12 @@ from weberlink.studies.precision.problems import (
     Problem,
     ProblemSurface,
 )
-from weberlink.studies.precision.reference import AGREEMENT, SOLVERS, Trajectory, reference, trajectory
-from weberlink.studies.precision.solvers import Stretch
+from weberlink.studies.precision.reference import AGREEMENT, Trajectory, reference, trajectory
+from weberlink.studies.precision.solvers import Solver, Stretch, closed_form, dop853, lsoda
 
 UP = (0.0, 0.0, 1.0)
 FLOOR = HalfSpace((0.0, 0.0, 0.0), UP)
+SOLVERS: dict[str, Solver] = {"dop853": dop853, "closed_form": closed_form, "lsoda": lsoda}
 SLOW = ("wall_1e7", "hollow_1e6", "rough_1e6")
 """Problems whose reference takes seconds."""
 EVENTS = {"wall_1e7": 4, "stick_slip": 6}

@@ -1,10 +1,10 @@
-"""The work-precision study of the integrators: rows, orders, fronts, divergence, tables, figure."""
+"""The work-precision study of the integrators: rows, orders, fronts, divergence, table, figure."""
 
 import io
 import json
-from dataclasses import replace
 from math import inf, sqrt
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,27 +12,19 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 pytest.importorskip("scipy")
+pytest.importorskip("pandas")
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, MassState
 from weberlink.slave.scenes.scene import Scene
-from weberlink.studies.precision.command import summary
-from weberlink.studies.precision.measurement import (
-    IntegratorRow,
-    Point,
-    StepSize,
-    best_in_time,
-    energy_gained,
-    fitted_order,
-    front,
-    measured,
-)
+from weberlink.studies.frame import FrameResult, data_frame
+from weberlink.studies.precision.measurement import StepSize, energy_gained, measured
 from weberlink.studies.precision.problems import PROBLEMS, HalfSpace, Problem, ProblemSurface
 from weberlink.studies.precision.reference import reference
-from weberlink.studies.precision.study import Effort, ProblemResult, Recommendation, recommendation, study
+from weberlink.studies.precision.study import Effort, fitted_order, recommendation, run
+from weberlink.studies.result import pareto
 
-SMALL = Effort(finest=32, repeats=1)
 BY_NAME = {problem.name: problem for problem in PROBLEMS}
 WALL = Problem(
     "wall",
@@ -61,20 +53,34 @@ class Exploding:
 EXPLODING = IntegrationScheme(f"{__name__}:Exploding", order=1, l_stable=False)
 
 
+def document_of(result: FrameResult) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(json.dumps(result.document, allow_nan=False))
+    return found
+
+
+def text_of(result: FrameResult) -> str:
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    console.print(result.table)
+    output = str(console.file.getvalue())  # type: ignore[attr-defined]
+    assert max(len(line.rstrip()) for line in output.splitlines()) <= 80
+    assert "…" not in output
+    return output
+
+
 @pytest.fixture(scope="module")
-def result() -> ProblemResult:
-    (result,) = study(SMALL, [WALL], INTEGRATORS, chooser=lambda _: ("exact", 1))
-    return result
+def result() -> FrameResult:
+    return run(Effort(finest=32, repeats=1, problems=[WALL]), plots=False)
 
 
-def test_every_integrator_meets_its_order(result: ProblemResult) -> None:
-    assert {(order.integrator, order.quantity) for order in result.orders} == {
+def test_every_integrator_meets_its_order(result: FrameResult) -> None:
+    orders = document_of(result)["orders"]
+    assert {(order["integrator"], order["quantity"]) for order in orders} == {
         (name, quantity) for name in INTEGRATORS for quantity in ("position", "force")
     }
-    for order in result.orders:
-        assert order.holds, order
-        if not order.exact:
-            assert order.fitted == pytest.approx(order.theory, abs=0.2)
+    for order in orders:
+        assert order["holds"], order
+        if not order["exact_in_theory"]:
+            assert order["order"] == pytest.approx(order["order_in_theory"], abs=0.2)
 
 
 @pytest.mark.parametrize("name", ["heavy_10kg", "impact_2m_s", "grazing", "oblique", "overdamped"])
@@ -83,115 +89,91 @@ def test_exact_is_exact_on_linear_contact(name: str) -> None:
     known = reference(problem)
     for step in (StepSize(ticks=4), StepSize(), StepSize(substeps=7)):
         row = measured(problem, "exact", INTEGRATORS["exact"], step, known, repeats=1)
-        assert row.position_error <= 1e-9
-        assert row.force_error <= 1e-9
+        assert row["position_error"] <= 1e-9
+        assert row["force_error"] <= 1e-9
 
 
-def test_the_document_has_every_combination(result: ProblemResult) -> None:
-    document = json.loads(json.dumps(result.as_json(), allow_nan=False))
-    steps = [1e6 * step.length for step in SMALL.steps(WALL)]
-    assert [(row["integrator"], row["step_us"]) for row in document["rows"]] == [
-        (name, step) for name in INTEGRATORS for step in steps
-    ]
-    assert document["reference_agreement"] <= 1e-9
-    assert document["recommended"]["on_front"]
-    assert sum(row["recommended"] for row in document["rows"]) == 1
-    assert any(row["on_front"] for row in document["rows"])
+def test_rows_table_and_figure_have_every_combination(result: FrameResult, tmp_path: Path) -> None:
+    rows, (recommended,) = document_of(result)["rows"], document_of(result)["recommended"]
+    steps = [4000.0, 2000.0, 1000.0, 500.0, 250.0, 125.0, 62.5, 31.25]
+    assert [(row["integrator"], row["step_us"]) for row in rows] == [(n, step) for n in INTEGRATORS for step in steps]
+    assert all(row["reference_agreement"] <= 1e-9 for row in rows)
+    assert any(row["on_front"] for row in rows)
+    assert sum(row["recommended"] for row in rows) == 1
+    assert (recommended["integrator"], recommended["on_front"]) == ("exact", True)
+    assert 0.0 < recommended["tick_us_median"] <= recommended["tick_us_p999"]
+    for word in (WALL.name, *INTEGRATORS, "exact", "itself"):
+        assert word in text_of(result)
+    pytest.importorskip("matplotlib")
+    result.draw(tmp_path)
+    assert (tmp_path / "work_precision.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_divergence_is_marked_and_never_on_the_front() -> None:
-    problem = BY_NAME["overdamped"]
+def test_divergence_is_marked_and_never_on_the_front(tmp_path: Path) -> None:
     schemes = {"semi_implicit": INTEGRATORS["semi_implicit"], "exploding": EXPLODING, "exact": INTEGRATORS["exact"]}
-    (result,) = study(Effort(finest=1, repeats=1), [problem], schemes, chooser=lambda _: ("exploding", 1))
-    document = json.loads(json.dumps(result.as_json(), allow_nan=False))
-    lost = [row for row in document["rows"] if row["integrator"] != "exact"]
+    effort = Effort(
+        finest=1, repeats=1, problems=[BY_NAME["overdamped"]], schemes=schemes, recommended=("exploding", 1)
+    )
+    result = run(effort, plots=False)
+    lost = [row for row in document_of(result)["rows"] if row["integrator"] != "exact"]
     assert all(row["diverged"] and not row["on_front"] for row in lost)
     assert [row["position_error"] for row in lost if row["integrator"] == "exploding"] == [None] * 3
-    assert all(row["position_error"] > 1.0 for row in lost if row["integrator"] == "semi_implicit")
-    assert not document["recommended"]["on_front"]
-    assert "diverged" in text(result)
+    assert all(row["position_error"] is None or row["position_error"] > 1.0 for row in lost)
+    assert not document_of(result)["recommended"][0]["on_front"]
+    assert "diverged" in text_of(result)
+    pytest.importorskip("matplotlib")
+    result.draw(tmp_path)
+    assert (tmp_path / "work_precision.png").exists()
 
 
-def text(result: ProblemResult) -> str:
-    console = Console(file=io.StringIO(), width=80, color_system=None)
-    console.print(summary([result]))
-    output = console.file.getvalue()  # type: ignore[attr-defined]
-    assert max(len(line.rstrip()) for line in output.splitlines()) <= 80
-    assert "…" not in output
-    return str(output)
+ROW = {
+    "integrator": "i", "substeps_per_tick": 1, "recommended": False, "diverged": False, "energy_gained": 0.0,
+    "run_time_spread": 0.0, "run_time_ms_per_s": 1.0, "position_error": 1e-3,
+}  # fmt: skip
 
 
-def test_the_tables_fit_80_columns(result: ProblemResult) -> None:
-    output = text(result)
-    for word in (WALL.name, *INTEGRATORS, "exact", "auto", "itself"):
-        assert word in output
-
-
-def test_a_beaten_choice_names_its_rival(result: ProblemResult) -> None:
-    assert result.recommendation is not None
-    chosen = replace(result.recommendation.row, problem="a_long_name", integrator="semi_implicit", run_time=0.0125)
-    rival = replace(chosen, step=StepSize(substeps=64), position_error=2e-4)
-    chosen = replace(chosen, step=StepSize(substeps=16), position_error=2e-3, energy_gained=0.25)
-    beaten = Recommendation(chosen, rival, rival)
-    output = text(replace(result, problem=replace(WALL, name="a_long_name"), recommendation=beaten))
-    for word in ("a_long_name", "2e-03", "2e-01", "semi_implicit 64", "10.00", "12.5"):
-        assert word in output
-
-
-def row(run_time: float, error: float, *, spread: float = 0.0, gained: float = 0.0) -> IntegratorRow:
-    return IntegratorRow("p", "i", StepSize(), error, error, error, error, gained, run_time, spread, 3)
-
-
-def test_a_recommendation_is_compared_with_all_that_take_no_more_time() -> None:
-    chosen = row(1.0, 1e-3)
-    for other in (row(0.5, 2e-3), row(2.0, 1e-6), row(1.0, 0.7e-3)):
-        assert recommendation(chosen, [chosen, other], 1e-12).on_front
-    for other in (row(0.5, 0.5e-3), row(1.04, 0.5e-3)):  # the second as quick, within the noise
-        beaten = recommendation(chosen, [chosen, other], 1e-12)
-        assert not beaten.on_front
-        assert beaten.excess == pytest.approx(2.0)
-    assert not recommendation(row(1.0, 1e-3, spread=0.4), [chosen, row(1.15, 1e-4)], 1e-12).on_front
-
-
-def test_energy_that_another_does_not_gain_is_off_the_front() -> None:
-    chosen = row(1.0, 1e-3, gained=0.02)
-    assert recommendation(chosen, [chosen, row(2.0, 1e-3)], 1e-12).on_front
-    other = recommendation(chosen, [chosen, row(0.5, 2e-3, gained=0.01)], 1e-12)
-    assert other.gain_excess == pytest.approx(0.01)
-    assert not other.on_front
-
-
-def test_unresolved_errors_count_as_equal() -> None:
-    chosen = row(1.0, 3e-14)
-    assert recommendation(chosen, [chosen, row(0.9, 1e-15)], 1e-12).rival is chosen
-    assert recommendation(row(1.0, 3e-12), [chosen], 1e-12).excess == pytest.approx(3.0)
+@pytest.mark.parametrize(
+    ("chosen", "other", "excess", "on_front"),
+    [
+        ({}, {"run_time_ms_per_s": 0.5, "position_error": 2e-3}, 1.0, True),
+        ({}, {"run_time_ms_per_s": 2.0, "position_error": 1e-6}, 1.0, True),  # takes more time
+        ({}, {"position_error": 0.7e-3}, 1.0 / 0.7, True),
+        ({}, {"run_time_ms_per_s": 0.5, "position_error": 0.5e-3}, 2.0, False),
+        ({}, {"run_time_ms_per_s": 1.04, "position_error": 0.5e-3}, 2.0, False),  # as quick, within the noise
+        ({"run_time_spread": 0.4}, {"run_time_ms_per_s": 1.15, "position_error": 1e-4}, 10.0, False),
+        ({}, {"run_time_ms_per_s": 0.5, "position_error": 1e-6, "substeps_per_tick": 0.5}, 1.0, True),  # no tick
+        ({"position_error": 3e-14}, {"run_time_ms_per_s": 0.9, "position_error": 1e-15}, 1.0, True),  # unresolved
+        ({"energy_gained": 0.02}, {"run_time_ms_per_s": 2.0}, 1.0, True),
+        (
+            {"energy_gained": 0.02},
+            {"run_time_ms_per_s": 0.5, "position_error": 2e-3, "energy_gained": 0.01},
+            1.0,
+            False,
+        ),
+        ({"diverged": True}, {"run_time_ms_per_s": 2.0}, None, False),
+    ],
+)
+def test_a_choice_is_compared_with_all_that_take_no_more_time(
+    chosen: dict[str, Any], other: dict[str, Any], excess: float | None, on_front: bool
+) -> None:
+    rows = [ROW | chosen | {"recommended": True}, ROW | {"integrator": "other"} | other]
+    found = recommendation(data_frame(rows), floor=1e-12)
+    assert found is not None
+    assert found["on_front"] is on_front
+    if excess is not None:
+        assert found["error_excess"] == pytest.approx(excess)
+        assert found["rival"] == ("i" if excess == 1.0 else "other")
 
 
 def test_a_bounce_gains_what_the_integrator_adds() -> None:
     """Without control the mass leaves at its speed; leaving faster by a tenth is a gain of 1 - 1 / 1.21."""
-    body, up = ControlledMass(0.2, 0.0, 0.0), (0.0, 0.0, 1.0)
-    floor = ProblemSurface(HalfSpace((0.0, 0.0, 0.0), up), 2e4)
+    body, up, zero = ControlledMass(0.2, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    floor = ProblemSurface(HalfSpace(zero, up), 2e4)
     problem = Problem("b", "", body, (floor,), ((0.0, up),), (0.0, 0.0, 0.001), (0.0, 0.0, -1.0))
-    deepest = MassState((0.0, 0.0, -sqrt(0.2 / 2e4)), (0.0, 0.0, 0.0), (0.0, 0.0, sqrt(0.2 * 2e4)))
-    away = MassState((0.0, 0.0, 0.001), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    faster = replace_velocity(away, 1.1)
-    zero = (0.0, 0.0, 0.0)
-    assert energy_gained(problem, [deepest, away], zero, 1) == pytest.approx(0.0, abs=1e-12)
-    assert energy_gained(problem, [deepest, faster], zero, 1) == pytest.approx(1.0 - 1.0 / 1.21)
-    assert energy_gained(problem, [deepest, replace_velocity(away, inf)], zero, 1) == inf
-
-
-def replace_velocity(motion: MassState, speed: float) -> MassState:
-    return motion._replace(velocity=(0.0, 0.0, speed))
-
-
-def test_the_figure_is_drawn_with_what_diverged(result: ProblemResult, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415
-
-    lost = study(Effort(finest=2, repeats=1), [WALL], {"exploding": EXPLODING}, chooser=lambda _: ("exploding", 1))
-    work_precision([result, *lost], tmp_path / "work_precision.png", "the environment")
-    assert (tmp_path / "work_precision.png").read_bytes().startswith(b"\x89PNG")
+    deepest = MassState((0.0, 0.0, -sqrt(0.2 / 2e4)), zero, (0.0, 0.0, sqrt(0.2 * 2e4)))
+    for speed, gained in ((1.0, 0.0), (1.1, 1.0 - 1.0 / 1.21), (inf, inf)):
+        away = MassState((0.0, 0.0, 0.001), (0.0, 0.0, speed), zero)
+        assert energy_gained(problem, [deepest, away], zero, 1) == pytest.approx(gained, abs=1e-12)
 
 
 STEPS = [2.0**-n for n in range(12)]
@@ -208,26 +190,18 @@ def test_a_power_law_gives_its_power(order: float, constant: float) -> None:
 
 
 def test_only_asymptotic_errors_are_fitted() -> None:
-    errors: list[float | None] = [None, 5.0, 0.9, *[0.02 * 4.0**-n for n in range(4)], *[1e-13] * 5]
+    errors = [inf, 5.0, 0.9, *[0.02 * 4.0**-n for n in range(4)], *[1e-13] * 5]
     assert fitted_order(STEPS, errors, 1e-12) == pytest.approx(2.0)
-    assert fitted_order(STEPS, [None, inf, *[1e-14] * 10], 1e-12) is None
+    assert fitted_order(STEPS, [inf, inf, *[1e-14] * 10], 1e-12) is None
 
 
 values = st.one_of(st.sampled_from([1.0, 2.0, 3.0]), st.floats(1e-6, 1e6))
-points = st.lists(st.tuples(values, st.one_of(values, st.just(inf))), max_size=12)
+points = st.lists(st.tuples(values, st.one_of(values, st.just(inf))), max_size=12, unique=True)
 
 
-@given(points, values)
-def test_the_front_is_what_nothing_dominates(cloud: list[Point], error: float) -> None:
-    best: list[Point] = []  # by rising run time, each with a smaller error than all before
-    for time, wrong in sorted(cloud):
-        if wrong < min((known for _, known in best), default=inf):
-            best.append((time, wrong))
-    assert front(cloud) == [point in best for point in cloud]
-    index = best_in_time(cloud, error)
-    quick = [wrong for time, wrong in cloud if time <= error]
-    if index is None:
-        assert not quick
-    else:
-        assert cloud[index][0] <= error
-        assert cloud[index][1] == min(quick)
+@given(points)
+def test_the_front_is_what_nothing_dominates(cloud: list[tuple[float, float]]) -> None:
+    frame = data_frame([{"time": time, "error": error} for time, error in cloud] or [{"time": 1.0, "error": inf}])
+    dominated = [any(a <= time and b <= error and (a, b) != (time, error) for a, b in cloud) for time, error in cloud]
+    expected = [error < inf and not lost for (_, error), lost in zip(cloud, dominated, strict=True)]
+    assert pareto(frame.time, frame.error).tolist() == (expected or [False])

@@ -15,20 +15,22 @@ from weberlink.geometry.vector import norm
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink.slave.robots.point import PointOptions, PointRobot
+from weberlink.studies.frame import FrameResult, Row
 from weberlink.studies.stability.cells import (
     CONTACT_LIMIT_N,
     COUPLING_N_M,
     DEPTH,
+    EXTREMES,
+    FAMILIES,
+    SCHEMES,
     SENSOR_RANGE_N,
     Contact,
     SystemCell,
+    cells,
 )
-from weberlink.studies.stability.command import assemble, compute, configuration, judge
-from weberlink.studies.stability.figures import AXES
 from weberlink.studies.stability.measured_wall import plane
 from weberlink.studies.stability.script import HEIGHT, timing
-from weberlink.studies.stability.slices import cells
-from weberlink.studies.stability.verdict import CellVerdict
+from weberlink.studies.stability.study import STUDY, MapOptions, configuration, judge, rows_of
 from weberlink.studies.stability.wall import Grip, SampledWall, stability_limit
 from weberlink.system.composition.coupling import coupling, press_limit
 from weberlink.system.simulate import build_simulation
@@ -37,60 +39,68 @@ UNCODED = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=
 
 
 def test_hold_over_a_long_delay_is_unstable() -> None:
-    verdict = judge(SystemCell("a", "none", "zoh", stiffness_n_m=500.0, round_trip_s=0.1))
-    assert not verdict.bounded
-    assert verdict.energy_out_j is not None
-    assert verdict.energy_out_j > 1.0
-    assert verdict.peak_force_n is not None
-    assert 9.0 < verdict.peak_force_n <= 10.0  # the robot presses up to its limit, which is that of the operator
-    assert verdict.settle_s is None
+    found = judge(SystemCell("a", "none", "zoh", stiffness_n_m=500.0, round_trip_s=0.1))
+    assert not found["bounded"]
+    assert found["energy_out_j"] > 1.0
+    assert 9.0 < found["peak_force_n"] <= 10.0  # the robot presses up to its limit, which is that of the operator
+    assert "settle_s" not in found
 
 
 def test_the_default_system_is_calm() -> None:
-    verdict = judge(SystemCell("a"))
-    assert verdict.state == "settled"
-    assert verdict.energy_out_j is not None
-    assert verdict.energy_out_j < 0.01
-    assert verdict.felt_share == pytest.approx(1.0, abs=0.05)
-    assert verdict.pressed_share == pytest.approx(1.0, abs=0.05)
-    assert verdict.settle_s is not None
-    assert verdict.force_reduction is not None
-    assert verdict.force_reduction > 0.9
+    found = judge(SystemCell("a"))
+    assert found["state"] == "settled"
+    assert found["energy_out_j"] < 0.01
+    assert found["felt"] == found["felt_share"] == pytest.approx(1.0, abs=0.05)
+    assert found["pressed_share"] == pytest.approx(1.0, abs=0.05)
+    assert found["drift_m"] < 1e-3
+    assert found["force_reduction"] > 0.9
 
 
 @pytest.mark.parametrize("cell", [replace(UNCODED, damping_n_s_m=2.0), replace(UNCODED, rate_hz=100.0)])
 @pytest.mark.parametrize("share", [0.7, 1.4])
 def test_uncoded_cells_are_bounded_below_the_limit(cell: SystemCell, share: float) -> None:
     limit = cell.limits()["stable_to_n_m"]
-    assert judge(replace(cell, stiffness_n_m=share * limit)).bounded is (share < 1.0)
+    assert judge(replace(cell, stiffness_n_m=share * limit))["bounded"] is (share < 1.0)
 
 
 def test_a_lossy_link_is_engaged_for_the_press() -> None:
-    verdict = judge(SystemCell("a", round_trip_s=0.1, jitter_s=0.01, loss=0.3))
-    assert verdict.failure is None
+    assert "failure" not in judge(SystemCell("a", round_trip_s=0.1, jitter_s=0.01, loss=0.3))
 
 
-@pytest.mark.parametrize("cell", [SystemCell("a", scheme="no such scheme"), SystemCell("a", stiffness_n_m=1e10)])
-def test_a_cell_out_of_range_is_refused(cell: SystemCell) -> None:
-    verdict = judge(cell)
-    assert verdict.state == "refused"
-    assert verdict.failure is not None
-    assert "loopback.yaml" in verdict.failure
-
-
-def test_a_broken_cell_is_a_failed_verdict() -> None:
-    verdict = judge(SystemCell("a", damping_n_s_m=-1.0))
-    assert verdict.state == "failed"
-    assert verdict.failure is not None
-    assert "damping_n_s_m" in verdict.failure
+@pytest.mark.parametrize(
+    ("cell", "state", "said"),
+    [
+        (SystemCell("a", scheme="no such scheme"), "refused", "loopback.yaml"),
+        (SystemCell("a", stiffness_n_m=1e10), "refused", "loopback.yaml"),
+        (SystemCell("a", damping_n_s_m=-1.0), "failed", "damping_n_s_m"),
+    ],
+)
+def test_a_cell_that_cannot_run_is_a_verdict(cell: SystemCell, state: str, said: str) -> None:
+    found = judge(cell)
+    assert (found["state"], found["bounded"]) == (state, False)
+    assert said in found["failure"]
 
 
 @pytest.mark.parametrize("contact", ["ball", "box"])
 def test_other_objects_are_explored_and_pressed(contact: Contact) -> None:
-    verdict = judge(SystemCell("a", contact=contact, friction=0.3))
-    assert verdict.state == "settled"
-    assert verdict.felt_share == pytest.approx(1.0, abs=0.06)
-    assert verdict.impulse_ratio == pytest.approx(1.0, abs=0.06)
+    found = judge(SystemCell("a", contact=contact, friction=0.3))
+    assert found["state"] == "settled"
+    assert found["felt_share"] == pytest.approx(1.0, abs=0.06)
+    assert found["impulse_ratio"] == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_turned_stick_is_felt_as_torque() -> None:
+    found = judge(SystemCell("a", robot="tool"))
+    assert found["state"] == "settled"
+    assert found["felt"] == pytest.approx(1.0, abs=0.1)
+    assert found["steady_force_n"] > 0.01
+
+
+def test_an_arm_on_a_table_is_felt_as_torque() -> None:
+    pytest.importorskip("mujoco")
+    found = judge(SystemCell("a", robot="arm", stiffness_n_m=100.0))
+    assert found["state"] == "settled"
+    assert found["felt"] == pytest.approx(1.0, abs=0.2)
 
 
 def test_robots_grips_and_walls_reach_the_system() -> None:
@@ -146,60 +156,53 @@ def test_the_limits_of_the_robot_are_those_of_the_system() -> None:
     assert robot.spec.force_n == SENSOR_RANGE_N
 
 
-@pytest.mark.hunt
-def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
-    surveyed = [SampledWall(0.1, 5.0, 0.01, 1e-3), SampledWall(0.001, 5.0, 0.01, 1e-3, delay_ticks=1)]
-    mapped = [
-        SystemCell("walls", "none", round_trip_s=0.02, stiffness_n_m=1000.0),
-        SystemCell("walls", "none", round_trip_s=0.02, stiffness_n_m=1e10),
-        SystemCell("walls", "none", "zoh", stiffness_n_m=1000.0, round_trip_s=0.02),
-        SystemCell("loss", round_trip_s=0.05, jitter_s=0.02, loss=0.3, seed=3),
-        replace(UNCODED, slice="masses", mass_kg=1.0),
+@pytest.fixture(scope="module")
+def result() -> FrameResult:
+    """Two walls and three systems."""
+    cases = [
+        SampledWall(0.1, 5.0, 0.01, 1e-3),
+        SampledWall(0.001, 5.0, 0.01, 1e-3, delay_ticks=1),
+        SystemCell("plane", "none", round_trip_s=0.02, stiffness_n_m=1000.0),
+        SystemCell("plane", "baseline-tdpa", stiffness_n_m=1e10),
+        SystemCell("extremes", case="10 Hz", **EXTREMES["10 Hz"]),
     ]
-    told: list[tuple[int, int]] = []
-    alone = compute(surveyed, mapped, 1, lambda done, total: told.append((done, total)))
-    assert told == [(done, 7) for done in range(1, 8)]
-    assert repr(compute(surveyed, [], 2, lambda *_: None)) == repr((alone[0], []))
-    assert [cell for cell, _ in alone[1]] == mapped
-    result = assemble(*alone, full=False, of=7, run_time=1.0)
-    assert result.interrupted == ""
-    document = json.loads(json.dumps(result.document, allow_nan=False))
-    assert [cell["bounded"] for cell in document["cells"]][:3] == [True, False, False]
-    assert [wall["mass_kg"] for wall in document["walls"]] == [0.1, 0.001]
-    assert result.table.row_count == 4
-    two_by_two = [SystemCell("walls", round_trip_s=trip) for trip in (0.0, 0.1)]
-    verdicts = [*alone[1], *((cell, alone[1][0][1]) for cell in two_by_two)]
-    assemble(alone[0], verdicts, full=False, of=9, run_time=1.0).draw(tmp_path / "figures")
-    for name in ("stability_wall.png", "stability_map.png"):
-        assert (tmp_path / "figures" / name).read_bytes().startswith(b"\x89PNG")
+    return replace(STUDY, cases=lambda _: cases).result(MapOptions(), workers=1)
 
 
-def test_a_map_that_was_stopped_says_so(tmp_path: Path) -> None:
-    judged = [(SystemCell("walls"), CellVerdict("settled"))]
-    result = assemble([], judged, full=False, of=5, run_time=1.0)
-    assert result.interrupted == "1 of 5 pieces"
+def test_the_document_has_walls_and_systems(result: FrameResult) -> None:
+    rows = json.loads(json.dumps(result.document, allow_nan=False))["rows"]
+    assert [(row["kind"], row["mass_kg"], row.get("state")) for row in rows] == [
+        ("wall", 0.1, None), ("wall", 0.001, None), ("system", 0.3, "settled"), ("system", 0.3, "refused"),
+        ("system", 0.3, rows[4]["state"]),
+    ]  # fmt: skip
+    assert rows[2]["stable_to_n_m"] > rows[2]["passive_to_n_m"]
+    assert "stable_to_n_m" not in rows[3]
+    assert rows[0] == json.loads(json.dumps(rows_of(SampledWall(0.1, 5.0, 0.01, 1e-3))[0]))
+
+
+def test_the_figures_are_drawn(result: FrameResult, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
     result.draw(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["stability_map.png"]
-    assemble([], [], full=False, of=5, run_time=1.0).draw(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"stability_map.png", "stability_wall.png"}
+
+
+def wide(cell: SystemCell) -> list[Row]:
+    """The widest figures that each column can have."""
+    figures = {"state": "oscillating", "bounded": False, "bound_kept": True, "saturated": ["sensor"]}
+    shares = {"bound_share": 12.0, "felt": -0.1 if cell.round_trip_s else 12.0, "impulse_ratio": 12.34}
+    named = {"family": cell.family, "scheme": cell.scheme, "case": cell.case}
+    return [{"kind": "system", **named, **figures, **shares, "energy_out_j": 1.2e-12, "drift_m": 0.123}]
 
 
 @pytest.mark.parametrize("full", [False, True])
 def test_the_table_fits_80_columns(full: bool) -> None:
-    """With the widest figures that each column can have."""
-    wide = CellVerdict(
-        "lost",
-        energy_out_j=1.2e-12,
-        bound_share=12.0,
-        felt_share=-0.1,
-        pressed_share=12.0,
-        impulse_ratio=-0.1,
-        saturated=("sensor",),
-    )
-    rows = {(cell.slice, cell.scheme, cell.variant): cell for cell in cells(0, full=full)}
-    result = assemble([], [(cell, wide) for cell in rows.values()], full=full, of=1, run_time=1.0)
+    study = replace(STUDY, cases=lambda options: cells(0, full=options.full), run=wide)
     console = Console(width=80, record=True, file=StringIO())
-    console.print(result.table)
-    assert "…" not in console.export_text()
+    console.print(study.result(MapOptions(full), workers=1).table)
+    text = console.export_text()
+    assert "…" not in text
+    for name in (*FAMILIES, *EXTREMES):
+        assert name in text
 
 
 def pressed(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
@@ -302,26 +305,17 @@ def test_the_wall_of_a_cell_has_its_delay() -> None:
     assert SystemCell("a", rate_hz=4000.0, round_trip_s=0.02).wall.delay_ticks == 80
 
 
-def test_least_damping_makes_the_stiffness_the_limit() -> None:
-    cell = SystemCell("a", stiffness_n_m=2000.0)
-    limited = SystemCell("a", damping_n_s_m=cell.least_damping())
-    assert stability_limit(limited.wall) == pytest.approx(2000.0, rel=0.01)
-
-
 @pytest.mark.parametrize("full", [False, True])
-def test_a_map_has_every_cell_once(full: bool) -> None:
+def test_the_map_has_every_family_under_every_scheme(full: bool) -> None:
     found = cells(7, full=full)
     assert len(set(found)) == len(found)
     assert {cell.seed for cell in found} == {7}
-    assert {cell.slice for cell in found} <= set(AXES)
-    assert {cell.slice for cell in found} >= {"walls", "hands", "contacts", "extremes"}
-    assert {cell.scheme for cell in found if cell.slice == "walls"} == {"none", "bounded"}
-    assert {cell.robot_mass_kg for cell in found if cell.robot == "simulated"} >= {0.005, 1.0}
-    assert max(cell.round_trip_s for cell in found if cell.slice == "walls") == 1.0
-    assert any(cell.loss for cell in found if cell.slice == "walls")
-    assert any(cell.wall_damping_n_s_m and cell.friction for cell in found)
-    assert all(len(cell.variant) <= 16 for cell in found)
-
-
-def test_the_full_map_has_every_slice() -> None:
-    assert {cell.slice for cell in cells(0, full=True)} == set(AXES)
+    mapped = [cell for cell in found if cell.family != "extremes"]
+    assert {(cell.family, cell.scheme) for cell in mapped} == {
+        (name, scheme) for name in FAMILIES for scheme in SCHEMES
+    }
+    for family in FAMILIES:
+        mine = [cell for cell in mapped if cell.family == family]
+        assert len({cell.stiffness_n_m for cell in mine}) >= 2
+        assert {0.0, 0.1, 0.5} <= {cell.round_trip_s for cell in mine}
+    assert {cell.case for cell in found} == {"", *EXTREMES}

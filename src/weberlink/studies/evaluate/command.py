@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below the noise of any sensor, and no range."""
 PAPER = "paper"
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def _summary(options: EvaluationOptions, rows: "DataFrame") -> dict[str, Any]:
         "jnd": study.jnd,
         "wire": options.wire,
         "max_updates_per_s": study.max_updates_per_s,
-        "sources": records(by_source(rows)),
+        "sources": records(by_source(rows[rows.channel == "force"])),
     }
 
 
@@ -86,6 +87,7 @@ def run(
     jnd: float = 0.10,
     wire: bool = True,
     plots: bool = False,
+    position: bool = False,
     deadbands: str = ISOTROPIC,
     max_updates: float | None = None,
     units: str | None = None,
@@ -100,13 +102,14 @@ def run(
 
     Args:
         traces: files, or names of shipped recordings and of their sources; each recording once.
-        predictors: names, separated by commas.
+        predictors: names, separated by commas, or "all" for every one that a configuration can name.
         webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
         lookahead_ms: how far the encoder looks ahead, 0 to `LONGEST_LOOKAHEAD_MS`.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
+        position: whether the position channel is evaluated too, with those predictors that need no force.
         deadbands: names of shapes, separated by commas.
         max_updates: largest rate of updates [1/s]; None for no limit.
         units: of CSV files, such as "mm,ms"; None for SI units, which must be plausible then.
@@ -123,14 +126,18 @@ def run(
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     if not 0.0 <= lookahead_ms <= LONGEST_LOOKAHEAD_MS:
         raise ConfigurationError(f"--lookahead: must be 0 to {LONGEST_LOOKAHEAD_MS:g} ms, not {lookahead_ms:g}")
+    known = (*PREDICTORS, *BANKS)
+    forces = list(known) if predictors == ALL else _names("--predictor", predictors, known)
+    positions = [name for name in forces if name in BANKS or not PREDICTORS[name].geometric] if position else []
     study = EvaluationStudy(
-        _names("--predictor", predictors, (*PREDICTORS, *BANKS)),
+        forces,
         _webers(webers),
         floor,
         jnd=jnd,
         deadbands=_deadbands(deadbands, floor, plots=plots),
         lookahead_ms=lookahead_ms,
         max_updates_per_s=max_updates,
+        position_predictors=positions,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces, None if units is None else units_of(units))

@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from weberlink.codec import Channel, force_channel
+from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.rate import UpdateRate
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.frame import Row
 from weberlink.studies.paper.claims import PREDICTORS
+from weberlink.system.configuration.model import PositionCodecSettings
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
@@ -35,6 +36,7 @@ class EvaluationStudy:
         deadbands: names of shapes, each once; their other parameters have the default values.
         lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
         max_updates_per_s: largest rate of updates; None for no limit.
+        position_predictors: names, with the same Weber factors; each once.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -47,6 +49,7 @@ class EvaluationStudy:
     deadbands: Sequence[str] = (ISOTROPIC,)
     lookahead_ms: float = 0.0
     max_updates_per_s: float | None = None
+    position_predictors: Sequence[str] = ()
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
@@ -65,13 +68,28 @@ class EvaluationStudy:
             lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
+    def position_channel(self, predictor: str, weber: float, period_s: float = DEFAULT_PERIOD_S) -> Channel:
+        """A position channel with the bound of a configuration."""
+        settings = PositionCodecSettings.model_validate({"predictor": predictor})
+        return position_channel(
+            predictor=predictor,
+            bank=settings.bank,
+            weber=weber,
+            bound=settings.bound_m,
+            position_step=self.position_step,
+            saturates=self.saturates,
+            tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
+        )
+
     def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
-        """All cases: traces outermost, then deadbands, then predictors, then Weber factors."""
+        """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
+        ways = [(deadband, "force", predictor) for deadband in self.deadbands for predictor in self.predictors]
+        ways += [("", "position", predictor) for predictor in self.position_predictors]
         return [
-            EvaluationCase(trace, self, predictor, weber, deadband)
+            EvaluationCase(trace, self, predictor, weber, deadband, channel)
             for trace in traces
-            for deadband in self.deadbands
-            for predictor in self.predictors
+            for deadband, channel, predictor in ways
             for weber in self.webers
         ]
 
@@ -88,12 +106,16 @@ class EvaluationCase(NamedTuple):
     predictor: str
     weber: float
     deadband: str
+    channel: str = "force"
 
 
 def rows_of(case: EvaluationCase) -> list[Row]:
     """The row of a case."""
-    (name, trace, source), study, predictor, weber, deadband = case
+    (name, trace, source), study, predictor, weber, deadband, kind = case
     signal = signal_of(trace)
+    if kind == "position":
+        coder = study.position_channel(predictor, weber, signal.period_s)
+        return [evaluate_position(name, signal, coder, predictor=predictor, weber=weber, source=source)]
     channel = study.channel(predictor, weber, deadband, signal.period_s)
     row = evaluate(
         name, signal, channel, Threshold(study.jnd), predictor=predictor, weber=weber, deadband=deadband, source=source
@@ -139,6 +161,7 @@ def evaluate(
     quality.add_jumps(run.jump_n, run.before_n)
     row = {
         "trace": name,
+        "channel": "force",
         "predictor": predictor,
         "weber": weber,
         "samples": samples,
@@ -161,3 +184,35 @@ def evaluate(
         "widened_max_n": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
     }
     return {name: figure for name, figure in row.items() if figure is not None}
+
+
+def evaluate_position(
+    name: str, signal: Signal, channel: Channel, *, predictor: str, weber: float, source: str = FILES
+) -> Row:
+    """Code the position of a signal about the middle of its range, as in the workspace of a device.
+
+    Figures and arguments are those of `evaluate`, errors in metres.
+    """
+    middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
+    centered = signal.position_m - middle
+    run = replay(Signal(centered, centered, signal.period_s), channel)
+    samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
+    outside = run.deviation_n > run.bound_n
+    return {
+        "trace": name,
+        "channel": "position",
+        "predictor": predictor,
+        "weber": weber,
+        "samples": samples,
+        "duration_s": duration,
+        "packets": packets,
+        "packets_per_s": packets / duration,
+        "reduction": 1.0 - packets / samples,
+        "bytes_per_s": run.payload_bytes(channel) / duration,
+        "error_rms_m": rms(run.error_n),
+        "error_max_m": float(run.error_n.max()),
+        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        "violation_fraction": float(outside.mean()),
+        "tick_us": run.tick_us,
+        "source": source,
+    }

@@ -1,16 +1,16 @@
-"""Error and run time of one integrator with one step; orders of convergence; the Pareto front."""
+"""Error and run time of one integrator with one step."""
 
 import gc
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, log
+from math import inf, isfinite
 from statistics import median_low
 from time import process_time
-from typing import Any
 
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, scale, subtract
 from weberlink.slave.integrators.contact_force import stored_energy
 from weberlink.slave.integrators.contract import IntegrationScheme, MassState
+from weberlink.studies.frame import Row
 from weberlink.studies.precision.problems import TICK, Problem
 from weberlink.studies.precision.reference import ReferenceSolution
 
@@ -18,13 +18,6 @@ DIVERGED = 1.0
 """Position error, relative to the extent of the motion, from which a run counts as diverged."""
 ENOUGH = 0.1
 """CPU time [s] after which a run is not repeated again: a long run needs no average."""
-COARSE = 0.03
-"""Relative errors above it are not asymptotic yet."""
-POINTS_LEAST = 3
-POINTS_MOST = 4
-
-Point = tuple[float, float]
-"""Two figures to be small, such as run time and error; infinite where there is none."""
 
 
 @dataclass(frozen=True, order=True)
@@ -38,88 +31,46 @@ class StepSize:
     def length(self) -> float:
         return TICK * self.ticks / self.substeps
 
-    @property
-    def fits_tick(self) -> bool:
-        """Whether a loop at the tick rate can take it."""
-        return self.ticks == 1
-
-
-@dataclass(frozen=True)
-class IntegratorRow:
-    """One integrator on one problem with one step. Errors are the largest over the ticks; infinite if not finite."""
-
-    problem: str
-    integrator: str
-    step: StepSize
-    position_error: float
-    """Relative to the extent of the motion."""
-    force_error: float
-    """Relative to the largest contact force."""
-    position_error_m: float
-    force_error_n: float
-    energy_gained: float
-    """Sum of what the energy of motion, control and contact rises by in single ticks, each with its goal held, relative
-    to the largest energy; infinite if not finite."""
-    run_time: float
-    """CPU time per simulated second [s], median of the repeats (the lower one of two)."""
-    run_time_spread: float
-    """(largest - smallest) / median of the repeats."""
-    repeats: int
-
-    @property
-    def diverged(self) -> bool:
-        return not self.position_error <= DIVERGED
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "problem": self.problem,
-            "integrator": self.integrator,
-            "step_us": 1e6 * self.step.length,
-            "substeps_per_tick": self.step.substeps if self.step.fits_tick else 1.0 / self.step.ticks,
-            "position_error": finite_or_none(self.position_error),
-            "force_error": finite_or_none(self.force_error),
-            "position_error_m": finite_or_none(self.position_error_m),
-            "force_error_n": finite_or_none(self.force_error_n),
-            "energy_gained": finite_or_none(self.energy_gained),
-            "run_time_ms_per_s": 1e3 * self.run_time,
-            "run_time_spread": self.run_time_spread,
-            "repeats": self.repeats,
-            "diverged": self.diverged,
-        }
-
-
-def finite_or_none(value: float) -> float | None:
-    return value if isfinite(value) else None
-
 
 def measured(
     problem: Problem, name: str, scheme: IntegrationScheme, step: StepSize, known: ReferenceSolution, repeats: int
-) -> IntegratorRow:
-    """Run it up to `repeats` times and compare it with the reference."""
+) -> Row:
+    """Run it up to `repeats` times and compare it with the reference.
+
+    Errors are the largest over the ticks, relative to the extent of the motion or to the largest contact force; None
+    where the motion is not finite. `energy_gained` is the sum of the rises of the energy of motion, control and contact
+    in single ticks, each with its goal held, relative to the largest energy. Run times are CPU times, the median of the
+    repeats (the lower one of two) and (largest - smallest) / median.
+    """
     times: list[float] = []
     motions: list[MassState] = []
     while len(times) < repeats and sum(times) * problem.duration < ENOUGH:
         motions, seconds = simulated(problem, scheme, step, known.start_force)
         times.append(seconds / problem.duration)
-    stride = step.ticks
-    positions = [motion.position for motion in motions]
-    forces = [motion.force for motion in motions]
-    position_error_m = largest_error(positions, known.trajectory.positions[stride - 1 :: stride])
-    force_error_n = largest_error(forces, known.trajectory.forces[stride - 1 :: stride])
+    stride = slice(step.ticks - 1, None, step.ticks)
+    away = largest_error([motion.position for motion in motions], known.trajectory.positions[stride])
+    off = largest_error([motion.force for motion in motions], known.trajectory.forces[stride])
+    gained = energy_gained(problem, motions, known.start_force, step.ticks)
     middle = median_low(times)
-    return IntegratorRow(
-        problem=problem.name,
-        integrator=name,
-        step=step,
-        position_error=position_error_m / known.position_scale,
-        force_error=force_error_n / known.force_scale,
-        position_error_m=position_error_m,
-        force_error_n=force_error_n,
-        energy_gained=energy_gained(problem, motions, known.start_force, stride),
-        run_time=middle,
-        run_time_spread=(max(times) - min(times)) / middle if middle > 0.0 else 0.0,
-        repeats=len(times),
-    )
+    return {
+        "problem": problem.name,
+        "integrator": name,
+        "step_us": 1e6 * step.length,
+        "substeps_per_tick": step.substeps if step.ticks == 1 else 1.0 / step.ticks,
+        "position_error": finite_or_none(away / known.position_scale),
+        "force_error": finite_or_none(off / known.force_scale),
+        "position_error_m": finite_or_none(away),
+        "force_error_n": finite_or_none(off),
+        "energy_gained": finite_or_none(gained),
+        "run_time_ms_per_s": 1e3 * middle,
+        "run_time_spread": (max(times) - min(times)) / middle if middle > 0.0 else 0.0,
+        "repeats": len(times),
+        "diverged": not away / known.position_scale <= DIVERGED,
+    }
+
+
+def finite_or_none(value: float) -> float | None:
+    return value if isfinite(value) else None
 
 
 def simulated(
@@ -183,43 +134,3 @@ def energy_gained(problem: Problem, motions: Sequence[MassState], start_force: V
         gained, largest = gained + max(0.0, energies[1] - energies[0]), max(largest, *energies)
         before = motion
     return gained / largest if largest > 0.0 else 0.0
-
-
-def fitted_order(steps: Sequence[float], errors: Sequence[float | None], floor: float) -> float | None:
-    """Least squares over the finest four of the steps whose errors are asymptotic.
-
-    Args:
-        steps: lengths, in any order and unit.
-        errors: relative; None where the run diverged.
-        floor: errors below it are rounding, or the reference's own.
-
-    Returns:
-        The order; None where fewer than three errors lie between `floor` and 3 %.
-    """
-    usable = [
-        (log(step), log(error))
-        for step, error in sorted(zip(steps, errors, strict=True), key=lambda pair: pair[0])
-        if error is not None and floor < error < COARSE
-    ][:POINTS_MOST]
-    if len(usable) < POINTS_LEAST:
-        return None
-    mean_x = sum(x for x, _ in usable) / len(usable)
-    mean_y = sum(y for _, y in usable) / len(usable)
-    covariance = sum((x - mean_x) * (y - mean_y) for x, y in usable)
-    return covariance / sum((x - mean_x) ** 2 for x, _ in usable)
-
-
-def dominates(a: Point, b: Point) -> bool:
-    """Whether neither figure of `a` is larger than that of `b`, and one is smaller."""
-    return a[0] <= b[0] and a[1] <= b[1] and a != b
-
-
-def front(points: Sequence[Point]) -> list[bool]:
-    """Whether each point is on the Pareto front: finite, and dominated by no other."""
-    return [isfinite(point[1]) and not any(dominates(other, point) for other in points) for point in points]
-
-
-def best_in_time(points: Sequence[Point], time: float) -> int | None:
-    """The index of the point with the smallest second figure whose first one is at most `time`."""
-    quick = [index for index, point in enumerate(points) if point[0] <= time]
-    return min(quick, key=lambda index: points[index][1], default=None)

@@ -9,6 +9,7 @@ from typing import Literal
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape, SphereShape
@@ -119,8 +120,8 @@ def scene_object(surface: ProblemSurface) -> SceneObject:
 
 UP = (0.0, 0.0, 1.0)
 BOTH: frozenset[Quantity] = frozenset({"position", "force"})
-ROBOT = ControlledMass(mass=0.2, stiffness=50_000.0, damping=200.0)
-"""The simulated robot's defaults: critically damped."""
+ROBOT = SimulatedRobot(SimulatedOptions(), None, TICK).body
+"""The simulated robot of a configuration without options."""
 
 
 def floor(
@@ -149,7 +150,7 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "wall_1e5", "1e5 N/m, contact from the start",
-        ROBOT, (floor(1e5),), ((0.0, (0.0, 0.0, -0.002)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
+        ROBOT, (floor(1e5),), ((0.0, (0.0, 0.0, -0.006)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
         smooth=BOTH,
     ),
     Problem(
@@ -167,8 +168,8 @@ PROBLEMS: tuple[Problem, ...] = (
         (0.0, 0.0, 0.0053), duration=0.128,
     ),
     Problem(
-        "overdamped", "1e5 N/m with 2e4 N s/m: time constants 10 us and 0.1 s",
-        ROBOT, (floor(1e5, 2e4),), ((0.0, (0.0, 0.0, -0.004)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
+        "overdamped", "1e5 N/m with 2e4 N s/m: time constants 0.5 us and 0.2 s",
+        ROBOT, (floor(1e5, 2e4),), ((0.0, (0.0, 0.0, -0.03)),), (0.0, 0.0, 0.0), (0.0, 0.0, -0.05), duration=0.064,
     ),
     Problem(
         "impact_2m_s", "2 m/s into 2e4 N/m with 30 N s/m: the force jumps",

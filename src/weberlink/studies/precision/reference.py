@@ -10,10 +10,9 @@ from typing import Any
 
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.studies.precision.equations import MotionState, Phase, beginning, rate
-from weberlink.studies.precision.problems import TICK, Problem
-from weberlink.studies.precision.solvers import Solver, Stretch, collocation, dop853
+from weberlink.studies.precision.problems import TICK, HalfSpace, Problem
+from weberlink.studies.precision.solvers import Solver, Stretch, closed_form, dop853, lsoda
 
-SOLVERS: dict[str, Solver] = {"dop853": dop853, "radau_iia_17": collocation}
 AGREEMENT = 1e-9
 """Largest difference between the solvers, relative to the scales of the problem."""
 EVENTS_MOST = 10_000
@@ -49,7 +48,6 @@ class ReferenceSolution:
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "solvers": list(SOLVERS),
             "reference_agreement": self.agreement,
             "agrees": self.agrees,
             "events": self.trajectory.events,
@@ -58,13 +56,19 @@ class ReferenceSolution:
         }
 
 
+def solvers(problem: Problem) -> dict[str, Solver]:
+    """Two independent solvers of a problem."""
+    flat = all(isinstance(surface.solid, HalfSpace) for surface in problem.surfaces)
+    return {"dop853": dop853, **({"closed_form": closed_form} if flat else {"lsoda": lsoda})}
+
+
 def reference(problem: Problem) -> ReferenceSolution:
     """Solve `problem` with both solvers.
 
     Raises:
         ArithmeticError: if a solver finds no solution.
     """
-    first, second = (trajectory(problem, solver) for solver in SOLVERS.values())
+    first, second = (trajectory(problem, solver) for solver in solvers(problem).values())
     extent = max(distance(position, problem.position) for position in first.positions)
     force = max(norm(f) for f in first.forces) or problem.body.stiffness * extent
     position_scale, force_scale = extent or 1.0, force or 1.0

@@ -1,37 +1,25 @@
-"""Two independent reference solvers for a stretch of smooth motion: DOP853 of scipy, and Radau IIA collocation.
+"""Reference solvers for a stretch of smooth motion between two events. Needs scipy (extra: studies).
 
 `dop853` is the explicit method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner, "Solving Ordinary
-Differential Equations I"). `collocation` is the implicit, L-stable Radau IIA method of order 17 (Hairer, Wanner,
-"Solving Ordinary Differential Equations II", IV.5): the derivative over a step is one Legendre series through nine
-nodes. A step is accepted when the tail of the series has vanished; the series is then as exact inside the step as at
-its end, and guards are evaluated on it. The solvers share no code. scipy's own Radau method has order 5 and would need
-far too many steps for this accuracy.
+Differential Equations I"). `closed_form` is the matrix exponential of motion whose field is affine, as between events
+on flat faces. `lsoda` is the multistep method of Hindmarsh and Petzold, for the rest. They share no code.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import partial
+from math import pi
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from weberlink.studies.precision.equations import MotionState
 
 RELATIVE = 3e-14  # the smallest tolerance that scipy accepts is 100 roundings
 ABSOLUTE = (1e-17, 1e-17, 1e-17, 1e-15, 1e-15, 1e-15)  # [m], [m/s]
-
-STAGES = 9
-TAIL = 1e-13
-"""Largest last Legendre coefficients of a step, relative to the size of the state."""
-SIZE_LEAST = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2)
-"""Smallest size of the state [m], [m/s], so that a motion that dies out is not followed into its rounding."""
-ITERATIONS = 12
-LOOKS = 24
-"""Points per step at which the guards are evaluated."""
-NUDGE = (1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3)  # [m], [m/s] for the Jacobian; exact where the field is linear
-GROWTH = 3.0
-LEAST_STEP = 1e-16  # [s]
+LOOKS = 64
+"""Times in a period or time constant at which `closed_form` evaluates the guards, and the least in a stretch."""
+CHUNK = 256
 
 Array = NDArray[np.floating[Any]]
 
@@ -75,27 +63,31 @@ class Solver(Protocol):
         ...
 
 
-def dop853(stretch: Stretch) -> Outcome:
-    """Solve with the explicit method of order 8; see `Solver`."""
+def integrated(method: str, stretch: Stretch) -> Outcome:
+    """Solve with a method of scipy; see `Solver`."""
     from scipy.integrate import solve_ivp  # noqa: PLC0415 - an extra, imported where it is needed
 
     answer = solve_ivp(
         lambda _, state: stretch.field(state.tolist()),
         (stretch.begin, stretch.end),
         np.array(stretch.state),
-        method="DOP853",
+        method=method,
         t_eval=[*stretch.ticks, *([] if stretch.end in stretch.ticks else [stretch.end])],
         events=[falling(guard) for guard in stretch.guards],
         rtol=RELATIVE,
         atol=ABSOLUTE,
     )
     if answer.status < 0:
-        raise ArithmeticError(f"DOP853: {answer.message}")
+        raise ArithmeticError(f"{method}: {answer.message}")
     samples = np.transpose(answer.y).tolist()  # scipy returns an empty list before the first tick
     for index, (times, states) in enumerate(zip(answer.t_events or (), answer.y_events or (), strict=True)):
         if len(times):
             return Outcome(samples, float(times[0]), states[0].tolist(), index)
     return Outcome(samples[: len(stretch.ticks)], stretch.end, samples[-1], None)
+
+
+dop853: Solver = partial(integrated, "DOP853")
+lsoda: Solver = partial(integrated, "LSODA")
 
 
 def falling(guard: Callable[[MotionState], float]) -> Callable[[float, Array], float]:
@@ -109,149 +101,45 @@ def falling(guard: Callable[[MotionState], float]) -> Callable[[float, Array], f
     return event
 
 
-class Tableau(NamedTuple):
-    """Matrices of the method for the step from 0 to 1.
+def closed_form(stretch: Stretch) -> Outcome:
+    """Solve x' = A x + b as exp(G t) (x, 1) with G = ((A, b), (0, 0)); see `Solver`."""
+    from scipy.linalg import expm, matrix_balance  # noqa: PLC0415
+    from scipy.optimize import brentq  # noqa: PLC0415
 
-    Args:
-        weights: integrate values at the nodes up to each node.
-        series: Legendre coefficients of values at the nodes.
-        looks: integrate coefficients up to each point at which guards are read.
-    """
+    field, guards = stretch.field, stretch.guards
+    constant = np.array(field([0.0] * 6))
+    generator = np.zeros((7, 7))
+    generator[:6, 6] = constant
+    generator[:6, :6] = np.transpose([np.array(field(unit)) - constant for unit in np.eye(6).tolist()])
+    # In units in which position and velocity are alike large, the exponential loses less to rounding.
+    balanced, units = matrix_balance(generator, permute=False)
+    start = np.linalg.solve(units, [*stretch.state, 1.0])
 
-    weights: Array
-    series: Array
-    looks: Array
+    def states(times: Array) -> list[list[float]]:
+        flows = expm(balanced * (times - stretch.begin)[:, None, None])
+        found: list[list[float]] = ((flows @ start) @ units.T)[:, :6].tolist()
+        return found
 
+    def value(time: float, guard: Callable[[MotionState], float]) -> float:
+        return guard(states(np.array([time]))[0])
 
-class CollocationStep(NamedTuple):
-    """An accepted step: state at its start, its length [s], and the Legendre coefficients of the derivative."""
-
-    state: Array
-    length: float
-    coefficients: Array
-
-    def at(self, share: float) -> Array:
-        """The state at `share` of the step."""
-        return self.state + self.length * (integrals(share) @ self.coefficients)
-
-
-def collocation(stretch: Stretch) -> Outcome:
-    """Solve with Radau IIA collocation of order 17; see `Solver`."""
-    now, state = stretch.begin, np.array(stretch.state, dtype=float)
-    scale = np.maximum(np.abs(state), SIZE_LEAST)
-    samples: list[list[float]] = []
-    length = stretch.end - stretch.begin
-    while now < stretch.end:
-        left = stretch.end - now
-        length = min(length, left)
-        step, tail = collocated(stretch, state, length, scale)
-        if tail > 1.0:
-            length *= max(0.2, 0.9 * tail ** (-1.0 / (STAGES - 1)))
-            if length < LEAST_STEP:
-                raise ArithmeticError(f"collocation: no step is short enough at {now:g} s")
-            continue
-        fallen = first_fall(stretch, step)
-        reached = 1.0 if fallen is None else fallen[0]
-        end = now + reached * length if reached < 1.0 or length < left else stretch.end
-        for tick in stretch.ticks[len(samples) :]:
-            if tick > end:
-                break
-            samples.append(step.at((tick - now) / length).tolist())
-        now, state = end, step.at(reached)
-        if fallen is not None:
-            return Outcome(samples, now, state.tolist(), fallen[1])
-        scale = np.maximum(scale, np.abs(state))
-        length *= min(GROWTH, 0.9 * max(tail, 1e-9) ** (-1.0 / (STAGES - 1)))
-    return Outcome(samples, now, state.tolist(), None)
-
-
-def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> tuple[CollocationStep, float]:
-    """One step by simplified Newton iteration, and its tail relative to the tolerance; infinite if it failed."""
-    weights, series, _ = tableau()
-    field = stretch.field
-    slopes = np.tile(np.array(field(state.tolist())), (STAGES, 1))
-    system = np.eye(STAGES * 6) - length * np.kron(weights, jacobian(stretch, state))
-    inverse = np.linalg.inv(system)
-    smallest = np.inf
-    for _ in range(ITERATIONS):
-        stages = state + length * (weights @ slopes)
-        residual = np.array([field(stage) for stage in stages.tolist()]) - slopes
-        correction = (inverse @ residual.ravel()).reshape(slopes.shape)
-        slopes = slopes + correction
-        size = float(np.max(np.abs(correction)))
-        if not size < smallest:
-            break  # rounding is reached, or it does not converge; checked below
-        smallest = size
-    largest = np.max(np.abs(slopes), axis=0)
-    if not np.all(np.abs(correction) <= 1e-9 * (largest + 1e-12)):
-        return CollocationStep(state, length, slopes), np.inf
-    coefficients = series @ slopes
-    allowed = TAIL * np.maximum(scale, length * largest)
-    tail = length * np.max(np.abs(coefficients[-2:]), axis=0)
-    return CollocationStep(state, length, coefficients), float(np.max(tail / allowed))
-
-
-def jacobian(stretch: Stretch, state: Array) -> Array:
-    """d(field)/d(state) by central differences."""
-    columns = []
-    for axis, nudge in enumerate(NUDGE):
-        ahead, behind = state.tolist(), state.tolist()
-        ahead[axis] += nudge
-        behind[axis] -= nudge
-        columns.append((np.array(stretch.field(ahead)) - np.array(stretch.field(behind))) / (2.0 * nudge))
-    return np.stack(columns, axis=1)
-
-
-def first_fall(stretch: Stretch, step: CollocationStep) -> tuple[float, int] | None:
-    """Where in the step (as a share of it) the first guard falls below zero, and which; None if all of them hold."""
-    if not stretch.guards:
-        return None
-    states = (step.state + step.length * (tableau().looks @ step.coefficients)).tolist()
-    before = [guard(states[0]) for guard in stretch.guards]
-    for look in range(1, LOOKS + 1):
-        after = [guard(states[look]) for guard in stretch.guards]
-        falls = [
-            (bisected(stretch, step, index, (look - 1) / LOOKS, look / LOOKS), index)
-            for index, (value, next_value) in enumerate(zip(before, after, strict=True))
-            if value >= 0.0 > next_value
-        ]
-        if falls:
-            return min(falls)
-        before = after
-    return None
-
-
-def bisected(stretch: Stretch, step: CollocationStep, index: int, low: float, high: float) -> float:
-    """The share between `low` (guard holds) and `high` (guard has fallen) where it falls, to the last digit."""
-    guard = stretch.guards[index]
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return high
-        if guard(step.at(middle).tolist()) >= 0.0:
-            low = middle
-        else:
-            high = middle
-
-
-@cache
-def tableau() -> Tableau:
-    """Nodes are the zeros of P_s - P_(s-1) on [-1, 1], the last of them 1."""
-    difference = np.zeros(STAGES + 1)
-    difference[-1], difference[-2] = 1.0, -1.0
-    nodes = np.sort(legendre.legroots(difference).real)
-    slope = legendre.legder(difference)
-    for _ in range(3):
-        nodes = nodes - legendre.legval(nodes, difference) / legendre.legval(nodes, slope)
-    nodes[-1] = 1.0
-    series = np.linalg.inv(legendre.legvander(nodes, STAGES - 1))
-    weights = np.array([integrals((node + 1.0) / 2.0) for node in nodes]) @ series
-    return Tableau(weights, series, np.array([integrals(look / LOOKS) for look in range(LOOKS + 1)]))
-
-
-def integrals(share: float) -> Array:
-    """Integral from 0 to `share` of each P_k(2 u - 1): (P_(k+1) - P_(k-1)) / (2 (2 k + 1))."""
-    values = legendre.legvander(np.array([2.0 * share - 1.0]), STAGES)[0]
-    k = np.arange(1, STAGES)
-    rest: Array = (values[2:] - values[: STAGES - 1]) / (2.0 * (2.0 * k + 1.0))
-    return np.concatenate(([share], rest))
+    eigenvalues = np.linalg.eigvals(generator)
+    span = stretch.end - stretch.begin
+    step = min(span / LOOKS, 2.0 * pi / (LOOKS * max(float(np.abs(eigenvalues.imag).max()), 1e-9)))
+    fastest = 1.0 / (LOOKS * max(float(np.abs(eigenvalues.real).max()), 1.0 / step))
+    looks = np.concatenate([np.arange(0.0, span, step), np.geomspace(fastest, step, LOOKS), np.array([span])])
+    times = stretch.begin + np.unique(looks)
+    before = list(stretch.state)
+    for first in range(1, len(times), CHUNK):
+        for place, after in enumerate(states(times[first : first + CHUNK]), start=first):
+            falls = [
+                (float(brentq(value, times[place - 1], times[place], args=(guard,), xtol=1e-18)), index)
+                for index, guard in enumerate(guards)
+                if guard(before) >= 0.0 > guard(after)
+            ]
+            if falls:
+                at, index = min(falls)
+                reached = np.array([tick for tick in stretch.ticks if tick <= at])
+                return Outcome(states(reached) if len(reached) else [], at, states(np.array([at]))[0], index)
+            before = after
+    return Outcome(states(np.array(stretch.ticks)), stretch.end, states(np.array([stretch.end]))[0], None)

@@ -1,32 +1,28 @@
-"""Work-precision study: every problem with every integrator and step. Needs scipy (extra: studies)."""
+"""The `precision` study: error of the integrators against run time. Needs scipy (extra: studies)."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from math import inf
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isnan
+from pathlib import Path
+from time import thread_time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from rich.console import Group, RenderableType
 
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import IntegrationScheme
+from weberlink.slave.integrators.contract import IntegrationScheme, MassState
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.studies.precision.measurement import (
-    IntegratorRow,
-    Point,
-    StepSize,
-    best_in_time,
-    finite_or_none,
-    fitted_order,
-    front,
-    measured,
-)
-from weberlink.studies.precision.problems import PROBLEMS, TICK, Problem, Quantity
-from weberlink.studies.precision.reference import ReferenceSolution, reference
-from weberlink.system.interruption import Interruption
+from weberlink.studies.frame import FrameResult, Row, Study, check_resources, data_frame, records
+from weberlink.studies.parallel import Progress
+from weberlink.studies.precision.measurement import StepSize, measured
+from weberlink.studies.precision.problems import PROBLEMS, TICK, Problem
+from weberlink.studies.precision.reference import reference
+from weberlink.studies.result import Column, frame_table, pareto
+from weberlink.system.configuration.extras import need
 
-Chooser = Callable[[Problem], tuple[str, int]]
-"""The recommended integrator and its substeps per tick for a problem."""
-
-Progress = Callable[[int, int, str], None]
-"""Receives the number of finished pieces, the number of all, and the name of the next piece."""
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
 RESOLVED = 1e-12
 """Relative errors below it are rounding errors and count as equal."""
@@ -39,6 +35,14 @@ NEAR_FRONT = 1.5
 """Largest error of the recommended integrator, over the smallest error in the same time."""
 GAINED = 1e-9
 """Share of the energy up to which a gain is rounding."""
+COARSE = 0.03
+"""Relative errors above it are not asymptotic yet."""
+POINTS_LEAST, POINTS_MOST = 3, 4
+"""Of a fitted order."""
+GOAL = 1e-3
+"""Relative error whose run time is shown."""
+TIMED_TICKS = 3000
+"""Ticks of which the 99.9th percentile is taken."""
 
 
 @dataclass(frozen=True)
@@ -48,225 +52,69 @@ class Effort:
     Args:
         finest: most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
         repeats: most timed runs of each step.
+        problems: of the integrators.
+        schemes: integrators by name.
+        recommended: integrator and substeps for every problem; None for those that `integrator: auto` chooses.
     """
 
-    finest: int
-    repeats: int
+    finest: int = 64
+    repeats: int = 5
+    problems: Sequence[Problem] = PROBLEMS
+    schemes: Mapping[str, IntegrationScheme] | None = None
+    recommended: tuple[str, int] | None = None
 
-    def steps(self, problem: Problem, also: int | None = None) -> list[StepSize]:
+    def steps(self, problem: Problem, also: int) -> list[StepSize]:
         """The coarsest first; `also` is a number of substeps that must be among them."""
-        steps, ticks = [], problem.coarsest_ticks
-        while ticks > 1:
-            steps.append(StepSize(ticks=ticks))
-            ticks //= 2
-        substeps = 1
-        while substeps <= self.finest:
-            steps.append(StepSize(substeps=substeps))
-            substeps *= 2
-        if also is not None and StepSize(substeps=also) not in steps:
-            steps.append(StepSize(substeps=also))
-        return sorted(steps, key=lambda step: -step.length)
+        ticks = [StepSize(ticks=2**n) for n in range(1, problem.coarsest_ticks.bit_length())]
+        substeps = {2**n for n in range(self.finest.bit_length())} | {also}
+        return sorted((*ticks, *(StepSize(substeps=n) for n in substeps)), key=lambda step: -step.length)
 
 
-DEFAULT = Effort(finest=64, repeats=5)
 FULL = Effort(finest=512, repeats=15)
 
 
-@dataclass(frozen=True)
-class ConvergenceOrder:
-    """The order of convergence of an error, beside the order in theory."""
-
-    problem: str
-    integrator: str
-    quantity: Quantity
-    fitted: float | None
-    """None where fewer than three steps are in the asymptotic range."""
-    theory: int
-    exact: bool
-    """Whether the integrator is exact in theory."""
-    largest_error: float
-    """Over all steps."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether theory is met within 0.2."""
-        if self.exact:
-            return self.largest_error <= EXACT
-        return self.fitted is not None and abs(self.fitted - self.theory) <= ORDER_TOLERANCE
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "problem": self.problem,
-            "integrator": self.integrator,
-            "quantity": self.quantity,
-            "order": self.fitted,
-            "order_in_theory": self.theory,
-            "exact_in_theory": self.exact,
-            "largest_error": self.largest_error if self.largest_error < inf else None,
-            "holds": self.holds,
-        }
-
-
-@dataclass(frozen=True)
-class Recommendation:
-    """The recommended integrator at the tick rate, against every integrator and step that fits a tick."""
-
-    row: IntegratorRow
-    rival: IntegratorRow
-    """The row with the smallest error that takes no more time; the recommended row itself if none has a smaller one."""
-    thriftiest: IntegratorRow
-    """The row that gains the least energy and takes no more time; the recommended row itself if none gains less."""
-    floor: float = RESOLVED
-    """Relative errors below it count as equal."""
-
-    @property
-    def excess(self) -> float:
-        """Error over that of the rival; 1 on the Pareto front."""
-        return point(self.row, self.floor)[1] / point(self.rival, self.floor)[1]
-
-    @property
-    def gain_excess(self) -> float:
-        """Energy gained beyond that of the thriftiest row, relative to the largest energy."""
-        return self.row.energy_gained - self.thriftiest.energy_gained
-
-    @property
-    def on_front(self) -> bool:
-        return not self.row.diverged and self.excess <= NEAR_FRONT and not self.gain_excess > GAINED
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            **self.row.as_json(),
-            "rival": {"integrator": self.rival.integrator, "step_us": 1e6 * self.rival.step.length},
-            "error_excess": finite_or_none(self.excess),
-            "energy_gained_in_excess": finite_or_none(self.gain_excess),
-            "on_front": self.on_front,
-        }
-
-
-@dataclass(frozen=True)
-class ProblemResult:
-    """All rows of one problem."""
+class PrecisionCase(NamedTuple):
+    """A problem with every integrator and step."""
 
     problem: Problem
-    reference: ReferenceSolution
-    rows: list[IntegratorRow]
-    orders: list[ConvergenceOrder]
-    recommendation: Recommendation | None
-    front: set[int] = field(default_factory=set)
-    """Indices of the rows on the Pareto front."""
-
-    @property
-    def floor(self) -> float:
-        """Relative errors below it count as equal."""
-        return resolved(self.reference)
-
-    def as_json(self) -> dict[str, Any]:
-        chosen = self.recommendation.row if self.recommendation is not None else None
-        return {
-            "problem": self.problem.name,
-            "about": self.problem.about,
-            "duration_s": self.problem.duration,
-            "mass_kg": self.problem.body.mass,
-            "stiffness_n_m": [surface.stiffness for surface in self.problem.surfaces],
-            "damping_n_s_m": [surface.damping for surface in self.problem.surfaces],
-            "smooth": sorted(self.problem.smooth),
-            "linear": self.problem.linear,
-            **self.reference.as_json(),
-            "recommended": self.recommendation.as_json() if self.recommendation is not None else None,
-            "orders": [order.as_json() for order in self.orders],
-            "rows": [
-                {**row.as_json(), "on_front": index in self.front, "recommended": row is chosen}
-                for index, row in enumerate(self.rows)
-            ],
-        }
+    effort: Effort
 
 
-def study(
-    effort: Effort = DEFAULT,
-    problems: Sequence[Problem] = PROBLEMS,
-    schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
-    chooser: Chooser | None = None,
-    progress: Progress = lambda *_: None,
-) -> list[ProblemResult]:
-    """Run everything, or what is done when Ctrl-C comes.
+def rows_of(case: PrecisionCase) -> list[Row]:
+    """The rows of a problem; that of the recommended integrator and step has the times of its ticks too.
 
-    Args:
-        effort: how fine and how often.
-        problems: which of them.
-        schemes: integrators by name.
-        chooser: recommends an integrator; None leaves recommendations out.
-        progress: called before each problem, and at the end.
+    `on_front` says whether a row is on the Pareto front of run time and position error of its problem.
     """
-
-    def one_by_one() -> Iterator[ProblemResult]:
-        for done, problem in enumerate(problems):
-            progress(done, len(problems), problem.name)
-            yield studied(problem, effort, schemes, chooser)
-        progress(len(problems), len(problems), "done")
-
-    return list(Interruption().pieces(one_by_one()))
-
-
-def studied(
-    problem: Problem, effort: Effort, schemes: Mapping[str, IntegrationScheme], chooser: Chooser | None
-) -> ProblemResult:
+    problem, effort = case
     known = reference(problem)
-    name, substeps = chooser(problem) if chooser is not None else (None, None)
-    rows = [
-        measured(problem, scheme_name, scheme, step, known, effort.repeats)
-        for scheme_name, scheme in schemes.items()
-        for step in effort.steps(problem, substeps if scheme_name == name else None)
-    ]
-    floor = resolved(known)
-    orders = [
-        convergence(problem, scheme_name, scheme, quantity, rows, floor)
-        for scheme_name, scheme in schemes.items()
-        for quantity in sorted(problem.smooth)
-    ]
-    best = {index for index, on in enumerate(front([point(row, floor) for row in rows])) if on}
-    chosen = [row for row in rows if row.integrator == name and row.step == StepSize(substeps=substeps or 0)]
-    return ProblemResult(problem, known, rows, orders, recommendation(chosen[0], rows, floor) if chosen else None, best)
+    schemes = INTEGRATORS if effort.schemes is None else effort.schemes
+    chosen = effort.recommended or automatic(problem)
+    rows = []
+    for name, scheme in schemes.items():
+        for step in effort.steps(problem, chosen[1] if name == chosen[0] else 1):
+            row = measured(problem, name, scheme, step, known, effort.repeats) | known.as_json()
+            row["recommended"] = (name, step) == (chosen[0], StepSize(substeps=chosen[1]))
+            if row["recommended"]:
+                row["tick_us"] = tick_us(problem, scheme, step, known.start_force)
+            rows.append(row)
+    frame = data_frame(rows)
+    best = pareto(frame.run_time_ms_per_s, compared_errors(frame, resolved(frame)))
+    return [row | {"on_front": on} for row, on in zip(rows, best.tolist(), strict=True)]
 
 
-def resolved(known: ReferenceSolution) -> float:
-    """The relative error below which two results count as equal."""
-    return max(RESOLVED, 10.0 * known.agreement)
-
-
-def convergence(
-    problem: Problem,
-    name: str,
-    scheme: IntegrationScheme,
-    quantity: Quantity,
-    rows: Sequence[IntegratorRow],
-    floor: float,
-) -> ConvergenceOrder:
-    mine = [row for row in rows if row.integrator == name]
-    errors = [row.position_error if quantity == "position" else row.force_error for row in mine]
-    usable = [error if error < inf else None for error in errors]
-    fitted = fitted_order([row.step.length for row in mine], usable, floor)
-    exact = problem.linear and scheme.exact_if_linear
-    return ConvergenceOrder(problem.name, name, quantity, fitted, scheme.order, exact, max(errors))
-
-
-def point(row: IntegratorRow, floor: float) -> Point:
-    """Run time and position error as compared: at least `floor`, and infinite for what diverged."""
-    return (row.run_time, inf if row.diverged else max(row.position_error, floor))
-
-
-def recommendation(chosen: IntegratorRow, rows: Sequence[IntegratorRow], floor: float) -> Recommendation:
-    candidates = [row for row in rows if row.step.fits_tick]
-    time = chosen.run_time * (1.0 + max(NOISE_LEAST, 0.5 * chosen.run_time_spread))
-    rival = best_in_time([point(row, floor) for row in candidates], time)
-    thriftiest = best_in_time([(row.run_time, row.energy_gained) for row in candidates], time)
-    assert rival is not None and thriftiest is not None
-    best, least = candidates[rival], candidates[thriftiest]
-    return Recommendation(
-        chosen,
-        best if point(best, floor)[1] < point(chosen, floor)[1] else chosen,
-        least if least.energy_gained < chosen.energy_gained else chosen,
-        floor,
-    )
+def tick_us(problem: Problem, scheme: IntegrationScheme, step: StepSize, start_force: Any) -> dict[str, float]:
+    """Median and 99.9th percentile of the CPU time in which a tick is integrated [us]."""
+    times: list[float] = []
+    while len(times) < TIMED_TICKS:
+        integrator = scheme.build(problem.body, problem.scene())
+        motion = MassState(problem.position, problem.velocity, start_force)
+        for tick in range(round(problem.duration / TICK)):
+            goal, began = problem.goal(tick * TICK), thread_time()
+            for _ in range(step.substeps):
+                motion = integrator.advance(motion, goal, step.length)
+            times.append(thread_time() - began)
+    median, p999 = 1e6 * np.percentile(times, [50.0, 99.9])
+    return {"median": float(median), "p999": float(p999)}
 
 
 def automatic(problem: Problem) -> tuple[str, int]:
@@ -275,3 +123,195 @@ def automatic(problem: Problem) -> tuple[str, int]:
     options = SimulatedOptions(mass_kg=mass, stiffness_n_m=stiffness, damping_n_s_m=damping)
     robot = SimulatedRobot(options, problem.scene(), TICK)
     return robot.integrator, robot.substeps
+
+
+def resolved(rows: "DataFrame") -> float:
+    """The relative error below which two results of one problem count as equal."""
+    return max(RESOLVED, 10.0 * float(rows.reference_agreement.iloc[0]))
+
+
+def fitted_order(steps: Sequence[float], errors: Sequence[float], floor: float) -> float | None:
+    """Least squares over the finest four of the steps whose errors are asymptotic.
+
+    Args:
+        steps: lengths, in any order and unit.
+        errors: relative; not finite where the run diverged.
+        floor: errors below it are rounding, or the reference's own.
+
+    Returns:
+        The order; None where fewer than three errors lie between `floor` and 3 %.
+    """
+    usable = sorted((step, error) for step, error in zip(steps, errors, strict=True) if floor < error < COARSE)
+    if len(usable) < POINTS_LEAST:
+        return None
+    lengths, sizes = np.log(np.transpose(usable[:POINTS_MOST]))
+    return float(np.polyfit(lengths, sizes, 1)[0])
+
+
+def orders(rows: "DataFrame", effort: Effort) -> "DataFrame":
+    """The orders of convergence of smooth problems, beside theory: a row for each integrator and quantity."""
+    import pandas as pd  # noqa: PLC0415 - heavy, an extra
+
+    problems = {problem.name: problem for problem in effort.problems}
+    schemes = INTEGRATORS if effort.schemes is None else effort.schemes
+    found = []
+    for (name, integrator), mine in rows.groupby(["problem", "integrator"], sort=False):
+        problem, scheme = problems[name], schemes[integrator]
+        for quantity in sorted(problem.smooth):
+            errors = mine[f"{quantity}_error"].astype(float).fillna(inf)
+            fitted = fitted_order(mine.step_us, errors, resolved(mine))
+            exact = problem.linear and scheme.exact_if_linear
+            near = fitted is not None and abs(fitted - scheme.order) <= ORDER_TOLERANCE
+            found.append({
+                "problem": name, "integrator": integrator, "quantity": quantity, "order": fitted,
+                "order_in_theory": scheme.order, "exact_in_theory": exact, "largest_error": errors.max(),
+                "holds": bool(errors.max() <= EXACT if exact else near),
+            })  # fmt: skip
+    return pd.DataFrame(found)
+
+
+def compared_errors(rows: "DataFrame", floor: float) -> "Series[float]":
+    """Position errors as compared: at least `floor`, and infinite for what diverged."""
+    return rows.position_error.astype(float).clip(lower=floor).mask(rows.diverged, inf).fillna(inf)
+
+
+def recommendation(rows: "DataFrame", floor: float | None = None) -> Row | None:
+    """The recommended row of one problem, against every integrator and step that fits a tick and takes no more time.
+
+    `rival` has the smallest error, `error_excess` is the error over it (1 on the Pareto front), and
+    `energy_gained_in_excess` what is gained beyond the row that gains least.
+
+    Args:
+        rows: of one problem.
+        floor: relative errors below it count as equal; by default what the reference resolves.
+    """
+    if not rows.recommended.any():
+        return None
+    floor = resolved(rows) if floor is None else floor
+    rows = rows.assign(compared=compared_errors(rows, floor))
+    chosen = rows[rows.recommended].iloc[0]
+    time = chosen.run_time_ms_per_s * (1.0 + max(NOISE_LEAST, 0.5 * chosen.run_time_spread))
+    quick = rows[(rows.substeps_per_tick >= 1) & (rows.run_time_ms_per_s <= time)]
+    rival = quick.loc[quick.compared.idxmin()]
+    if not rival.compared < chosen.compared:
+        rival = chosen
+    gained = rows.energy_gained.astype(float).fillna(inf)
+    excess = float(chosen.compared) / float(rival.compared)
+    gain = float(gained[chosen.name]) - float(gained[quick.index].min())
+    row: Row = chosen.drop("compared").to_dict()
+    return row | {
+        "rival": rival.integrator,
+        "rival_substeps": rival.substeps_per_tick,
+        "error_excess": excess,
+        "energy_gained_in_excess": gain,
+        "on_front": bool(not chosen.diverged and excess <= NEAR_FRONT and not gain > GAINED),
+    }
+
+
+def recommendations(rows: "DataFrame") -> "DataFrame":
+    """`recommendation` of each problem, if it has one."""
+    import pandas as pd  # noqa: PLC0415
+
+    found = [recommendation(mine) for _, mine in rows.groupby("problem", sort=False)]
+    return pd.DataFrame([one for one in found if one is not None])
+
+
+def _summary(effort: Effort, rows: "DataFrame") -> dict[str, Any]:
+    finite = [records(frame.replace(inf, np.nan)) for frame in (orders(rows, effort), recommendations(rows))]
+    return {
+        "finest_substeps_per_tick": effort.finest,
+        "repeats_most": effort.repeats,
+        "orders": finite[0],
+        "recommended": finite[1],
+    }
+
+
+def _tables(effort: Effort, rows: "DataFrame", run_time_s: float, caption: str) -> RenderableType:
+    fitted = orders(rows, effort)
+    good = rows[rows.position_error.astype(float) <= GOAL]
+    prices = good.groupby(["problem", "integrator"]).run_time_ms_per_s.min().unstack()
+    prices = prices.reindex(index=rows.problem.unique(), columns=rows.integrator.unique())
+    columns = {"problem": Column("problem")}
+    for name in prices:
+        mine = fitted[fitted.integrator == name] if len(fitted) else fitted
+        slopes = {problem: _slopes(each) for problem, each in mine.groupby("problem")} if len(mine) else {}
+        prices[f"{name} order"] = [slopes.get(problem, "") for problem in prices.index]
+        columns |= {name: Column(name, "{:.3g}"), f"{name} order": Column("order", left=True)}
+    told = f"CPU ms per simulated s for {100 * GOAL:g} % position error; orders of position, force"
+    parts = [frame_table(prices.reset_index(names="problem"), columns, title=told)]
+    chosen = recommendations(rows)
+    if len(chosen):
+        itself = chosen.rival.eq(chosen.integrator) & chosen.rival_substeps.eq(chosen.substeps_per_tick)
+        best = chosen.rival.str.cat(chosen.rival_substeps.map(" {:g}".format)).mask(itself, "itself")
+        chosen = chosen.assign(best=best, budget=chosen.tick_us_p999 / (1e6 * TICK))
+        lost = chosen.diverged.to_numpy()
+        chosen["position_error"] = chosen.position_error.astype(object).mask(lost, "diverged")
+        chosen["force_error"] = chosen.force_error.astype(float).mask(lost)
+        notes = [
+            "errors: largest, relative to the extent of the motion and to the largest force",
+            "gained: energy; us, p99.9: CPU time of a tick's integration, of 1 ms: at p99.9",
+            "best in that time: smallest position error; x: error over that",
+            f"in {run_time_s:.0f} s",
+            caption,
+        ]
+        title = "integrator: auto at 1 kHz, against all others"
+        parts.append(frame_table(chosen, CHOICE, title=title, notes=notes))
+    return Group(parts[0], "", *parts[1:])
+
+
+def _error(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:.0e}"
+
+
+CHOICE = {
+    "problem": Column("problem"),
+    "integrator": Column("auto", left=True),
+    "substeps_per_tick": Column("n", "{:g}"),
+    "position_error": Column("position", _error),
+    "force_error": Column("force", "{:.0e}"),
+    "energy_gained": Column("gained", lambda gained: "0" if gained <= GAINED else f"{gained:.0e}"),
+    "tick_us_median": Column("us", "{:.0f}"),
+    "tick_us_p999": Column("p99.9", "{:.0f}"),
+    "budget": Column("of 1 ms", "{:.0%}"),
+    "best": Column("best in that time", left=True),
+    "error_excess": Column("x", "{:.3g}"),
+}
+
+
+def _slopes(fitted: "DataFrame") -> str:
+    """Fitted orders, position first; a mark where theory is missed."""
+    if fitted.exact_in_theory.all():
+        return "exact" if fitted.holds.all() else "not exact!"
+    by_quantity = fitted.sort_values("quantity", ascending=False)
+    missed = (by_quantity.order.notna() & ~by_quantity.holds).any()
+    slopes = ["-" if isnan(order) else f"{order:.2f}" for order in by_quantity.order.astype(float)]
+    return " ".join(slopes) + ("!" if missed else "")
+
+
+def _plots(effort: Effort, rows: "DataFrame", folder: Path, caption: str) -> None:
+    from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415 - imports matplotlib
+
+    problems = [problem for problem in effort.problems if problem.name in set(rows.problem)]
+    work_precision(rows, problems, folder / "work_precision.png", caption)
+
+
+STUDY = Study(
+    "precision",
+    lambda effort: [PrecisionCase(problem, effort) for problem in effort.problems],
+    rows_of,
+    _tables,
+    _plots,
+    lambda _: 2.0,
+    _summary,
+)
+
+
+def run(effort: Effort, *, plots: bool, progress: Progress = lambda *_: None) -> FrameResult:
+    """Measure the integrators of the simulated robot on problems with known solutions, those done when Ctrl-C came.
+
+    Raises:
+        ConfigurationError: if a package is missing; nothing was computed then.
+    """
+    check_resources(None, None, plots=plots)
+    need("scipy", "studies", "the reference solutions")
+    return STUDY.result(effort, workers=1, progress=progress)  # others would disturb what is timed

@@ -1,10 +1,11 @@
 """A cell of the stability map: the parameters of a whole system, its limits, and the ideal force of its wall."""
 
-from dataclasses import asdict, dataclass, replace
-from math import ceil, sqrt
+from dataclasses import dataclass
+from itertools import product
+from math import ceil
 from typing import Any, Literal
 
-from weberlink.studies.stability.wall import Grip, SampledWall, bisect, bracket, gain_limit, passivity_limit
+from weberlink.studies.stability.wall import Grip, SampledWall, gain_limit, passivity_limit
 from weberlink.system.composition.coupling import FIT_MARGIN
 
 DEPTH = 0.015
@@ -20,7 +21,8 @@ CONTACT_LIMIT_N = 10.0
 SENSOR_RANGE_N = 30.0
 """Range of the force sensor of the computed robots [N], their default `force_n`."""
 
-RobotName = Literal["point", "simulated"]
+RobotName = Literal["point", "simulated", "tool", "arm"]
+"""The last two are judged by torque: a stick with three points of contact, and an arm of joints (extra: mujoco)."""
 Contact = Literal["plane", "ball", "box"]
 
 
@@ -30,16 +32,16 @@ class SystemCell:
     files.
 
     Args:
-        slice: part of the map.
+        family: row of the map, or `extremes`.
         scheme: of control, as in the configuration.
         predictor: of the force channel.
         position_predictor: of the position channel.
-        stiffness_n_m: of the object.
+        stiffness_n_m: of the object; of the joints with `arm` [N m/rad].
         mass_kg: of device and hand, as the next two; of the arm alone with another grip than firm.
         damping_n_s_m: of device and hand.
         hand_stiffness_n_m: of the hand.
         grip: how the hand holds the device.
-        robot: what touches the object.
+        robot: what touches the object; `tool` is turned by 10 degrees.
         robot_mass_kg: of `simulated`.
         robot_damping_n_s_m: of `simulated`; None for critical.
         contact: the object; all are touched from above at z = 0.
@@ -57,7 +59,7 @@ class SystemCell:
         case: name of an extreme.
     """
 
-    slice: str
+    family: str
     scheme: str = "bounded"
     predictor: str = "hybrid"
     position_predictor: str = "linear"
@@ -103,53 +105,88 @@ class SystemCell:
         return min(wall, robot) if self.robot == "point" else wall * robot / (wall + robot)
 
     @property
+    def torque(self) -> str:
+        """Prefix of the fields of the records by whose torque the cell is judged; empty where it is a force."""
+        return {"tool": "rotation_", "arm": "joint_"}.get(self.robot, "")
+
+    @property
+    def floor(self) -> float:
+        """Absolute threshold of the force or torque that is felt [N], [N m]."""
+        return {"tool": 0.005, "arm": 0.03}.get(self.robot, self.floor_n)
+
+    @property
     def ideal_n(self) -> float | None:
-        """Force of the hold on the ideal local wall of the device [N]; None for a wall that does not rest.
+        """Force of the hold on the ideal local wall of the device [N]; None where that is not a force, or not at rest.
 
         That is the wall as the robot can display it, rendered at the device without delay: at rest the springs of hand
         and wall share the intended depth.
         """
-        if self.wall_speed_m_s:
+        if self.wall_speed_m_s or self.torque:
             return None
         return DEPTH / (1.0 / self.wall.hand.static_stiffness + 1.0 / self.displayed_n_m)
-
-    @property
-    def variant(self) -> str:
-        """What sets this cell apart in its slice beside scheme, stiffness and round trip, in at most 16 characters."""
-        if self.case:
-            return self.case
-        if self.slice == "walls":
-            name = self.robot if self.robot == "point" else weight(self.robot_mass_kg)
-            light = " light" if self.robot_damping_n_s_m is not None else ""
-            return name + light + (" lossy" if self.loss else "") + (" zoh" if self.predictor == "zoh" else "")
-        if self.slice == "hands":
-            return self.grip
-        if self.slice == "loss":
-            return f"jitter {1e3 * self.jitter_s:g} ms"
-        if self.slice == "far hands":
-            return f"{self.damping_n_s_m:g} Ns/m {self.rate_hz:g} Hz"
-        return "uncoded" if self.position_predictor == "zoh" else ""
 
     def limits(self) -> dict[str, float]:
         """Without coding: stiffness [N/m] up to which the loop is stable with this hand, and passive with any."""
         return {"stable_to_n_m": gain_limit(self.wall), "passive_to_n_m": passivity_limit(self.wall)}
 
-    def least_damping(self) -> float:
-        """Without coding: damping of device and hand [N s/m] from which the loop is stable."""
 
-        def is_stable(damping: float) -> bool:
-            return gain_limit(replace(self.wall, damping_n_s_m=damping)) > self.stiffness_n_m
+FAMILIES: dict[str, dict[str, Any]] = {
+    "plane": {},
+    "damping 1 N s/m": {"wall_damping_n_s_m": 1.0, "predictor": "surface"},
+    "friction 0.3": {"friction": 0.3, "predictor": "surface"},
+    "both": {"friction": 0.3, "wall_damping_n_s_m": 1.0},
+    "ball": {"contact": "ball", "predictor": "surface"},
+    "box, edge": {"contact": "box", "predictor": "surface"},
+    "wall at 0.1 m/s": {"wall_speed_m_s": 0.1, "predictor": "surface"},
+    "30 % lost, jitter": {"jitter_s": 0.01, "loss": 0.3},
+    "fingertip grip": {"grip": "fingertip"},
+    "robot of 5 g": {"robot": "simulated", "robot_mass_kg": 0.005},
+    "robot of 1 kg": {"robot": "simulated", "robot_mass_kg": 1.0},
+    "rotation: torque": {"robot": "tool"},
+    "joints: torque": {"robot": "arm"},
+}
+"""Rows of the map. Friction and motion of an object are in the models of the predictor `surface` alone."""
 
-        return bisect(is_stable, *bracket(is_stable, self.damping_n_s_m), 1e-3)
+SCHEMES = ("none", "bounded", "baseline-tdpa")
+STIFFNESSES = {"arm": (30.0, 100.0)}
+"""Of the map: of the arm's joints [N m/rad]; 500 and 1e7 N/m of an object elsewhere."""
+FULL_STIFFNESSES = {"arm": (10.0, 30.0, 100.0, 300.0, 1000.0)}
+TRIPS, FULL_TRIPS = (0.0, 0.02, 0.1, 0.5), (0.0, 0.002, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Round trips [s]."""
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"ideal_n": self.ideal_n}
+FAR: dict[str, Any] = {"round_trip_s": 0.1}
+EXTREMES: dict[str, dict[str, Any]] = {
+    "hand 1 mg": {"mass_kg": 1e-6} | FAR,
+    "hand 1 t": {"mass_kg": 1e3} | FAR,
+    "hand 1e6 N s/m": {"damping_n_s_m": 1e6} | FAR,
+    "robot 1 mg": {"robot": "simulated", "robot_mass_kg": 1e-6, "stiffness_n_m": 1e7} | FAR,
+    "robot 1 t": {"robot": "simulated", "robot_mass_kg": 1e3, "stiffness_n_m": 1e7} | FAR,
+    "robot 1e6 N s/m": {"robot": "simulated", "robot_damping_n_s_m": 1e6} | FAR,
+    "wall 1e-3 N/m": {"stiffness_n_m": 1e-3} | FAR,
+    "wall 1e9 N/m": {"stiffness_n_m": 1e9} | FAR,
+    "10 Hz": {"rate_hz": 10.0, "stiffness_n_m": 1e4} | FAR,
+    "10 kHz": {"rate_hz": 1e4, "stiffness_n_m": 1e7} | FAR,
+    "wall at 5 m/s": {"wall_speed_m_s": 5.0} | FAR,
+    "2 s, 30 % lost": {"round_trip_s": 2.0, "jitter_s": 0.1, "loss": 0.3, "stiffness_n_m": 1e7},
+}
+"""One parameter at the end of its range each. Delay makes each of them harder."""
 
 
-def lightly_damped(mass_kg: float) -> float:
-    """A tenth of the critical damping of a robot of this mass [N s/m]."""
-    return float(f"{0.2 * sqrt(COUPLING_N_M * mass_kg):.2g}")
+def cells(seed: int, *, full: bool) -> list[SystemCell]:
+    """All cells: every family with every scheme, then the extremes.
 
-
-def weight(mass_kg: float) -> str:
-    return f"{mass_kg:g} kg" if mass_kg >= 1.0 else f"{1e3 * mass_kg:g} g"
+    Args:
+        seed: of every link.
+        full: more stiffnesses and round trips, and every scheme on the extremes.
+    """
+    known, usual = (FULL_STIFFNESSES, (100.0, 500.0, 1e3, 1e4, 1e5, 1e7)) if full else (STIFFNESSES, (500.0, 1e7))
+    mapped = [
+        SystemCell(name, scheme, stiffness_n_m=stiffness, round_trip_s=trip, seed=seed, **family)
+        for name, family in FAMILIES.items()
+        for scheme in SCHEMES
+        for stiffness in known.get(family.get("robot", ""), usual)
+        for trip in (FULL_TRIPS if full else TRIPS)
+    ]
+    schemes = SCHEMES if full else ("bounded",)
+    extremes = product(EXTREMES.items(), schemes)
+    return mapped + [SystemCell("extremes", scheme, case=c, seed=seed, **more) for (c, more), scheme in extremes]

@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.studies.baselines import build_with
+from weberlink.studies.frame import Row
+from weberlink.studies.stability.simulated import recorded
 from weberlink.studies.stability.verdict import bound_share
 from weberlink.system.composition.account import account
 from weberlink.system.configuration import load
 from weberlink.system.scoring.energy import Records
+from weberlink.system.scoring.perception import longest_run
 
 Floats = NDArray[np.float64]
 
@@ -59,34 +61,6 @@ class DisplayCell(NamedTuple):
     hand: str = "default"
 
 
-class Display(NamedTuple):
-    """The figures of a run; "felt" is the force on the hand, "pressed" that on the robot at the same time."""
-
-    ideal_error_n: float
-    """RMS of felt minus reference."""
-    error_n: float
-    """RMS of felt minus pressed: contains the delay."""
-    contacts: int
-    """Begins and ends of the robot's contact."""
-    ghost_s: float
-    """Longest time with more than 1 N felt and nothing pressed."""
-    energy_out_j: float
-    """Largest energy that the hand got out beyond what it gave."""
-    tracking_m: float | None
-    """RMS of the robot's command, that of the delay later, minus the hand, from the first second on."""
-    shifted_error_n: float = 0.0
-    """The least RMS of felt minus pressed over a shift in time."""
-    impulse_ratio: float = 0.0
-    """Integral of felt over that of pressed."""
-    peak_n: float = 0.0
-    """Largest force pressed."""
-    ripple_n: float = 0.0
-    """RMS of felt without its mean over 21 ticks."""
-    bound_share: float = 0.0
-    """Largest share of the bound of the account that was got out."""
-    failure: str = ""
-
-
 def cells() -> list[DisplayCell]:
     """The 156 cells: clean and lossy links, other hands, and the last scenes."""
     touched = ("plane", "friction", "dome", "1e4 N/m")
@@ -98,17 +72,32 @@ def cells() -> list[DisplayCell]:
     ]
 
 
-def measured(task: tuple[DisplayCell, str]) -> Display:
-    """Run a cell with a scheme; an error becomes the `failure` of a display without figures."""
-    cell, scheme = task
+def rows_of(case: tuple[DisplayCell, str]) -> list[Row]:
+    """Run a cell with a scheme; an error becomes the `failure` of a row without figures.
+
+    "felt" is the force on the hand, "pressed" that on the robot at the same time. The figures of a row:
+
+        ideal_error_n, error_n  RMS of felt minus reference, and minus pressed, which contains the delay
+        shifted_error_n  the least RMS of felt minus pressed over a shift in time
+        contacts       begins and ends of the robot's contact
+        ghost_s        longest time with more than 1 N felt and nothing pressed
+        energy_out_j   largest energy that the hand got out beyond what it gave
+        bound_share    largest share of the bound of the account that was got out
+        tracking_m     RMS of the robot's command, that of the delay later, minus the hand, from the first second on
+        impulse_ratio  integral of felt over that of pressed
+        peak_n         largest force pressed
+        ripple_n       RMS of felt without its mean over 21 ticks
+    """
+    cell, scheme = case
     try:
-        return _measure(cell, scheme)
+        figures = _measure(cell, scheme)
     except Exception as error:  # one broken cell must not end the study
-        return Display(0.0, 0.0, 0, 0.0, 0.0, None, failure=f"{type(error).__name__}: {error}")
+        figures = {"failure": f"{type(error).__name__}: {error}"}
+    return [cell._asdict() | {"scheme": scheme} | figures]
 
 
-def _measure(cell: DisplayCell, scheme: str) -> Display:
-    master, slave, account_share, failure = _simulated(cell, scheme)
+def _measure(cell: DisplayCell, scheme: str) -> Row:
+    (master, slave), share, failure = _simulated(cell, scheme)
     felt, pressed = np.asarray(master["output"], np.float64), np.asarray(slave["raw"], np.float64)
     hand, command, delay = master["position"], slave["output"], cell.delay_ms
     sizes, loads = _lengths(felt), _lengths(pressed)
@@ -118,23 +107,23 @@ def _measure(cell: DisplayCell, scheme: str) -> Display:
     away = _lengths(command[delay:] - hand[: len(hand) - delay])[1000:]
     away = away[np.isfinite(away)]
     ripple = (sizes - np.convolve(sizes, np.ones(21) / 21.0, "same"))[20:-20]
-    return Display(
-        ideal_error_n=_rms(felt[:both] - ideal[:both]),
-        error_n=_rms(felt - pressed),
-        contacts=int(np.count_nonzero(np.diff(loads > 0.05))),
-        ghost_s=1e-3 * _longest((sizes > 1.0) & (loads < 0.05)),
-        energy_out_j=float(given.max()),
-        tracking_m=float(np.sqrt(np.mean(away**2))) if len(away) else None,
-        shifted_error_n=_shifted(felt, pressed, 2 * delay + 60),
-        impulse_ratio=float(sizes.sum() / max(float(loads.sum()), 1e-9)),
-        peak_n=float(loads.max()),
-        ripple_n=float(np.sqrt(np.mean(ripple**2))),
-        bound_share=account_share,
-        failure=failure,
-    )
+    return {
+        "ideal_error_n": _rms(felt[:both] - ideal[:both]),
+        "error_n": _rms(felt - pressed),
+        "contacts": int(np.count_nonzero(np.diff(loads > 0.05))),
+        "ghost_s": 1e-3 * longest_run((sizes > 1.0) & (loads < 0.05)),
+        "energy_out_j": float(given.max()),
+        "tracking_m": float(np.sqrt(np.mean(away**2))) if len(away) else None,
+        "shifted_error_n": _shifted(felt, pressed, 2 * delay + 60),
+        "impulse_ratio": float(sizes.sum() / max(float(loads.sum()), 1e-9)),
+        "peak_n": float(loads.max()),
+        "ripple_n": float(np.sqrt(np.mean(ripple**2))),
+        "bound_share": share,
+        "failure": failure,
+    }
 
 
-def _simulated(cell: DisplayCell, scheme: str) -> tuple[Records, Records, float, str]:
+def _simulated(cell: DisplayCell, scheme: str) -> tuple[tuple[Records, Records], float, str]:
     """Records of both sides, the share of the account's bound, and why a side ended early."""
     (file, more), delay = SCENES[cell.scene], cell.delay_ms
     lossy = cell.link == "lossy"
@@ -144,29 +133,15 @@ def _simulated(cell: DisplayCell, scheme: str) -> tuple[Records, Records, float,
     link = [f"emulate={{delay_ms: {delay}{faults}}}", f"silence_ms={silence}", f"longest_round_trip_ms={longest}"]
     overrides = [*(f"link.{each}" for each in link), *more, *HANDS[cell.hand]]
     configuration = load(Path(str(files("weberlink.configs") / f"{file}.yaml")), overrides)
-    simulation = build_with(configuration, scheme)
-    masters, slaves = [], []
-
-    class Keep:
-        def add(self, master: Records, slave: Records) -> None:
-            masters.append(master.copy())
-            slaves.append(slave.copy())
-
-    try:
-        simulation.run(10.6 + 4e-3 * delay, [Keep()])
-    finally:
-        simulation.close()
-    failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
-    master, slave = np.concatenate(masters), np.concatenate(slaves)
+    records, failure = recorded(configuration, scheme, 10.6 + 4e-3 * delay)
     system = configuration.system
-    share = bound_share(master, account(system.control, system.master.mapping))
-    return master, slave, share, "; ".join(failures)
+    return records, bound_share(records[0], account(system.control, system.master.mapping)), failure
 
 
 @lru_cache(maxsize=len(SCENES) * len(HANDS))
 def _reference(scene: str, hand: str) -> Floats:
     """The force felt under `none` without delay, shape (n, 3) [N]."""
-    return np.asarray(_simulated(DisplayCell(scene, 0, hand=hand), "none")[0]["output"], np.float64)
+    return np.asarray(_simulated(DisplayCell(scene, 0, hand=hand), "none")[0][0]["output"], np.float64)
 
 
 def _shifted(felt: Floats, pressed: Floats, span: int) -> float:
@@ -185,9 +160,3 @@ def _rms(vectors: Floats) -> float:
 
 def _lengths(vectors: Any) -> Floats:
     return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def _longest(holds: NDArray[np.bool_]) -> int:
-    """The longest run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -46,6 +46,8 @@ def timing(cell: SystemCell) -> CellTiming:
     hold = 0.6 + 4.0 * trip + 3.0 * period
     down = 0.4
     wait: Step = {"motion": "rest", "duration_s": lead}
+    if cell.robot == "arm":
+        return _arm_timing(1.5 + lead, 1.0 + 4.0 * trip, 0.2 + trip)  # its arms are aligned first
     exploration = _exploration(cell)
     press = {
         "motion": "press", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
@@ -63,7 +65,7 @@ def timing(cell: SystemCell) -> CellTiming:
 
 
 def scene(cell: SystemCell) -> list[dict[str, Any]]:
-    """The scene of a cell, as in a configuration file."""
+    """The scene of a cell without joints, as in a configuration file."""
     shapes: dict[str, dict[str, Any]] = {
         "plane": {"shape": "plane"},
         "ball": {"shape": "sphere", "center_m": [0.0, 0.0, -BALL_M], "radius_m": BALL_M},
@@ -91,9 +93,24 @@ def _exploration(cell: SystemCell) -> list[Step]:
     """Over a surface there and back, or off the edge of a box."""
     if cell.contact == "box":
         return [_slide([0.0, 0.3 * EDGE_M], [1.5 * EDGE_M, 0.3 * EDGE_M], 1), _reach(0.0)]
+    if cell.robot == "tool":
+        return [{"motion": "turn", "turn_deg": [0.0, 10.0, 0.0], "duration_s": 0.8}]
     if cell.contact == "ball" or cell.friction:
         return [_slide([-0.5 * BALL_M, 0.0], [0.5 * BALL_M, 0.0], 2), _reach(0.0)]
     return []
+
+
+def _arm_timing(lead: float, hold: float, after: float) -> CellTiming:
+    """An arm presses a table, holds, and comes back. The motion of the arm lags: the contact is made within 0.6 s."""
+    home, low = [0.0, 0.018, -0.214, 1.597, 0.0], [0.0, 0.06, 0.335, 1.005, 0.0]
+    steps = (
+        {"motion": "hold", "duration_s": lead},
+        {"motion": "move", "duration_s": 1.0, "joints_rad": low},
+        {"motion": "hold", "duration_s": 0.6 + hold},
+        {"motion": "move", "duration_s": 0.7, "joints_rad": home},
+        {"motion": "hold", "duration_s": after},
+    )
+    return CellTiming(lead, lead + 1.6, lead + 1.6 + hold, lead + 2.3 + hold + after, steps)
 
 
 def _slide(begin: list[float], end: list[float], passes: int) -> Step:

@@ -1,10 +1,11 @@
 """The walls of the map, each with its limits by theory and by measurement."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from itertools import product
-from typing import Any, get_args
+from typing import get_args
 
+from weberlink.studies.frame import Row
 from weberlink.studies.stability.measured_wall import activity, measured_limit
 from weberlink.studies.stability.wall import Grip, SampledWall, passivity_limit, stability_limit
 
@@ -18,55 +19,27 @@ RATIOS = (0.2, 0.5, 0.9, 0.99, 1.01, 2.0)
 GRIPS: tuple[Grip, ...] = get_args(Grip)
 
 
-@dataclass(frozen=True)
-class WallRow:
-    """Limits of one wall, stiffness in N/m."""
+def survey(wall: SampledWall) -> Row:
+    """Compute and measure one wall; stiffnesses in N/m.
 
-    wall: SampledWall
-    stable_to_n_m: float
-    """By the eigenvalues."""
-    passive_to_n_m: float
-    """By the bound of Colgate and Schenkel; 0 if it is never passive."""
-    measured_n_m: float
-    """With the real hand and plane."""
-    activities: tuple[tuple[float, float], ...]
-    """Stiffness and activity; above 0 the wall is active."""
-
-    @property
-    def deviation(self) -> float:
-        """Relative deviation of the measured limit from that of the eigenvalues."""
-        return self.measured_n_m / self.stable_to_n_m - 1.0
-
-    @property
-    def passive_but_active(self) -> int:
-        """Number of stiffnesses on the passive side of the bound that were active; should be 0."""
-        return sum(energy > 0.0 and stiffness <= self.passive_to_n_m for stiffness, energy in self.activities)
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self.wall) | {
-            "stable_to_n_m": self.stable_to_n_m,
-            "passive_to_n_m": self.passive_to_n_m,
-            "measured_n_m": self.measured_n_m,
-            "deviation": self.deviation,
-            "cells": [{"stiffness_n_m": stiffness, "activity": energy} for stiffness, energy in self.activities],
-        }
-
-
-def survey(wall: SampledWall) -> WallRow:
-    """Compute and measure one wall.
+    `stable_to_n_m` is by the eigenvalues, `passive_to_n_m` by the bound of Colgate and Schenkel (0 if it is never
+    passive), `measured_n_m` with the real hand and plane. In `cells`, a wall is active where its `activity` is above 0;
+    `passive_but_active` counts those on the passive side of the bound, and should be 0.
 
     Raises:
         ValueError: if it has no limit.
     """
-    passive = passivity_limit(wall)
+    passive, stable, measured = passivity_limit(wall), stability_limit(wall), measured_limit(wall)
     stiffnesses = [ratio * passive for ratio in RATIOS] if passive else []
-    return WallRow(
-        wall,
-        stable_to_n_m=stability_limit(wall),
-        passive_to_n_m=passive,
-        measured_n_m=measured_limit(wall),
-        activities=tuple((stiffness, activity(wall, stiffness)) for stiffness in stiffnesses),
-    )
+    found = [(stiffness, activity(wall, stiffness)) for stiffness in stiffnesses]
+    return asdict(wall) | {
+        "stable_to_n_m": stable,
+        "passive_to_n_m": passive,
+        "measured_n_m": measured,
+        "deviation": measured / stable - 1.0,
+        "passive_but_active": sum(energy > 0.0 and stiffness <= passive for stiffness, energy in found),
+        "cells": [{"stiffness_n_m": stiffness, "activity": energy} for stiffness, energy in found],
+    }
 
 
 def walls(*, full: bool) -> list[SampledWall]:

@@ -1,13 +1,13 @@
 """Verdict on a cell from the telemetry of both sides: settled or not, force felt and pressed, energy."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
+from weberlink.studies.frame import Row
 from weberlink.studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, SystemCell
 from weberlink.studies.stability.script import CellTiming
 from weberlink.system.scoring.bound import EnergyBound
@@ -18,6 +18,8 @@ from weberlink.telemetry.record import FINITE
 
 Floats = NDArray[np.float64]
 Phase = Literal["settled", "decaying", "lost", "oscillating", "growing", "driven", "failed", "refused"]
+
+CALM = ("settled", "decaying", "driven")
 
 SHARE = 0.05
 """Swing of a steady force, as a share of it, beside that of the deadband."""
@@ -32,12 +34,18 @@ AT_LIMIT = 0.999
 """Share of a limit from which on a force counts as limited."""
 
 
-@dataclass(frozen=True)
-class CellVerdict:
-    """The figures of a cell.
+def verdict(
+    cell: SystemCell,
+    when: CellTiming,
+    records: tuple[Records, Records],
+    account: AccountParameters | None,
+    failure: str | None = None,
+) -> Row:
+    """Judge a finished run. Both sides tick at the same times, as in virtual time.
 
-    `state` judges the force on the operator during the hold, without its first 0.3 s and one round trip; the rest is
-    halved. The swing (largest minus smallest) of a steady force is at most two deadbands and 5 %. In the second half:
+    `state` judges the force (or torque) on the operator during the hold, without its first 0.3 s and one round trip;
+    the rest is halved. The swing (largest minus smallest) of a steady force is at most two deadbands and 5 %. In the
+    second half:
 
         settled      the swing is not larger
         decaying     it is larger, but smaller than in the first half, with 10 % less variance and no limited force
@@ -48,119 +56,80 @@ class CellVerdict:
         failed       a fault, no session during the hold, a value that is not finite, or the cell could not run
         refused      the configuration is out of range
 
-    A cell is bounded if it is settled, decaying or driven. A cell at its limit may be judged either way. A heavy hand
+    A cell is `bounded` if it is settled, decaying or driven. A cell at its limit may be judged either way. A heavy hand
     that still bounces off the force limiter in the second half counts as oscillating.
+
+    Figures that do not apply are left out:
+
+        energy_out_j      largest energy that the operator got out of the port since the press began, beyond what was
+                          paid in since
+        bound_share       largest share of the bound of the account that was got out; above 1 it is not kept
+        link_generated_j  largest energy that came out of the two ports together beyond what went in, while both sides
+                          were engaged and neither was in a ramp: of device, link and control, without the wall
+        peak_force_n, peak_contact_n  largest force on the operator, and on the robot
+        swing_n, steady_force_n, wall_force_n  swing and mean force on the operator, mean force on the robot, along z
+        felt              `felt_share`; `impulse_ratio` of a moving wall and of torques, which have none
+        felt_share, pressed_share  these means over the force on the ideal local wall
+        saturated         limits met in either half: the operator's force limiter, the sensor's range, the press limit
+        settle_s          time from the press until the force stays within the larger of the deadband and 5 % about its
+                          mean; left out if it does so for less than the last tenth of the hold
+        impulse_ratio     integral of |force on the operator| over that of |force on the robot|, from the press to the
+                          end of the run. All contacts begin and end within it on both sides, so none is shifted in
+                          time, whatever the delay
+        tangential_ratio  the same of the horizontal components, for a plane with friction
+        drift_m           distance of the robot's command from the hand in the last 0.1 s, at rest
+        force_reduction   reduction of force updates relative to one per tick
+
+    Args:
+        cell: its parameters.
+        when: the times of its script.
+        records: of both sides.
+        account: what bounds the energy out of the hand; None where that is not judged.
+        failure: reason of an early end.
     """
-
-    state: Phase
-    energy_out_j: float | None = None
-    """Largest energy that the operator got out of the port since the press began, beyond what was paid in since."""
-    bound_share: float | None = None
-    """Largest share of the bound of the account that was got out, as `bound_share` has it; above 1 it is not kept."""
-    link_generated_j: float | None = None
-    """Largest energy that came out of the two ports together beyond what went in, while both sides were engaged and
-    neither was in a ramp: of device, link and control, without the wall."""
-    peak_force_n: float | None = None
-    """Largest force on the operator."""
-    peak_contact_n: float | None = None
-    """Largest force on the robot."""
-    swing_n: float | None = None
-    """Largest minus smallest force on the operator in the second half of the hold."""
-    steady_force_n: float | None = None
-    """Mean force on the operator in the second half of the hold, along z."""
-    wall_force_n: float | None = None
-    """Mean force on the robot in the second half of the hold, along z."""
-    felt_share: float | None = None
-    """The first of these over the force on the ideal local wall."""
-    pressed_share: float | None = None
-    """Mean force on the robot in the second half of the hold, over that on the ideal local wall."""
-    saturated: tuple[str, ...] = ()
-    """Limits met in either half: "operator", the force limiter; "sensor", its range; "contact", the press limit."""
-    settle_s: float | None = None
-    """Time from the press until the force stays within a band around its mean in the second half of the hold: the
-    larger of the deadband and 5 %. None if it does so for less than the last tenth of the hold."""
-    impulse_ratio: float | None = None
-    """Integral of |force on the operator| over that of |force on the robot|, both from the press to the end of the
-    run. All contacts begin and end within it on both sides, so none is shifted in time, whatever the delay."""
-    tangential_ratio: float | None = None
-    """The same of the horizontal components, for a plane with friction."""
-    force_reduction: float | None = None
-    """Reduction of force updates relative to one per tick."""
-    failure: str | None = None
-
-    @property
-    def bounded(self) -> bool:
-        return self.state in ("settled", "decaying", "driven")
-
-    @property
-    def bound_kept(self) -> bool | None:
-        """Whether no more energy came out than the account allows; None for a cell that failed."""
-        return None if self.bound_share is None else self.bound_share <= 1.0
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"bounded": self.bounded, "bound_kept": self.bound_kept}
-
-
-class CellObserver:
-    """Collects the records of both sides for a verdict. Both sides tick at the same times, as in virtual time."""
-
-    def __init__(self) -> None:
-        self._masters: list[Records] = []
-        self._slaves: list[Records] = []
-
-    def add(self, master: Records, slave: Records) -> None:
-        """Take the next records of both sides."""
-        self._masters.append(master)
-        self._slaves.append(slave)
-
-    def verdict(
-        self, cell: SystemCell, when: CellTiming, account: AccountParameters, failure: str | None
-    ) -> CellVerdict:
-        """Judge a finished run.
-
-        Args:
-            cell: its parameters.
-            when: the times of its script.
-            account: what bounds the energy out of the hand.
-            failure: reason of an early end.
-        """
-        master, slave = np.concatenate(self._masters), np.concatenate(self._slaves)
-        at, felt, wall = master["at"], master["output"][:, 2], slave["raw"][:, 2]
-        begin = when.hold + 0.3 + cell.round_trip_s
-        middle = 0.5 * (begin + when.release)
-        early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
-        failure = failure or _interruption(master[(at >= when.press) & (at < when.release)]) or _infinite(master, slave)
-        if failure is not None or not (early.any() and late.any()):
-            return CellVerdict("failed", failure=failure or "the hold is shorter than two ticks")
-        holding, pressing = early | late, at >= when.press
-        steady, pressed = float(felt[late].mean()), float(wall[late].mean())
-        deadband = max(cell.weber * abs(steady), cell.floor_n)
-        out, made = _energy(master, slave, pressing)
-        ideal = cell.ideal_n
-
-        def share(force: float) -> float | None:
-            return None if ideal is None or ideal < FAINTEST_N else force / ideal
-
-        return CellVerdict(
-            state=_state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any())),
-            energy_out_j=None if cell.wall_speed_m_s else out,
-            bound_share=bound_share(master, account),
-            link_generated_j=made,
-            peak_force_n=float(_lengths(master["output"]).max()),
-            peak_contact_n=float(_lengths(slave["raw"]).max()),
-            swing_n=float(np.ptp(felt[late])),
-            steady_force_n=steady,
-            wall_force_n=pressed,
-            felt_share=share(steady),
-            pressed_share=share(pressed),
-            saturated=_saturated(master[holding], slave[holding]),
-            settle_s=settling_time(at, felt, when, steady, max(deadband, SHARE * abs(steady))),
-            impulse_ratio=_ratio(_lengths(master["output"][pressing]), _lengths(slave["raw"][pressing])),
-            tangential_ratio=_ratio(
-                _lengths(master["output"][pressing, :2]), _lengths(slave["raw"][pressing, :2])
-            ) if cell.friction and cell.contact == "plane" else None,
-            force_reduction=_reduction(slave),
-        )  # fmt: skip
+    master, slave = records
+    output, raw = master[f"{cell.torque}output"], slave[f"{cell.torque}raw"]
+    at = master["at"]
+    felt, wall = (_lengths(each) if cell.torque else each[:, 2] for each in (output, raw))
+    begin = when.hold + 0.3 + cell.round_trip_s
+    middle = 0.5 * (begin + when.release)
+    early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
+    failure = failure or _interruption(master[(at >= when.press) & (at < when.release)]) or _infinite(master, slave)
+    if failure is not None or not (early.any() and late.any()):
+        return {"state": "failed", "bounded": False, "failure": failure or "the hold is shorter than two ticks"}
+    holding, pressing = early | late, at >= when.press
+    steady, pressed = float(felt[late].mean()), float(wall[late].mean())
+    band = max(cell.weber * abs(steady), cell.floor, SHARE * abs(steady))
+    out, made = _energy(master, slave, pressing)
+    ideal = cell.ideal_n if cell.ideal_n is not None and cell.ideal_n >= FAINTEST_N else None
+    state = _state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any()))
+    impulses = _lengths(output[pressing]), _lengths(raw[pressing])
+    share = None if account is None or cell.torque else bound_share(master, account)
+    row = {
+        "state": state,
+        "bounded": state in CALM,
+        "energy_out_j": None if cell.wall_speed_m_s or cell.torque else out,
+        "bound_share": share,
+        "bound_kept": None if share is None else share <= 1.0,
+        "link_generated_j": None if cell.torque else made,
+        "peak_force_n": float(_lengths(output).max()),
+        "peak_contact_n": float(_lengths(raw).max()),
+        "swing_n": float(np.ptp(felt[late])),
+        "steady_force_n": steady,
+        "wall_force_n": pressed,
+        "felt": _ratio(*impulses) if ideal is None else steady / ideal,
+        "felt_share": None if ideal is None else steady / ideal,
+        "pressed_share": None if ideal is None else pressed / ideal,
+        "saturated": _saturated(master[holding], slave[holding]),
+        "settle_s": settling_time(at, felt, when, steady, band),
+        "impulse_ratio": _ratio(*impulses),
+        "tangential_ratio": _ratio(_lengths(output[pressing, :2]), _lengths(raw[pressing, :2]))
+        if cell.friction and cell.contact == "plane"
+        else None,
+        "drift_m": None if cell.robot == "arm" else _drift(master, slave),
+        "force_reduction": _reduction(slave),
+    }
+    return {name: figure for name, figure in row.items() if figure is not None}
 
 
 def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, band: float) -> float | None:
@@ -190,7 +159,7 @@ def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clip
     if cell.wall_speed_m_s:
         return "driven"
     lost = min(early.min(), late.min()) < _faintest(cell)
-    if float(np.ptp(late)) <= 2.0 * max(cell.weber * abs(steady), cell.floor_n) + SHARE * abs(steady):
+    if float(np.ptp(late)) <= 2.0 * max(cell.weber * abs(steady), cell.floor) + SHARE * abs(steady):
         return "lost" if lost else "settled"
     before, after = float(early.var()), float(late.var())
     if after < DECAYING * before and np.ptp(late) < np.ptp(early) and not clipped:
@@ -200,7 +169,7 @@ def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clip
 
 def _faintest(cell: SystemCell) -> float:
     """Force on the operator [N] below which contact is lost; nothing is lost where the ideal wall is fainter."""
-    floor = cell.floor_n or FAINTEST_N
+    floor = cell.floor or FAINTEST_N
     return floor if cell.ideal_n is None or cell.ideal_n > floor else -np.inf
 
 
@@ -214,14 +183,14 @@ def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tup
     return max(0.0, float(since[0] - since.min())), max(0.0, -link.least)
 
 
-def _saturated(master: Records, slave: Records) -> tuple[str, ...]:
+def _saturated(master: Records, slave: Records) -> list[str]:
     largest = float(_lengths(slave["raw"]).max())
     met = {
         "operator": bool(master["clipped"].any()),
         "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
         "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
     }
-    return tuple(name for name, limited in met.items() if limited)
+    return [name for name, limited in met.items() if limited]
 
 
 def _lengths(vectors: Floats) -> Floats:
@@ -252,3 +221,9 @@ def _infinite(master: Records, slave: Records) -> str | None:
 def _reduction(slave: Records) -> float | None:
     ticks = int((slave["state"] == State.ENGAGED.value).sum())
     return 1.0 - int(slave["updates_sent"][-1]) / ticks if ticks else None
+
+
+def _drift(master: Records, slave: Records) -> float | None:
+    last = master["at"] > master["at"][-1] - 0.1
+    away = np.linalg.norm(slave["output"][last] - master["position"][last], axis=1).mean()
+    return float(away) if np.isfinite(away) else None

@@ -10,7 +10,7 @@ from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot
+from weberlink.slave.robots.contract import OrientedRobot, PosedRobot, Robot, TimedRobot
 from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -44,12 +44,12 @@ def build_slave(
     epoch: float,
     stopwatch: Stopwatch,
     identity: Identity = ANONYMOUS,
-    shows: bool = False,
+    live: bool = False,
 ) -> Side:
     """The teleoperator's side, not yet open.
 
     Args:
-        shows: whether a simulated robot publishes its pose.
+        live: whether a simulated robot publishes its pose and measures its steps; not in virtual time.
 
     Raises:
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
@@ -61,8 +61,10 @@ def build_slave(
             configuration, security=security, entropy=entropy, epoch=epoch, stopwatch=stopwatch, identity=identity
         )
     system, robot = configuration.system, build_robot(configuration)
-    if shows and isinstance(robot, PosedRobot):
+    if live and isinstance(robot, PosedRobot):
         robot.publish_pose()
+    if live and isinstance(robot, TimedRobot):
+        robot.measure_steps(stopwatch)  # not in virtual time, whose results must not depend on the machine
     forward, backward = streams(system)
     limits = system.slave.limits
     force_encoder = Encoder(backward[0])
