@@ -166,6 +166,14 @@ def test_the_numbers_are_those_of_codec_and_whole_system(options: PaperOptions, 
     assert SCENE_STUDY.position_step < STUDY.position_step
 
 
+def test_signals_that_are_not_done_are_not_judged(options: PaperOptions, result: FrameResult) -> None:
+    """As after Ctrl-C."""
+    some = DataFrame(result.rows)
+    some = some[(some.condition == "systems") & (some.predictor != "hybrid")]
+    assert PAPER.summary(options, some) == {"claims": []}
+    assert PAPER.tables(options, some, 1.0, "machine").row_count == 1  # the paper's own
+
+
 def test_the_page_has_every_source_and_three_figures(result: FrameResult, tmp_path: Path) -> None:
     result.draw(tmp_path)
     page = (tmp_path / PAGE).read_text(encoding="utf-8")

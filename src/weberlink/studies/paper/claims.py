@@ -96,7 +96,7 @@ def judge(rows: "DataFrame", signals: int) -> "DataFrame":
                     "verdict": verdict(claim.fewer, fewer, unreached) if surface else NO_CLAIM,
                 }
             )
-    return DataFrame(found)
+    return DataFrame(found, columns=None if found else ["condition", "source", "surface", "signals"])
 
 
 def verdict(claimed: float, fewer: float, unreached: int) -> str:
