@@ -1,6 +1,5 @@
 # Everything is set up in .venv from the pinned lock files; Python (3.11 or newer, with venv) and make are all it takes.
 PYTHON ?= python3
-TRACES ?= tue omega3
 VENV := .venv
 BIN := $(VENV)/bin
 RUN := $(VENV)/.run
@@ -102,11 +101,11 @@ bench: $(DEV)  ## real-time and throughput figures beside the machine's limits
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.codec_speed
 
-figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: of the page on the paper
+figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it
 	mkdir -p docs/figures docs/paper
 	$(BIN)/weberlink study precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink study stability --plots docs/figures --json docs/figures/stability.json
-	$(BIN)/weberlink study paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
+	$(BIN)/weberlink study paper --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 

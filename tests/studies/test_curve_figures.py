@@ -3,7 +3,6 @@
 from functools import cache
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 
@@ -11,23 +10,20 @@ pytest.importorskip("matplotlib", reason="needs matplotlib (extra: studies)")
 
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from pandas import DataFrame, read_csv
 
 from tests.studies.printed import assert_legible
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
-from weberlink.studies.curves import Curves, Observation, curves
+from weberlink.studies.curves import curves
 from weberlink.studies.experiment.plan import SCALE
 from weberlink.studies.sheet import LINE, SMALLEST_PT, STYLES, beside, footer, save, sheet, styles, watermark
 
 PAPER = ("zoh", "linear", "plane", "sphere", "hybrid")
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
-RATING = QualityAxis("rating", "higher", (0.0, 5.0), "rating", SCALE)
-ERROR = QualityAxis("error, RMS [JND]", "lower", column="error_rms_jnd")
+RATING = QualityAxis("quality", "rating", "higher", (0.0, 5.0), SCALE)
+ERROR = QualityAxis("quality", "error, RMS [JND]", "lower")
 MARK = "SIMULATED RATINGS"
-
-
-def texts(figure: Figure) -> list[str]:
-    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
 # --- the page
@@ -85,22 +81,20 @@ def test_equal_figures_give_equal_files_with_text_as_text(tmp_path: Path) -> Non
 
 
 @cache
-def study(units: int = 6, idle: bool = False) -> Curves:
+def study(units: int = 6, idle: bool = False, webers: tuple[float, ...] = WEBERS) -> DataFrame:
     random = Random(2)
-    return curves(
-        [
-            Observation(
-                f"s{unit}", predictor, weber, 0.0 if idle else random.uniform(5, 9) / weber, random.uniform(0, 5)
-            )
-            for unit in range(units)
-            for predictor in PAPER
-            for weber in WEBERS
-        ]
-    )
+    rows = [
+        (f"s{unit}", predictor, weber, 0.0 if idle else random.uniform(5, 9) / weber, random.uniform(0, 5))
+        for unit in range(units)
+        for predictor in PAPER
+        for weber in webers
+    ]
+    return curves(DataFrame(rows, columns=["unit", "predictor", "weber", "packets_per_s", "quality"]), "quality")
 
 
-def figures(found: Curves, quality: QualityAxis = RATING, mark: str | None = None) -> CurveFigures:
-    return CurveFigures(found, quality, "some machine; commit abc", "a study", mark, "subjects")
+def draw(name: str, found: DataFrame | None = None, quality: QualityAxis = RATING, mark: str | None = None) -> Figure:
+    shown = study() if found is None else found
+    return CurveFigures(shown, quality, "some machine; commit abc", "a study", mark, "subjects").figure(name)
 
 
 def drawn(figure: Figure, predictor: str) -> tuple[list[float], list[float]]:
@@ -108,93 +102,71 @@ def drawn(figure: Figure, predictor: str) -> tuple[list[float], list[float]]:
     return list(line.get_xdata()), list(line.get_ydata())  # type: ignore[arg-type]
 
 
-def band(figure: Figure, predictor: str) -> Any:
-    (filled,) = [one for one in figure.axes[0].collections if one.get_label() == f"_{predictor}"]
-    return filled.get_paths()[0].vertices
-
-
-@pytest.mark.parametrize("name", ["packets_per_s", "quality"])
-def test_curves_over_weber_show_means_and_bands(name: str) -> None:
-    made = figures(study())
-    figure = made.packet_rate() if name == "packets_per_s" else made.quality_over_weber()
-    for predictor, points in study().items():
-        across, up = drawn(figure, predictor)
+@pytest.mark.parametrize(("figure", "name"), [("packet_rate", "packets_per_s"), ("quality", "quality")])
+def test_curves_over_weber_show_means_and_bands(figure: str, name: str) -> None:
+    made = draw(figure)
+    for predictor, points in study().groupby("predictor"):
+        across, up = drawn(made, predictor)
         assert across == pytest.approx([2.5, 5.0, 10.0, 15.0, 20.0, 30.0])
-        assert up == [getattr(point, name).mean for point in points]
-        corners = {(round(x, 6), y) for x, y in band(figure, predictor)}
-        for point in points:
-            for end in (getattr(point, name).low, getattr(point, name).high):
-                assert (round(100.0 * point.weber, 6), end) in corners
+        assert up == points[f"{name}_mean"].to_list()
+        (filled,) = [one for one in made.axes[0].collections if one.get_label() == f"_{predictor}"]
+        corners = {(round(x, 6), y) for x, y in filled.get_paths()[0].vertices}  # type: ignore[misc]
+        for end in ("low", "high"):
+            assert {*zip((100.0 * points.weber).round(6), points[f"{name}_{end}"], strict=True)} <= corners
 
 
-def test_the_axis_of_ratings_has_the_words_of_the_scale() -> None:
-    for figure in (figures(study()).quality_over_weber(), figures(study()).quality_over_rate()):
-        labels = {int(place): text.get_text() for place, text in zip(*figure_ticks(figure), strict=True)}
-        assert {level: " ".join(text.split()) for level, text in labels.items()} == {
-            level: f"{words} {level}" for level, words in SCALE.items()
-        }
-
-
-def figure_ticks(figure: Figure) -> tuple[Any, list[Text]]:
-    axes = figure.axes[0]
-    return axes.get_yticks(), list(axes.get_yticklabels())
+@pytest.mark.parametrize("name", ["quality", "quality_over_rate"])
+def test_the_axis_of_ratings_has_the_words_of_the_scale(name: str) -> None:
+    axes = draw(name).axes[0]
+    labels = zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)
+    assert {int(level): " ".join(text.get_text().split()) for level, text in labels} == {
+        level: f"{words} {level}" for level, words in SCALE.items()
+    }
 
 
 def test_quality_over_rate_shows_means_and_bars_both_ways() -> None:
-    figure = figures(study()).quality_over_rate()
+    figure = draw("quality_over_rate")
     bars = {container.get_label(): container for container in figure.axes[0].containers}
-    for predictor, points in study().items():
-        assert drawn(figure, predictor) == (
-            [point.packets_per_s.mean for point in points],
-            [point.quality.mean for point in points],
-        )
+    for predictor, points in study().groupby("predictor"):
+        assert drawn(figure, predictor) == (points.packets_per_s_mean.to_list(), points.quality_mean.to_list())
         _, _, (across, up) = bars[f"_{predictor}"]  # type: ignore[misc]
-        for point, one, other in zip(points, across.get_segments(), up.get_segments(), strict=True):
-            assert one[:, 0] == pytest.approx([point.packets_per_s.low, point.packets_per_s.high])
-            assert other[:, 1] == pytest.approx([point.quality.low, point.quality.high])
-    assert any("from k = 2.5 % (most packets) to 30 %" in text.replace("\n", " ") for text in texts(figure))
+        for point, one, other in zip(points.itertuples(), across.get_segments(), up.get_segments(), strict=True):
+            assert one[:, 0] == pytest.approx([point.packets_per_s_low, point.packets_per_s_high])
+            assert other[:, 1] == pytest.approx([point.quality_low, point.quality_high])
 
 
 def test_axes_show_better_up_and_rates_logarithmically() -> None:
-    rating, error = figures(study()).quality_over_weber().axes[0], figures(study(), ERROR).quality_over_rate().axes[0]
-    low, high = rating.get_ylim()
+    low, high = draw("quality").axes[0].get_ylim()
     assert low < 0.0
     assert high > 5.0
-    assert "(up is better)" in rating.get_ylabel()
+    error = draw("quality_over_rate", quality=ERROR).axes[0]
     bottom, top = error.get_ylim()
     assert bottom > top == 0.0
-    assert "(up is better: axis reversed)" in error.get_ylabel()
     assert error.get_xscale() == "log"
-    idle = figures(study(idle=True)).packet_rate().axes[0]
-    assert idle.get_yscale() == "linear"
-    assert idle.get_ylim()[0] == 0.0
+    idle = draw("packet_rate", study(idle=True)).axes[0]
+    assert (idle.get_yscale(), idle.get_ylim()[0]) == ("linear", 0.0)
 
 
 def test_close_weber_ticks_are_left_out() -> None:
-    found = curves([Observation("a", "zoh", weber, 9.0, 1.0) for weber in (0.1, 0.101, 0.2, 0.3)])
-    figure = figures(found).packet_rate()
+    figure = draw("packet_rate", study(1, webers=(0.1, 0.101, 0.2, 0.3)))
     assert list(figure.axes[0].get_xticks()) == pytest.approx([10.0, 20.0, 30.0])
-    assert "One of subjects: no confidence interval." in " ".join(texts(figure))
 
 
-@pytest.mark.parametrize("mark", [None, MARK])
-def test_every_figure_is_legible_and_marked(mark: str | None) -> None:
-    made = figures(study(), ERROR, mark)
-    for figure in (made.packet_rate(), made.quality_over_weber(), made.quality_over_rate()):
-        marks = [text for text in figure.findobj(Text) if "SIMULATED" in text.get_text()]
-        assert len(marks) == (0 if mark is None else 2)
-        if mark is None:
-            assert_legible(figure)
-            assert "6 subjects and its 95 % confidence interval" in " ".join(texts(figure)).replace("\n", " ")
-        else:
-            assert max(text.get_fontsize() for text in marks) > 30.0
+@pytest.mark.parametrize("name", ["packet_rate", "quality", "quality_over_rate"])
+def test_every_figure_is_legible_and_marked(name: str) -> None:
+    assert_legible(draw(name, quality=ERROR))
+    marks = [text for text in draw(name, mark=MARK).findobj(Text) if "SIMULATED" in text.get_text()]
+    assert len(marks) == 2
+    assert max(text.get_fontsize() for text in marks) > 30.0
 
 
 def test_all_files_are_written(tmp_path: Path) -> None:
-    figures(study(), mark=MARK).write(tmp_path)
+    CurveFigures(study(), RATING, "some machine; commit abc", "a study", MARK).write(tmp_path)
     for name in ("packet_rate", "quality", "quality_over_rate"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
         svg = (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
         for text in (MARK, "some machine; commit abc", *PAPER):
             assert f">{text}<" in svg
-    assert (tmp_path / "curves.csv").read_text(encoding="utf-8").count(MARK) == 30
+    table = read_csv(tmp_path / "curves.csv")
+    assert set(table.pop("mark")) == {MARK}
+    assert table.equals(study())

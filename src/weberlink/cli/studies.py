@@ -267,18 +267,25 @@ def ratings(
 def paper(
     traces: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[TRACE...]", help="Recordings of people: files, or shipped ones by name."),
+        typer.Argument(
+            metavar="[TRACE...]", help="Recordings of people: files, or shipped ones by name; default: all of these."
+        ),
     ] = None,
     workers: Workers = None,
     json_out: Json = None,
+    csv_out: Csv = None,
     plots: Plots = None,
 ) -> None:
     """Compare the paper's claims with measurements.
 
-    Takes some minutes on two idle cores. Ctrl-C ends it with the observations so far, of which it judges no claim.
+    Takes some minutes on two idle cores. Ctrl-C ends it with the claims on the signals that are done.
     """
+    from weberlink.studies.frame import StudyError  # noqa: PLC0415
     from weberlink.studies.paper.command import run  # noqa: PLC0415
 
-    with errors(), progress_bar() as progress:
-        result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
-    publish(result, json_out, plots)
+    try:
+        with errors(), progress_bar() as progress:
+            result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
+    except StudyError as error:
+        fail(str(error), FAILED)
+    publish_rows(result, json_out, csv_out, plots, footer=True, formats=None)  # the page names its pictures

@@ -5,144 +5,68 @@ Bootstrap, 1993). A unit is drawn with all of its observations, because those of
 few units the interval is somewhat too narrow.
 """
 
-import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from math import isfinite
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
-
-Array = NDArray[np.float64]
-Combination = tuple[str, float]
-"""A predictor and a Weber factor."""
+RATE = "packets_per_s"
+ENDS = ("mean", "low", "high")
 
 
-@dataclass(frozen=True)
-class Observation:
-    """The measurement of one unit, a trace or a subject, with one predictor and Weber factor."""
+def curves(observed: "DataFrame", quality: str, *, resamples: int = RESAMPLES, seed: int = 0) -> "DataFrame":
+    """Means over units with 95 % confidence intervals.
 
-    unit: str
-    predictor: str
-    weber: float
-    packets_per_s: float
-    quality: float
-
-
-class Band(NamedTuple):
-    """A mean over units and its 95 % confidence interval, low <= mean <= high."""
-
-    mean: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class CurvePoint:
-    """One predictor at one Weber factor."""
-
-    predictor: str
-    weber: float
-    units: int
-    packets_per_s: Band
-    quality: Band
-
-
-Curves = dict[str, list[CurvePoint]]
-"""Points by rising Weber factor, per predictor in order of first appearance."""
-
-
-def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
-    """Means over units with confidence intervals.
-
-    Every one of the `RESAMPLES` resamples uses the same units for all predictors and Weber factors, so that bands of
-    the same seed can be compared. The order of the observations does not matter. With one unit, low = high = mean.
+    Every resample uses the same units for all predictors and Weber factors, so that bands of the same seed can be
+    compared. The order of the observations does not matter. With one unit, low = high = mean.
 
     Args:
-        observations: every unit with every combination of predictor and Weber factor that occurs. Several of one unit
-            and combination are averaged first, so that a unit counts once.
+        observed: columns unit, predictor, weber, packets_per_s and the quality: every unit with every combination of
+            predictor and Weber factor that occurs. Several of one unit and combination are averaged first, so that a
+            unit counts once.
+        quality: name of its column, such as "rating".
+        resamples: 0 for no interval.
         seed: of the bootstrap.
+
+    Returns:
+        One row for each predictor in order of first appearance and Weber factor: predictor, weber, units, and mean,
+        low and high of both quantities, such as `rating_mean`.
 
     Raises:
         ValueError: a number is not finite, or a unit lacks a combination.
     """
-    cells = _cells(observations)
-    units = sorted({unit for unit, _ in cells})
-    combinations = list(dict.fromkeys(combination for _, combination in cells))
-    _check_complete(cells, units, combinations)
-    table = np.array([[cells[unit, combination] for combination in combinations] for unit in units])
-    points: Curves = {}
-    for combination, (rate, quality) in zip(combinations, _bands(table, seed), strict=True):
-        predictor, weber = combination
-        points.setdefault(predictor, []).append(CurvePoint(predictor, weber, len(units), rate, quality))
-    return {predictor: sorted(mine, key=lambda point: point.weber) for predictor, mine in points.items()}
+    from pandas import DataFrame  # noqa: PLC0415 - heavy, an extra
+    from scipy import stats  # noqa: PLC0415
 
-
-def write_csv(curves: Curves, path: Path, quality: str, mark: str | None = None) -> None:
-    """One row per point: predictor, weber, units, then mean, low and high of the packet rate and of the quality.
-
-    Args:
-        quality: prefix of the last three columns, such as "rating" or "error_rms_jnd".
-        mark: a warning for every row, such as "SIMULATED RATINGS", in a column `mark`; most CSV readers do not read
-            comment lines.
-    """
-    header = ["predictor", "weber", "units"]
-    header += [f"{name}_{end}" for name in ("packets_per_s", quality) for end in Band._fields]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header + (["mark"] if mark is not None else []))
-        for point in (point for points in curves.values() for point in points):
-            row = [point.predictor, point.weber, point.units, *point.packets_per_s, *point.quality]
-            writer.writerow(row + ([mark] if mark is not None else []))
-
-
-def _cells(observations: Iterable[Observation]) -> dict[tuple[str, Combination], tuple[float, float]]:
-    """Mean packet rate and quality of each unit and combination."""
-    gathered: dict[tuple[str, Combination], list[tuple[float, float]]] = {}
-    for one in observations:
-        if not (isfinite(one.weber) and isfinite(one.packets_per_s) and isfinite(one.quality)):
-            raise ValueError(f"{_name(one.unit, (one.predictor, one.weber))}: expected finite numbers, found {one}")
-        key = one.unit, (one.predictor, one.weber)
-        gathered.setdefault(key, []).append((one.packets_per_s, one.quality))
-    return {
-        key: (sum(rate for rate, _ in both) / len(both), sum(quality for _, quality in both) / len(both))
-        for key, both in gathered.items()
-    }
-
-
-def _check_complete(
-    cells: dict[tuple[str, Combination], tuple[float, float]], units: list[str], combinations: list[Combination]
-) -> None:
-    lacking = [(unit, one) for unit in units for one in combinations if (unit, one) not in cells]
-    if lacking:
-        more = f" (and {len(lacking) - 1} more)" if len(lacking) > 1 else ""
+    wrong = observed[~np.isfinite(observed[["weber", RATE, quality]]).all(axis=1)]
+    if len(wrong):
+        raise ValueError(f"{_name(*wrong.iloc[0][['unit', 'predictor', 'weber']])}: expected finite numbers")
+    table = observed.pivot_table(index="unit", columns=["predictor", "weber"], values=[RATE, quality])
+    lacking = table.index[table.isna().any(axis=1)]
+    if len(lacking):
+        combination = table.columns[table.loc[lacking[0]].isna()][0][1:]
         raise ValueError(
-            f"{_name(*lacking[0])}: not observed{more}; expected every unit with every predictor and Weber factor"
+            f"{_name(lacking[0], *combination)}: not observed; expected every unit with every predictor and Weber "
+            f"factor, which {len(lacking)} of {len(table)} lack"
         )
+    values = table.to_numpy()
+    low = high = mean = values.mean(axis=0)
+    if len(values) > 1 and resamples:
+        ends = stats.bootstrap(
+            (values,), np.mean, axis=0, n_resamples=resamples, batch=1000, method="percentile", rng=seed
+        ).confidence_interval
+        # Rounding may put the ends of a zero-width band on the wrong side of the mean.
+        low, high = np.minimum(ends.low, mean), np.maximum(ends.high, mean)
+    found = DataFrame(dict(zip(ENDS, (mean, low, high), strict=True)), index=table.columns).unstack(0)
+    found.columns = [f"{quantity}_{end}" for end, quantity in found.columns]
+    found = found.reindex(observed.predictor.unique(), level="predictor").reset_index()
+    found.insert(2, "units", len(values))
+    return found[["predictor", "weber", "units", *(f"{name}_{end}" for name in (RATE, quality) for end in ENDS)]]
 
 
-def _name(unit: str, combination: Combination) -> str:
-    return f"{unit}, {combination[0]} at k = {combination[1]:g}"
-
-
-def _bands(table: Array, seed: int) -> list[list[Band]]:
-    """Per combination the bands of rate and quality; `table` has shape (units, combinations, 2)."""
-    if not table.size:
-        return []
-    units = len(table)
-    means = table.mean(axis=0)
-    if units == 1:
-        return [[Band(mean, mean, mean) for mean in pair] for pair in means.tolist()]
-    drawn = np.random.default_rng(seed).integers(units, size=(RESAMPLES, units))
-    weights = np.stack([np.bincount(draw, minlength=units) for draw in drawn]) / units
-    resampled = np.einsum("ru,ucq->rcq", weights, table, optimize=True)
-    tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(resampled, [tail, 100.0 - tail], axis=0)
-    # Rounding may put the ends of a zero-width band on the wrong side of the mean.
-    ends = np.stack([means, np.minimum(low, means), np.maximum(high, means)], axis=-1)
-    return [[Band(*quantity) for quantity in pair] for pair in ends.tolist()]
+def _name(unit: str, predictor: str, weber: float) -> str:
+    return f"{unit}, {predictor} at k = {weber:g}"

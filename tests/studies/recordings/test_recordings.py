@@ -1,44 +1,13 @@
 """The shipped recordings: their archives, names and licences."""
 
-from decimal import Decimal
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.studies import recordings
-from weberlink.studies.recordings import archive
 from weberlink.studies.recordings.catalogue import DATA
 
 MOST_BYTES = 3_000_000
 """All archives together; they are part of the wheel."""
-
-decimals = st.decimals(min_value=-1000, max_value=1000, allow_nan=False, allow_infinity=False, places=11).map(str)
-
-
-@examples(30)
-@given(rows=st.lists(st.lists(decimals, min_size=7, max_size=7), min_size=1, max_size=20))
-def test_an_archive_keeps_every_digit(rows: list[list[str]], tmp_path_factory: pytest.TempPathFactory) -> None:
-    path = tmp_path_factory.mktemp("archive") / "some.npz"
-    archive.write(path, {"a": rows, "b": rows[:1]})
-    assert archive.names(path) == ["a", "b"]
-    assert archive.read(path, "a").tolist() == [[float(cell) for cell in row] for row in rows]
-    assert archive.read(path, "b").shape == (1, 7)
-
-
-def test_a_number_of_too_many_digits_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="digits"):
-        archive.write(tmp_path / "some.npz", {"a": [["1.23456789012345678"] * 7]})
-
-
-def test_equal_tables_give_equal_files(tmp_path: Path) -> None:
-    rows = [[str(Decimal(row) / 8)] * 7 for row in range(9)]
-    for name in ("one", "other"):
-        archive.write(tmp_path / name, {"a": rows})
-    assert (tmp_path / "one").read_bytes() == (tmp_path / "other").read_bytes()
 
 
 @pytest.mark.parametrize("name", recordings.names())
@@ -52,6 +21,11 @@ def test_a_recording_is_a_signal_in_si_units(name: str) -> None:
     assert np.ptp(trace.position_m, axis=0).max() < 1.0
     assert 0.05 < np.abs(trace.force_n).max() < 100.0
     assert not len(trace.gaps_s) or name.startswith("panda")
+    columns = np.column_stack([trace.time_s, trace.position_m, trace.force_n]).T
+    with np.load(recordings.source_of(name).archive) as archive:
+        digits = archive[f"{name}.digits"]
+    for column, count in zip(columns, digits.tolist(), strict=True):  # numbers that were decimals, to the last bit
+        assert column.tolist() == [round(number, count) for number in column.tolist()]
 
 
 def test_names_are_different_and_unknown_ones_are_refused() -> None:
@@ -59,6 +33,14 @@ def test_names_are_different_and_unknown_ones_are_refused() -> None:
     assert len(set(listed)) == len(listed) == 41
     with pytest.raises(KeyError, match="no shipped recording"):
         recordings.load("tue_rigid_99")
+
+
+def test_the_catalogue_says_which_recordings_touch_a_surface() -> None:
+    """17 of 21 of the robot that taps, none in a guidance field or of a hand that leads the arm."""
+    touching = [name for name in recordings.names() if recordings.has_surface(name)]
+    counts = {source: sum(name in touching for name in recordings.names(source)) for source in recordings.SOURCES}
+    assert counts == {"tue": 17, "omega3": 0, "ochoa_polish": 2, "panda_comanip": 0, "stroke_iiwa_teleop": 2}
+    assert not any("free" in name for name in touching)
 
 
 def test_archives_are_small_and_have_their_licence_and_source() -> None:

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from weberlink.studies.coded_trace import CodedTrace, TickWindow
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
-from weberlink.studies.curves import Observation, curves
+from weberlink.studies.curves import curves
 from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.force_figure import draw_force
@@ -47,14 +47,10 @@ def draw_study(
     """
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
     cost_front(rows, folder / "error_over_cost", title, caption)
-    rows = rows[rows.channel == "force"]
-    observed = [
-        Observation(*values)
-        for values in rows[["trace", "predictor", "weber", "packets_per_s", "error_rms_jnd"]].itertuples(index=False)
-    ]
-    quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
+    quality = QualityAxis("error_rms_jnd", "error, RMS [JND]", better="lower")
+    found = curves(rows[rows.channel == "force"].rename(columns={"trace": "unit"}), quality.column)
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"
-    CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
+    CurveFigures(found, quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
     _draw_force(study, traces[0], weber, folder / "force", caption, window)
 

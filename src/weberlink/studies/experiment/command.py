@@ -2,16 +2,17 @@
 
 import shlex
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
 from weberlink.master.devices import SCRIPTED
 from weberlink.studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
-from weberlink.studies.experiment.ledger import RESUMED, Ledger, LedgerError, SubjectProgress, path_of, subjects
+from weberlink.studies.experiment.ledger import LedgerError, Resumed, opened, path_of, subjects
 from weberlink.studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink.studies.experiment.subjects import Person, SimulatedSubject
-from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner, differences
+from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
@@ -77,16 +78,33 @@ def run(
     signals.try_out()
     if request.record and not request.simulate:  # before a number is taken
         need("mcap", "recording", "a recording of each trial (leave it out with --no-record)")
+    analyse = f"analyse them with: weberlink study ratings {shlex.quote(str(request.folder))}"
     try:
-        with _open(request) as ledger:
-            was_begun = ledger.progress is not None
-            progress = ledger.progress or ledger.begin(_plan(request, signals, ledger.path))
-            _check(request, progress.plan, signals, ledger.path)
-            if progress.complete:
-                return f"{ledger.path}: all {len(progress.plan.trials)} trials are rated\n{_next(request.folder)}"
-            if was_begun:
-                ledger.append(RESUMED, environment=environment())
-            return _conduct(request, ledger, progress, signals, ports, source, screen, report)
+        with opened(_path(request)) as ledger:
+            if ledger.progress is None:
+                progress = ledger.append(_plan(request, signals, ledger.path))
+            else:
+                progress = ledger.progress
+                _check(request, progress.plan, signals, ledger.path)
+                if not progress.remaining:
+                    return f"{ledger.path}: all {len(progress.plan.trials)} trials are rated\n{analyse}"
+                ledger.append(Resumed(environment=environment()))
+            if ledger.set_aside is not None:
+                screen.write(f"the last line was incomplete; it was moved to {ledger.set_aside}\n")
+            plan = progress.plan
+            subject: Subject
+            runner: TrialRunner
+            if request.simulate:
+                subject, runner = SimulatedSubject(progress, report), VirtualRunner(signals, plan)
+            else:
+                subject, runner = Person(source, screen, plan.duration_s), LiveRunner(signals, plan, ports)
+            recordings = _recordings(ledger.path) if request.record and not request.simulate else None
+            try:
+                Conduct(ledger, runner, subject, recordings).run()
+            except SubjectLeft:
+                return f"continue with: {request.again(plan.subject)}"
+            whose = " by a program, no person" if plan.simulated else ""
+            return f"{ledger.path}: {len(plan.trials)} trials rated{whose}\n{analyse}"
     except LedgerError as error:
         raise ConfigurationError(str(error)) from None
 
@@ -105,55 +123,17 @@ def check_device(request: ExperimentRequest) -> None:
         )
 
 
-def _conduct(
-    request: ExperimentRequest,
-    ledger: Ledger,
-    progress: SubjectProgress,
-    signals: TrialSignals,
-    ports: Ports,
-    source: TextIO,
-    screen: TextIO,
-    report: Callable[[int, int], None],
-) -> str:
-    plan = progress.plan
-    subject: Subject
-    runner: TrialRunner
-    recordings: Path | None = None
-    if request.simulate:
-        subject, runner = SimulatedSubject(plan, report), VirtualRunner(signals, plan)
-    else:
-        subject, runner = Person(source, screen, plan), LiveRunner(signals, plan, ports)
-        recordings = _recordings(ledger.path) if request.record else None
-    if ledger.set_aside is not None:
-        screen.write(f"the last line was incomplete; it was moved to {ledger.set_aside}\n")
-    try:
-        Conduct(ledger, runner, subject, recordings).run()
-    except SubjectLeft:
-        return f"continue with: {request.again(plan.subject)}"
-    whose = " by a program, no person" if plan.simulated else ""
-    return f"{ledger.path}: {len(progress.plan.trials)} trials rated{whose}\n{_next(request.folder)}"
-
-
-def _next(folder: Path) -> str:
-    return f"analyse them with: weberlink study ratings {shlex.quote(str(folder))}"
-
-
-def _open(request: ExperimentRequest) -> Ledger:
-    """The ledger of the subject asked for, or of the next free number.
-
-    Raises:
-        ConfigurationError, LedgerError, OSError
-    """
+def _path(request: ExperimentRequest) -> Path:
+    """The ledger of the subject asked for, or a new one of the next free number."""
     request.folder.mkdir(parents=True, exist_ok=True)
     if request.subject is not None:
-        return Ledger(path_of(request.folder, request.subject, simulated=request.simulate))
+        return path_of(request.folder, request.subject, simulated=request.simulate)
     while True:
         known = subjects(request.folder, simulated=request.simulate)
         path = path_of(request.folder, max(known, default=0) + 1, simulated=request.simulate)
-        try:
-            return Ledger(path, new=True)
-        except FileExistsError:  # another experiment took the number
-            continue
+        with suppress(FileExistsError):  # another experiment took the number
+            path.touch(exist_ok=False)
+            return path
 
 
 def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> TrialPlan:
@@ -166,7 +146,7 @@ def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> Tria
         duration_s=TRIAL_S if request.duration_s is None else request.duration_s,
         digest=signals.digest,
         configuration=signals.document,
-        wording={str(level): text for level, text in SCALE.items()},
+        wording=SCALE,
         trials=order(seed, subject),
         environment=environment(),
     )
@@ -179,8 +159,7 @@ def _check(request: ExperimentRequest, plan: TrialPlan, signals: TrialSignals, p
         ConfigurationError: if it is not.
     """
     advice = "continue with the same settings, or begin another subject (without --subject)"
-    if plan.digest != signals.digest:
-        fields = ", ".join(differences(plan.configuration, signals.document)) or "its files"
+    if fields := signals.changes(plan):
         raise ConfigurationError(f"{path}: was begun with another configuration ({fields}); {advice}")
     if request.duration_s is not None and request.duration_s != plan.duration_s:
         raise ConfigurationError(f"{path}: was begun with trials of {plan.duration_s:g} s; {advice}")

@@ -1,15 +1,38 @@
 """The order of an experiment: training, trials with breaks, a rating after each, all written to the ledger."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Protocol
 
-from weberlink.studies.experiment.ledger import BEGUN, BREAK, FAILED, RATED, REFERENCE, TRAINED, Ledger, SubjectProgress
-from weberlink.studies.experiment.plan import BREAK_EVERY, REFERENCES, CodingCondition, TrainingReference
+from weberlink.studies.experiment.ledger import (
+    BreakTaken,
+    Ledger,
+    ReferenceFelt,
+    SubjectProgress,
+    TrainingDone,
+    TrialBegun,
+    TrialFailed,
+    TrialRated,
+)
+from weberlink.studies.experiment.plan import BREAK_EVERY, HIGHEST, LOWEST, REFERENCES, CodingCondition, TrialPlan
 
-Elapsed = Callable[[float], None]
-"""Receives the elapsed time of a trial [s] several times a second."""
+Elapsed = Callable[[float | None], None]
+"""Receives the elapsed time of a trial [s] several times a second, and None at its end."""
+WIDTH = 78
+GUIDE = (
+    "You move the device in your hand and feel a remote scene. The signal that you feel may be changed in different "
+    "ways, and more or less strongly. After each trial, rate it on this scale:"
+)
+TRAINING = (
+    "The training has {references} references, which show you the scale; you may repeat each one. {trials} trials of "
+    "{seconds:g} s follow, with a break after every {every}. You feel and rate each trial once. Press Ctrl-C to leave; "
+    "you can continue later."
+)
+RATING_S = 8.0
+"""Estimated time between two trials [s]."""
+AGAIN = "r"
 
 
 class SubjectLeft(Exception):  # noqa: N818 - not an error
@@ -50,6 +73,27 @@ class TrialResult:
     interrupted: bool = False
 
 
+@dataclass(frozen=True)
+class Prompt:
+    """What the subject reads and is asked. It does not reveal the condition of a trial.
+
+    Args:
+        text: lines to read.
+        question: to be answered; empty if there is none.
+        answers: one of them is the answer, "" for Enter alone.
+        otherwise: said after another answer.
+        felt: the signal that was felt last, if the prompt is about it.
+        rated: number of the trial that is to be rated; None for another question.
+    """
+
+    text: Sequence[str] = ()
+    question: str = ""
+    answers: Sequence[str] = ("",)
+    otherwise: str = "Please press Enter alone."
+    felt: TrialResult | None = None
+    rated: int | None = None
+
+
 class TrialRunner(Protocol):
     """Runs trials."""
 
@@ -59,46 +103,18 @@ class TrialRunner(Protocol):
 
 
 class Subject(Protocol):
-    """A person or program that feels and rates. Every call may raise `SubjectLeft`."""
+    """A person or program that feels and rates."""
 
-    def welcome(self, progress: SubjectProgress) -> None:
-        """Called first, also when an experiment continues."""
+    def answer(self, prompt: Prompt) -> str:
+        """One of the answers of the prompt; "" if it has no question.
+
+        Raises:
+            SubjectLeft: if the subject leaves.
+        """
         ...
 
-    def prepare_reference(self, place: int, reference: TrainingReference) -> None:
-        """Called before a reference of the training; tells its level."""
-        ...
-
-    def learn(self, reference: TrainingReference, felt: TrialResult) -> bool:
-        """Called after a reference; returns whether to repeat it."""
-        ...
-
-    def prepare(self, number: int, of: int) -> None:
-        """Called before a trial; `number` counts from 1."""
-        ...
-
-    def elapsed(self, seconds: float) -> None:
-        """Called during a trial."""
-        ...
-
-    def rate(self, number: int, felt: TrialResult) -> int:
-        """Rate a trial: a level of the scale."""
-        ...
-
-    def repeat(self, what: str, problem: str) -> None:
-        """Called when a trial or reference must be repeated."""
-        ...
-
-    def rest(self, after: int, of: int) -> None:
-        """Take a break."""
-        ...
-
-    def farewell(self) -> None:
-        """Called after the last rating."""
-        ...
-
-    def leave(self) -> None:
-        """Called when the subject leaves."""
+    def elapsed(self, seconds: float | None) -> None:
+        """Called during a trial, see `Elapsed`."""
         ...
 
 
@@ -117,7 +133,8 @@ class Conduct:
         self._ledger = ledger
         self._progress = ledger.progress
         self._runner = runner
-        self._subject = subject
+        self._ask = subject.answer
+        self._elapsed = subject.elapsed
         self._recordings = recordings
 
     def run(self) -> None:
@@ -129,63 +146,80 @@ class Conduct:
             OSError: if the ledger cannot be written; it ends with the trial before.
         """
         try:
-            self._subject.welcome(self._progress)
+            self._ask(Prompt(_welcome(self._progress)))
             if not self._progress.trained:
                 self._train()
-            of = len(self._progress.plan.trials)
             for number in self._progress.remaining:
-                self._rest(number - 1, of)
-                self._rate(number, of)
-            self._subject.farewell()
-        except (SubjectLeft, KeyboardInterrupt):
-            self._subject.leave()
+                self._rest(number - 1)
+                self._rate(number)
+            self._ask(Prompt(["", "That was the last trial. Thank you."]))
+        except KeyboardInterrupt:
             raise SubjectLeft from None
 
     def _train(self) -> None:
         for place, reference in enumerate(REFERENCES):
             again = place not in self._progress.references
             while again:
-                self._subject.prepare_reference(place, reference)
-                name = f"training-{place + 1}"
-                recording = self._recording(name)
-                felt = self._feel(FeltTrial(reference.condition, name, -1 - place), recording)
-                if felt.problem is not None:
-                    self._subject.repeat("reference", felt.problem)
-                    continue
-                self._ledger.append(
-                    REFERENCE, reference=place, level=reference.level, figures=felt.figures, **self._where(recording)
+                level = f"this is level {reference.level}, {self._progress.plan.wording[reference.level]}."
+                self._ask(
+                    Prompt(
+                        ["", f"Reference {place + 1} of {len(REFERENCES)}: {level}"],
+                        "Take the device in your hand, then press Enter to start: ",
+                    )
                 )
-                again = self._subject.learn(reference, felt)
-        self._ledger.append(TRAINED)
+                felt, where = self._feel(FeltTrial(reference.condition, f"training-{place + 1}", -1 - place))
+                if felt.problem is not None:
+                    self._repeat("reference", felt)
+                    continue
+                self._ledger.append(ReferenceFelt(reference=place, level=reference.level, **where))
+                question = "Press Enter to continue, or r to feel it again: "
+                otherwise = "Please press Enter alone, or r and Enter."
+                again = self._ask(Prompt((), question, ("", AGAIN), otherwise, felt)) == AGAIN
+        self._ledger.append(TrainingDone())
 
-    def _rest(self, after: int, of: int) -> None:
+    def _rest(self, after: int) -> None:
         if after and after % BREAK_EVERY == 0 and after not in self._progress.breaks:
-            self._subject.rest(after, of)
-            self._ledger.append(BREAK, after=after)
+            text = f"{after} of {len(self._progress.plan.trials)} trials are done: a break."
+            self._ask(
+                Prompt(["", f"{text} Let go of the device and rest your hand."], "When you are ready, press Enter: ")
+            )
+            self._ledger.append(BreakTaken(after=after))
 
-    def _rate(self, number: int, of: int) -> None:
+    def _rate(self, number: int) -> None:
         """One trial, repeated until it can be rated."""
-        condition = self._progress.plan.trials[number - 1]
-        name = f"trial-{number:02d}"
+        plan = self._progress.plan
+        condition = plan.trials[number - 1]
         while number not in self._progress.rated:
-            self._subject.prepare(number, of)
-            self._ledger.append(BEGUN, trial=number)
-            attempt = self._progress.begun[number]
-            recording = self._recording(name)
-            felt = self._feel(FeltTrial(condition, name, number), recording)
-            facts = {"trial": number, "attempt": attempt, "figures": felt.figures} | self._where(recording)
+            self._ask(Prompt([""], f"Trial {number} of {len(plan.trials)}. Press Enter to start: "))
+            self._ledger.append(TrialBegun(trial=number))
+            felt, where = self._feel(FeltTrial(condition, f"trial-{number:02d}", number))
+            where |= {"trial": number, "attempt": self._progress.begun[number]}
             if felt.problem is not None:
-                self._ledger.append(FAILED, problem=felt.problem, **facts)
-                self._subject.repeat("trial", felt.problem)
+                self._ledger.append(TrialFailed(problem=felt.problem, **where))
+                self._repeat("trial", felt)
                 continue
-            rating = self._subject.rate(number, felt)
-            self._ledger.append(RATED, rating=rating, predictor=condition.predictor, weber=condition.weber, **facts)
+            answers = [str(level) for level in range(LOWEST, HIGHEST + 1)]
+            question = f"Rating {LOWEST} to {HIGHEST}: "
+            otherwise = f"Please type one number from {LOWEST} to {HIGHEST}, and Enter."
+            rating = int(self._ask(Prompt(_scale(plan), question, answers, otherwise, felt, number)))
+            self._ledger.append(
+                TrialRated(rating=rating, predictor=condition.predictor, weber=condition.weber, **where)
+            )
 
-    def _feel(self, trial: FeltTrial, recording: Path | None) -> TrialResult:
-        felt = self._runner.feel(trial, recording, self._subject.elapsed)
+    def _repeat(self, what: str, felt: TrialResult) -> None:
+        self._ask(Prompt([f"This {what} does not count and is repeated: {felt.problem}"], felt=felt))
+
+    def _feel(self, trial: FeltTrial) -> tuple[TrialResult, dict[str, Any]]:
+        """The result of a trial, and the fields of its entry."""
+        recording = self._recording(trial.name)
+        try:
+            felt = self._runner.feel(trial, recording, self._elapsed)
+        finally:
+            self._elapsed(None)
         if felt.interrupted:
             raise SubjectLeft
-        return felt
+        where = None if recording is None else f"{recording.parent.name}/{recording.name}"
+        return felt, {"figures": dict(felt.figures), "recording": where}
 
     def _recording(self, name: str) -> Path | None:
         """A file name that is not taken, so that no recording is overwritten."""
@@ -198,6 +232,19 @@ class Conduct:
             path = self._recordings / f"{name}-{attempt}.mcap"
         return path
 
-    @staticmethod
-    def _where(recording: Path | None) -> dict[str, str]:
-        return {} if recording is None else {"recording": f"{recording.parent.name}/{recording.name}"}
+
+def _scale(plan: TrialPlan) -> list[str]:
+    return [f"  {level}  {plan.wording[level]}" for level in sorted(plan.wording, reverse=True)]
+
+
+def _welcome(progress: SubjectProgress) -> list[str]:
+    plan, remaining = progress.plan, len(progress.remaining)
+    minutes = (remaining * (plan.duration_s + RATING_S) + (0 if progress.trained else 60)) / 60.0
+    training = TRAINING.format(
+        references=len(REFERENCES), trials=len(plan.trials), seconds=plan.duration_s, every=BREAK_EVERY
+    )
+    rated = f"The training is done, and {len(progress.rated)} trials are rated."
+    return [
+        "", f"Subject {plan.subject}: {remaining} trials, about {max(1, round(minutes))} minutes", "",
+        *wrap(GUIDE, WIDTH), "", *_scale(plan), "", *wrap(rated if progress.trained else training, WIDTH),
+    ]  # fmt: skip

@@ -1,39 +1,87 @@
 """The ledger of one subject: an append-only file of JSON lines that survives a crash at any moment.
 
-The first line is the plan, each further one an event. A line is one write and is on the disk before the next event, so
+The first line is the plan, each further one an entry. A line is one write and is on the disk before the next event, so
 that only the line being written can be lost. A torn last line is moved to a file beside the ledger.
 """
 
 import fcntl
-import json
 import os
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from errno import ENOSPC
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Annotated, Any, Literal
 
-from weberlink.studies.experiment.plan import HIGHEST, LOWEST, TrialPlan
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-PLAN = "plan"
-REFERENCE = "reference"
-"""A reference was felt in the training."""
-TRAINED = "training_done"
-BEGUN = "trial_begun"
-FAILED = "trial_failed"
-"""The trial must be repeated."""
-RATED = "trial_rated"
-BREAK = "break"
-RESUMED = "resumed"
-EVENTS = (REFERENCE, TRAINED, BEGUN, FAILED, RATED, BREAK, RESUMED)
-
-Event = Mapping[str, Any]
+from weberlink.studies.experiment.plan import REFERENCES, Level, TrialPlan
 
 
 class LedgerError(Exception):
     """A ledger cannot be used; the text is one line with its path."""
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(frozen=True, strict=True)
+
+    event: str
+    at: str = Field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+    simulated: bool = False
+
+
+class _Felt(_Entry):
+    figures: dict[str, Any] = Field(default_factory=dict)
+    recording: str | None = None
+
+
+class ReferenceFelt(_Felt):
+    event: Literal["reference"] = "reference"
+    reference: NonNegativeInt = Field(lt=len(REFERENCES))
+    level: Level
+
+
+class TrainingDone(_Entry):
+    event: Literal["training_done"] = "training_done"
+
+
+class TrialBegun(_Entry):
+    event: Literal["trial_begun"] = "trial_begun"
+    trial: PositiveInt
+
+
+class TrialFailed(_Felt):
+    """The trial must be repeated."""
+
+    event: Literal["trial_failed"] = "trial_failed"
+    trial: PositiveInt
+    attempt: PositiveInt = 1
+    problem: str
+
+
+class TrialRated(_Felt):
+    event: Literal["trial_rated"] = "trial_rated"
+    trial: PositiveInt
+    attempt: PositiveInt = 1
+    rating: Level
+    predictor: str
+    weber: float
+
+
+class BreakTaken(_Entry):
+    event: Literal["break"] = "break"
+    after: PositiveInt
+
+
+class Resumed(_Entry):
+    event: Literal["resumed"] = "resumed"
+    environment: dict[str, Any] = Field(default_factory=dict)
+
+
+Entry = ReferenceFelt | TrainingDone | TrialBegun | TrialFailed | TrialRated | BreakTaken | Resumed
+_ENTRY: TypeAdapter[Entry] = TypeAdapter(Annotated[Entry, Field(discriminator="event")])
 
 
 @dataclass
@@ -45,15 +93,15 @@ class SubjectProgress:
         references: figures of the references of the training, by their index.
         trained: whether the training is done.
         begun: how often each trial was begun, by its number from 1.
-        rated: the event of each rated trial, by its number.
+        rated: the entry of each rated trial, by its number.
         breaks: numbers of the trials after which there was a break.
     """
 
     plan: TrialPlan
-    references: dict[int, Mapping[str, Any]] = field(default_factory=dict)
+    references: dict[int, dict[str, Any]] = field(default_factory=dict)
     trained: bool = False
-    begun: dict[int, int] = field(default_factory=dict)
-    rated: dict[int, Event] = field(default_factory=dict)
+    begun: Counter[int] = field(default_factory=Counter)
+    rated: dict[int, TrialRated] = field(default_factory=dict)
     breaks: set[int] = field(default_factory=set)
 
     @property
@@ -61,167 +109,116 @@ class SubjectProgress:
         """Numbers of the trials that are not rated."""
         return [number for number in range(1, len(self.plan.trials) + 1) if number not in self.rated]
 
-    @property
-    def complete(self) -> bool:
-        return not self.remaining
-
-    def take(self, event: Event) -> None:
-        """Apply an event.
+    def take(self, entry: Entry) -> None:
+        """Apply an entry.
 
         Raises:
             ValueError: if it does not fit the plan.
         """
-        kind = event.get("event")
-        if kind not in EVENTS:
-            raise ValueError(f"expected an event, not {kind!r}")
-        if kind == REFERENCE:
-            self.references[_whole(event, "reference", 0, 99)] = dict(event.get("figures") or {})
-        elif kind == TRAINED:
-            self.trained = True
-        elif kind == BEGUN:
-            number = self._trial(event)
-            self.begun[number] = self.begun.get(number, 0) + 1
-        elif kind == RATED:
-            self._rate(event)
-        elif kind == BREAK:
-            self.breaks.add(_whole(event, "after", 1, len(self.plan.trials)))
-
-    def _rate(self, event: Event) -> None:
-        number = self._trial(event)
-        _whole(event, "rating", LOWEST, HIGHEST)
-        if number in self.rated:
-            raise ValueError(f"trial {number} is rated twice")
-        planned = self.plan.trials[number - 1]
-        if (event.get("predictor"), event.get("weber")) != (planned.predictor, planned.weber):
-            raise ValueError(f"trial {number} has another condition than in the plan")
-        self.rated[number] = event
-
-    def _trial(self, event: Event) -> int:
-        return _whole(event, "trial", 1, len(self.plan.trials))
+        trials = self.plan.trials
+        if isinstance(entry, TrialBegun | TrialFailed | TrialRated) and entry.trial > len(trials):
+            raise ValueError(f"trial: expected 1 to {len(trials)}, not {entry.trial}")
+        match entry:
+            case ReferenceFelt():
+                self.references[entry.reference] = entry.figures
+            case TrainingDone():
+                self.trained = True
+            case TrialBegun():
+                self.begun[entry.trial] += 1
+            case BreakTaken():
+                self.breaks.add(entry.after)
+            case TrialRated(trial=number):
+                if number in self.rated:
+                    raise ValueError(f"trial {number} is rated twice")
+                if (entry.predictor, entry.weber) != (trials[number - 1].predictor, trials[number - 1].weber):
+                    raise ValueError(f"trial {number} has another condition than in the plan")
+                self.rated[number] = entry
 
 
-def _whole(event: Event, name: str, low: int, high: int) -> int:
-    value = event.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise ValueError(f"{name}: expected {low} to {high}, not {value!r}")
-    return value
+@dataclass
+class Ledger:
+    """A ledger that this process has locked; see `opened`.
+
+    Args:
+        path: of the file.
+        progress: None while it has no plan.
+        set_aside: file with a torn last line, if there was one.
+    """
+
+    path: Path
+    descriptor: int
+    progress: SubjectProgress | None = None
+    set_aside: Path | None = None
+
+    def append(self, line: TrialPlan | Entry) -> SubjectProgress:
+        """Write the plan into an empty ledger, or an entry into another one; it is on the disk then.
+
+        Raises:
+            OSError: if it cannot be written; the ledger stays unchanged.
+        """
+        if self.progress is not None:
+            line = line.model_copy(update={"simulated": self.progress.plan.simulated})
+        data = line.model_dump_json(exclude_none=True).encode() + b"\n"
+        end = os.fstat(self.descriptor).st_size
+        try:
+            written = os.write(self.descriptor, data)
+            os.fsync(self.descriptor)
+        except OSError:
+            os.ftruncate(self.descriptor, end)
+            raise
+        if written != len(data):
+            os.ftruncate(self.descriptor, end)
+            raise OSError(ENOSPC, os.strerror(ENOSPC), str(self.path))
+        if isinstance(line, TrialPlan):
+            _sync_folder(self.path.parent)
+            self.progress = SubjectProgress(line)
+        else:
+            assert self.progress is not None
+            self.progress.take(line)
+        return self.progress
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Ledger]:
+    """Lock and read a ledger, which need not exist.
+
+    Raises:
+        LedgerError: if another process has locked it, or it is damaged.
+        OSError: if it cannot be written.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise LedgerError(f"{path}: another process runs an experiment with this subject") from None
+        data = path.read_bytes()
+        ledger = Ledger(path, descriptor, _parse(data, path))
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            ledger.set_aside = path.with_name(f"{path.name}.torn")
+            with ledger.set_aside.open("ab") as file:  # on the disk before the ledger is truncated
+                file.write(data[whole:] + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+            _sync_folder(path.parent)
+            os.ftruncate(descriptor, whole)
+            os.fsync(descriptor)
+        yield ledger
+    finally:
+        os.close(descriptor)
 
 
 def read(path: Path) -> SubjectProgress | None:
-    """Read a ledger without changing it; a torn last line is ignored.
-
-    Returns:
-        None if it has no plan.
+    """Read a ledger without changing it; a torn last line is ignored. None if it has no plan.
 
     Raises:
         LedgerError: if it is damaged or cannot be read.
     """
     try:
-        whole, _ = _split(path.read_bytes())
+        return _parse(path.read_bytes(), path)
     except OSError as error:
         raise LedgerError(f"{path}: cannot be read: {error.strerror}") from None
-    return _parse(whole, path)
-
-
-class Ledger:
-    """A ledger locked by this process. A context manager, which releases the lock.
-
-    Raises:
-        LedgerError: if another process has locked it, or it is damaged.
-        FileExistsError: if `new` and the file exists.
-        OSError: if it cannot be written.
-    """
-
-    def __init__(self, path: Path, *, new: bool = False) -> None:
-        self.path = path
-        self.set_aside: Path | None = None
-        """File with a torn last line, if there was one."""
-        self._descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | (os.O_EXCL if new else 0), 0o644)
-        try:
-            self._lock()
-            self.progress = self._recover()
-        except BaseException:
-            os.close(self._descriptor)
-            raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        os.close(self._descriptor)
-
-    def begin(self, plan: TrialPlan) -> SubjectProgress:
-        """Write the plan into an empty ledger.
-
-        Raises:
-            OSError: if it cannot be written; the ledger stays empty.
-        """
-        assert self.progress is None
-        self._write({"event": PLAN} | plan.as_json())
-        _sync_folder(self.path.parent)
-        self.progress = SubjectProgress(plan)
-        return self.progress
-
-    def append(self, event: str, **facts: Any) -> None:
-        """Write an event to the disk.
-
-        Raises:
-            OSError: if it cannot be written; the ledger stays unchanged.
-        """
-        assert self.progress is not None
-        line = {"event": event, "at": datetime.now(UTC).isoformat(timespec="seconds")} | facts
-        if self.progress.plan.simulated:
-            line["simulated"] = True
-        self._write(line)
-        self.progress.take(line)
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise LedgerError(f"{self.path}: another process runs an experiment with this subject") from None
-
-    def _recover(self) -> SubjectProgress | None:
-        data = self.path.read_bytes()
-        whole, torn = _split(data)
-        progress = _parse(whole, self.path)
-        if torn:
-            self.set_aside = _put_aside(torn, self.path)
-            os.ftruncate(self._descriptor, len(whole))
-            os.fsync(self._descriptor)
-        return progress
-
-    def _write(self, line: Mapping[str, Any]) -> None:
-        data = json.dumps(line, allow_nan=False).encode() + b"\n"
-        end = os.fstat(self._descriptor).st_size
-        try:
-            written = os.write(self._descriptor, data)
-            os.fsync(self._descriptor)
-        except OSError:
-            os.ftruncate(self._descriptor, end)
-            raise
-        if written != len(data):
-            os.ftruncate(self._descriptor, end)
-            raise OSError(ENOSPC, os.strerror(ENOSPC), str(self.path))
-
-
-def _split(data: bytes) -> tuple[bytes, bytes]:
-    """Complete lines, and the torn rest."""
-    end = data.rfind(b"\n") + 1
-    return data[:end], data[end:]
-
-
-def _put_aside(torn: bytes, path: Path) -> Path:
-    """Write a torn line to a new file beside the ledger, synced before the ledger is truncated."""
-    number = 1
-    while (aside := path.with_name(f"{path.name}.torn-{number}")).exists():
-        number += 1
-    with aside.open("xb") as file:
-        file.write(torn)
-        file.flush()
-        os.fsync(file.fileno())
-    _sync_folder(path.parent)
-    return aside
 
 
 def _sync_folder(folder: Path) -> None:
@@ -232,30 +229,22 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _parse(whole: bytes, path: Path) -> SubjectProgress | None:
+def _parse(data: bytes, path: Path) -> SubjectProgress | None:
     progress: SubjectProgress | None = None
-    for number, line in enumerate(whole.split(b"\n")[:-1], 1):
+    for number, line in enumerate(data.split(b"\n")[:-1], 1):
         try:
-            event = _object(line)
             if progress is None:
-                progress = SubjectProgress(TrialPlan.from_json(event))
+                progress = SubjectProgress(TrialPlan.model_validate_json(line))
             else:
-                progress.take(event)
+                progress.take(_ENTRY.validate_json(line))
         except ValueError as error:
-            raise LedgerError(
-                f"{path}:{number}: damaged: {error}; repair or remove the line by hand, or leave this subject out"
-            ) from None
+            told = str(error)
+            if isinstance(error, ValidationError):
+                first = error.errors(include_url=False)[0]
+                told = ": ".join((*(str(part) for part in first["loc"][-1:]), " ".join(first["msg"].split())))
+            advice = "repair or remove the line by hand, or leave this subject out"
+            raise LedgerError(f"{path}:{number}: damaged: {told}; {advice}") from None
     return progress
-
-
-def _object(line: bytes) -> dict[str, Any]:
-    try:
-        value = json.loads(line)
-    except ValueError:
-        raise ValueError("not JSON") from None
-    if not isinstance(value, dict):
-        raise ValueError("expected a JSON object")  # noqa: TRY004 - an error of the file
-    return value
 
 
 def path_of(folder: Path, subject: int, *, simulated: bool) -> Path:
@@ -263,7 +252,7 @@ def path_of(folder: Path, subject: int, *, simulated: bool) -> Path:
     return folder / f"{'simulated' if simulated else 'subject'}-{subject:03d}.jsonl"
 
 
-def subjects(folder: Path, *, simulated: bool) -> Sequence[int]:
+def subjects(folder: Path, *, simulated: bool) -> list[int]:
     """Numbers of the subjects that have a ledger in a folder, in order."""
     prefix = "simulated-" if simulated else "subject-"
     names = [path.stem.removeprefix(prefix) for path in folder.glob(f"{prefix}*.jsonl")]

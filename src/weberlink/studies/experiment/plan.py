@@ -4,89 +4,18 @@ The scale is Table I of Xu, Kammerl, Chaudhari, Steinbach (HAVE 2011), in its wo
 The ledger of a subject stores the words that were shown.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from random import Random
-from typing import Any, Self
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 
 TRIAL_S = 10.0
 BREAK_EVERY = 10
 """Trials between two breaks."""
-VERSION = 1
-"""Version of the plan and of its ledger."""
-
-
-@dataclass(frozen=True)
-class CodingCondition:
-    """Predictor and Weber factor of a trial; a Weber factor of 0 sends every sample of every channel."""
-
-    predictor: str
-    weber: float
-
-
-def order(seed: int, subject: int) -> tuple[CodingCondition, ...]:
-    """All conditions in an order of the subject's own, the same for the same seed."""
-    conditions = [CodingCondition(*pair) for pair in product(PREDICTORS, WEBERS)]
-    Random(f"{seed}/{subject}/order").shuffle(conditions)  # noqa: S311 - must be repeatable, not secret
-    return tuple(conditions)
-
-
-@dataclass(frozen=True)
-class TrialPlan:
-    """The first line of a ledger: everything that is fixed before the first trial.
-
-    Args:
-        subject: number; names are not stored.
-        simulated: whether a program rates.
-        seed: of the order and of a simulated subject.
-        duration_s: length of a trial [s].
-        digest: of the configuration as resolved.
-        configuration: that configuration.
-        wording: text of each level, by the level as text.
-        trials: in order.
-        environment: at the start.
-    """
-
-    subject: int
-    simulated: bool
-    seed: int
-    duration_s: float
-    digest: str
-    configuration: Mapping[str, Any]
-    wording: Mapping[str, str]
-    trials: tuple[CodingCondition, ...]
-    environment: Mapping[str, Any]
-
-    def as_json(self) -> dict[str, Any]:
-        facts = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        trials = [{"predictor": trial.predictor, "weber": trial.weber} for trial in self.trials]
-        return {"version": VERSION} | facts | {"trials": trials}
-
-    @classmethod
-    def from_json(cls, facts: Mapping[str, Any]) -> Self:
-        """Read a plan back.
-
-        Raises:
-            ValueError: if it is not a plan, or of another version.
-        """
-        version = facts.get("version")
-        if version != VERSION:
-            raise ValueError(f"expected a plan of version {VERSION}, not {version!r}")
-        try:
-            trials = tuple(CodingCondition(str(trial["predictor"]), float(trial["weber"])) for trial in facts["trials"])
-            plan = cls(**{name: facts[name] for name in cls.__dataclass_fields__} | {"trials": trials})
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"not a plan: {error} is missing or wrong") from None
-        if len(set(trials)) != len(trials) or not trials:
-            raise ValueError("expected trials without repetition")
-        if not set(plan.wording) <= {str(level) for level in SCALE}:
-            raise ValueError(f"wording: expected levels {LOWEST} to {HIGHEST}, not {', '.join(map(str, plan.wording))}")
-        return plan
-
-
 SCALE: dict[int, str] = {
     5: "no difference",
     4: "perceptible, but not disturbing",
@@ -97,6 +26,15 @@ SCALE: dict[int, str] = {
 }
 """Words of each level, the best first: Table I of the paper."""
 LOWEST, HIGHEST = min(SCALE), max(SCALE)
+Level = Annotated[int, Field(ge=LOWEST, le=HIGHEST)]
+
+
+@dataclass(frozen=True)
+class CodingCondition:
+    """Predictor and Weber factor of a trial; a Weber factor of 0 sends every sample of every channel."""
+
+    predictor: str
+    weber: float
 
 
 @dataclass(frozen=True)
@@ -114,9 +52,46 @@ REFERENCES = (
 )
 
 
-def rating_of(text: str) -> int | None:
-    """The level that was typed; None if it is not one."""
-    stripped = text.strip()
-    if not (stripped.isascii() and stripped.isdigit()) or len(stripped) > 1:
-        return None
-    return level if (level := int(stripped)) in SCALE else None
+def order(seed: int, subject: int) -> tuple[CodingCondition, ...]:
+    """All conditions in an order of the subject's own, the same for the same seed."""
+    conditions = [CodingCondition(*pair) for pair in product(PREDICTORS, WEBERS)]
+    Random(f"{seed}/{subject}/order").shuffle(conditions)  # noqa: S311 - must be repeatable, not secret
+    return tuple(conditions)
+
+
+class TrialPlan(BaseModel):
+    """The first line of a ledger: everything that is fixed before the first trial.
+
+    Attributes:
+        version: of the plan and of its ledger.
+        subject: number; names are not stored.
+        simulated: whether a program rates.
+        seed: of the order and of a simulated subject.
+        duration_s: length of a trial [s].
+        digest: of the configuration as resolved.
+        configuration: that configuration.
+        wording: text of each level.
+        trials: in order.
+        environment: at the start.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    event: Literal["plan"] = "plan"
+    version: Literal[1] = 1
+    subject: int
+    simulated: bool
+    seed: int
+    duration_s: float
+    digest: str
+    configuration: dict[str, Any]
+    wording: dict[Level, str]
+    trials: Annotated[tuple[CodingCondition, ...], Field(min_length=1)]
+    environment: dict[str, Any]
+
+    @field_validator("trials")
+    @classmethod
+    def _once(cls, trials: tuple[CodingCondition, ...]) -> tuple[CodingCondition, ...]:
+        if len(set(trials)) != len(trials):
+            raise ValueError("expected each condition once")
+        return trials

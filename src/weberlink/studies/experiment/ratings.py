@@ -1,39 +1,216 @@
-"""The `ratings` command: the ledgers of an experiment as a document, tables and figures."""
+"""The `ratings` command: means with confidence, tests, and packets at equal quality, from the ledgers of an experiment.
 
-from collections.abc import Iterator
+A case of the study is a subject who has rated every trial, a row is a rating.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from weberlink.studies.experiment.analysis import EXPLANATION, MARK, SEED, TESTED_AGAINST, Analysis, analyse
-from weberlink.studies.experiment.answers import StudyRatings, Whose, gather
-from weberlink.studies.experiment.ledger import LedgerError
+from weberlink.studies.curves import RATE, curves
+from weberlink.studies.experiment.answers import PEOPLE, SIMULATED, StudyRatings, gather, rows_of
+from weberlink.studies.experiment.ledger import LedgerError, SubjectProgress
 from weberlink.studies.experiment.plan import HIGHEST, LOWEST
-from weberlink.studies.experiment.statistics import Crossing, Reach, Saving
-from weberlink.studies.result import StudyResult, plain_table
+from weberlink.studies.experiment.statistics import ABOVE, against, friedman, savings
+from weberlink.studies.frame import FrameResult, Study, check_resources, data_frame
+from weberlink.studies.paper.claims import PREDICTORS
+from weberlink.studies.result import Column, frame_table, plain_table
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
-from weberlink.system.environment import environment, footer
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+SEED = 0
+"""Seed of the bootstrap."""
+MARK = "SIMULATED RATINGS"
+EXPLANATION = "a program rated by a rule from the felt error; no person took part"
+BASES = ("zoh", "linear")
+"""Predictors with which the paper compares packets."""
+TESTED_AGAINST = "zoh"
+LEAST_P = 0.001
+"""Smaller ones are printed as less than this."""
 
 
 @dataclass(frozen=True)
-class Ratings(StudyResult):
-    """An analysed study, whose ratings can be written as CSV."""
+class RatingsOptions:
+    """What is analysed.
+
+    Args:
+        answers: the ledgers.
+        level: of the scale, at which packets are compared.
+    """
 
     answers: StudyRatings
+    level: float
 
-    def write_csv(self, path: Path) -> None:
-        """Write every rating as a table.
+    @property
+    def mark(self) -> str | None:
+        """The mark of simulated ratings; None if people rated."""
+        return MARK if self.answers.plan.simulated else None
 
-        Raises:
-            OSError: if the file cannot be written.
-        """
-        self.answers.write_csv(path)
+    @property
+    def who(self) -> str:
+        """Number and kind of the subjects."""
+        count = len(self.answers.complete)
+        return f"{count} {'simulated ' if self.mark else ''}{'subject' if count == 1 else 'subjects'}"
+
+    @cached_property
+    def analysis(self) -> dict[str, Any]:
+        """Means, tests and savings, as in the JSON document."""
+        return _analyse(self)
 
 
-def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings:
+def _cases(options: RatingsOptions) -> Sequence[SubjectProgress]:
+    return options.answers.complete
+
+
+def _summary(options: RatingsOptions, _rows: "DataFrame") -> dict[str, Any]:
+    return options.analysis
+
+
+def _analyse(options: RatingsOptions) -> dict[str, Any]:
+    from pandas import MultiIndex  # noqa: PLC0415 - heavy, an extra
+
+    plan = options.answers.plan
+    rows = data_frame([row for progress in options.answers.complete for row in rows_of(progress)])
+    known = [*PREDICTORS, *sorted({*rows.predictor} - {*PREDICTORS})]
+    rows = rows.sort_values("predictor", key=lambda column: column.map(known.index), kind="stable")
+    means = curves(rows.rename(columns={"subject": "unit"}), "rating", seed=SEED)
+    names = list(means.predictor.unique())
+    by_predictor = rows.pivot_table(index="subject", columns="predictor", values="rating")[names]
+    by_weber = rows.pivot_table(index="subject", columns="weber", values="rating")
+    every = MultiIndex.from_product([names, by_weber.columns])
+    rates, ratings = (
+        rows.pivot(index="subject", columns=["predictor", "weber"], values=name)
+        .reindex(columns=every)
+        .to_numpy(float)
+        .reshape(len(rows.subject.unique()), len(names), -1)
+        for name in (RATE, "rating")
+    )
+    saved = savings(rates, ratings, options.level, [names.index(base) for base in BASES], seed=SEED)
+    return {
+        "simulated": plan.simulated,
+        "mark": f"{MARK}: {EXPLANATION}" if options.mark else None,
+        "subjects": [progress.plan.subject for progress in options.answers.complete],
+        "incomplete": [{"subject": subject, "rated": rated} for subject, rated in options.answers.incomplete.items()],
+        "duration_s": plan.duration_s,
+        "wording": {str(level): words for level, words in plan.wording.items()},
+        "configuration_digest": plan.digest,
+        "means": means.to_dict("records"),
+        "tests": {
+            "friedman_predictors": friedman(by_predictor),
+            "friedman_webers": friedman(by_weber),
+            f"signed_rank_against_{TESTED_AGAINST}": against(by_predictor, TESTED_AGAINST),
+        },
+        "savings": {
+            "level": options.level,
+            "predictors": [
+                {"predictor": name, "reach": one["reach"], "packets_per_s": one["packets_per_s"]}
+                | {f"fewer_than_{base}": one["fewer_than"][names.index(base)] for base in BASES}
+                for name, one in zip(names, saved, strict=True)
+            ],
+        },
+    }
+
+
+def _tables(options: RatingsOptions, _rows: "DataFrame", _run_time_s: float, caption: str) -> RenderableType:
+    """All tables below each other, and the environment in which they were made."""
+    plan, document, many = options.answers.plan, options.analysis, len(options.answers.complete) > 1
+    means = data_frame(document["means"])
+    trials = len(plan.trials)
+    left_out = ", ".join(f"{number} ({rated} of {trials})" for number, rated in options.answers.incomplete.items())
+    subjects = f"{options.who} with {trials} trials of {plan.duration_s:g} s"
+    scale = ", ".join(f"{level} {plan.wording[level]}" for level in sorted(plan.wording, reverse=True))
+    heads = [f"k {100 * weber:g} %" for weber in sorted(means.weber.unique())]
+    rating, rate = plain_table("predictor", *heads), plain_table("predictor", *heads)
+    for name, mine in means.groupby("predictor", sort=False):
+        rating.add_row(name, *mine.rating_mean.map("{:.2f}".format))
+        if many:
+            bands = zip(mine.rating_low, mine.rating_high, strict=True)
+            rating.add_row("", *(f"{low:.1f}-{high:.1f}" for low, high in bands), style="dim")
+        rate.add_row(name, *mine.packets_per_s_mean.map("{:.1f}".format))
+    tests = document["tests"]
+    ranks = data_frame(tests[f"signed_rank_against_{TESTED_AGAINST}"])
+    return Group(
+        *([Text(f"{MARK}: {EXPLANATION}", style="bold red")] if options.mark else []),
+        subjects + (f"; incomplete, left out: {left_out}" if left_out else ""),
+        Text(f"scale: {scale}"),
+        Text(f"\nmean rating{', with its 95 % confidence interval' if many else ''}", style="bold"),
+        rating,
+        Text("\npackets per second", style="bold"),
+        rate,
+        "",
+        *_friedman_lines(tests),
+        *([frame_table(ranks, RANKS)] if ranks.p.notna().all() else []),
+        Text(f"\npackets per second at a mean rating of {options.level:g}", style="bold"),
+        _savings(document["savings"]["predictors"]),
+        "",
+        Text(caption, style="dim"),
+    )
+
+
+def _friedman_lines(tests: dict[str, Any]) -> Iterator[str]:
+    for name, test in (("predictors", tests["friedman_predictors"]), ("Weber factors", tests["friedman_webers"])):
+        if test["p"] is None:
+            yield f"{name}, Friedman: {test['remark']}"
+            continue
+        p = f"p {'' if test['p'] < LEAST_P else '= '}{_p(test['p'])}"
+        yield (
+            f"{name}, Friedman: chi2({test['degrees']}) = {test['chi_squared']:.2f}, {p}, "
+            f"Kendall's W {test['kendalls_w']:.2f}" + (f"; {test['remark']}" if test["remark"] else "")
+        )
+
+
+def _p(p: float) -> str:
+    return f"< {LEAST_P}" if p < LEAST_P else f"{p:.3f}"
+
+
+RANKS = {
+    "name": Column(f"against {TESTED_AGAINST}, Wilcoxon"),
+    "median_difference": Column("median difference", "{:+.2f}"),
+    "w": Column("W", "{:g}"),
+    "p": Column("p", _p),
+    "p_holm": Column("p, Holm", _p),
+}
+
+
+def _savings(predictors: Sequence[dict[str, Any]]) -> Table:
+    table = plain_table("predictor", "packets/s", *(f"fewer than {base}" for base in BASES))
+    for one in predictors:
+        rate, is_bound = one["packets_per_s"], one["reach"] == ABOVE
+        table.add_row(
+            one["predictor"],
+            one["reach"] if rate is None else f"{'<= ' if is_bound else ''}{rate:.1f}",
+            *("" if one["predictor"] == base else _share(one[f"fewer_than_{base}"]) for base in BASES),
+        )
+    return table
+
+
+def _share(saving: dict[str, Any]) -> str:
+    if saving["share"] is None:
+        return "-"
+    text = f"{'>= ' if saving['at_least'] else ''}{100 * saving['share']:.0f} %"
+    return text if saving["low"] is None else f"{text} ({100 * saving['low']:.0f} to {100 * saving['high']:.0f})"
+
+
+def _plots(options: RatingsOptions, _rows: "DataFrame", folder: Path, caption: str) -> None:
+    from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - imports matplotlib
+
+    axis = QualityAxis("rating", "rating", "higher", (LOWEST, HIGHEST), options.answers.plan.wording)
+    units = "simulated subjects" if options.mark else "subjects"
+    CurveFigures(data_frame(options.analysis["means"]), axis, caption, options.who, options.mark, units).write(folder)
+
+
+STUDY = Study("ratings", _cases, rows_of, _tables, _plots, lambda _: 0.0, _summary, SEED)
+
+
+def run(folder: Path, *, level: float, only: str | None, plots: bool) -> FrameResult:
     """Analyse a folder of ledgers.
 
     Args:
@@ -47,142 +224,10 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     """
     if not folder.is_dir():
         raise ConfigurationError(f"{folder}: no such folder; expected the folder of experiment --out")
-    need("scipy", "studies", "ratings")
-    if plots:
-        need("matplotlib", "studies", "--plots")
+    check_resources(None, None, plots=plots)
+    if only not in {None, PEOPLE, SIMULATED}:
+        raise ConfigurationError(f"--only: expected people or simulated, not {only!r}")
     try:
-        answers = gather(folder, _whose(only))
+        return STUDY.result(RatingsOptions(gather(folder, only), level))
     except LedgerError as error:
         raise ConfigurationError(str(error)) from None
-    analysis, facts = analyse(answers, level), environment()
-    caption = footer(facts, SEED)
-
-    def draw(folder: Path) -> None:
-        from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - slow import
-
-        CurveFigures(
-            analysis.curves,
-            quality=QualityAxis("rating", "higher", limits=(LOWEST, HIGHEST), column="rating", words=answers.scale),
-            caption=caption,
-            title=analysis.who,
-            mark=analysis.mark,
-            units="simulated subjects" if analysis.mark else "subjects",
-        ).write(folder)
-
-    return Ratings(analysis.document | {"environment": facts}, table_of(analysis, caption), draw, answers)
-
-
-def _whose(only: str | None) -> Whose | None:
-    kinds: dict[str, Whose] = {"people": "people", "simulated": "simulated"}
-    if only is not None and only not in kinds:
-        raise ConfigurationError(f"--only: expected people or simulated, not {only!r}")
-    return None if only is None else kinds[only]
-
-
-def table_of(analysis: Analysis, caption: str) -> Table:
-    """All tables below each other, and the environment in which they were made."""
-    whole = Table.grid()
-    if analysis.mark is not None:
-        whole.add_row(Text(f"{MARK}: {EXPLANATION}", style="bold red"))
-    whole.add_row(_subjects(analysis))
-    whole.add_row(Text("scale: " + ", ".join(f"{level} {words}" for level, words in analysis.answers.scale.items())))
-    sure = ", with its 95 % confidence interval" if len(analysis.answers.subjects) > 1 else ""
-    for title, table in (
-        (f"mean rating{sure}", _ratings(analysis)),
-        ("packets per second", _rates(analysis)),
-    ):
-        whole.add_row(Text(f"\n{title}", style="bold"))
-        whole.add_row(table)
-    whole.add_row("")
-    for line in _test_lines(analysis):
-        whole.add_row(line)
-    if any(test.p is not None for test in analysis.against):
-        whole.add_row(_signed_ranks(analysis))
-    whole.add_row(Text(f"\npackets per second at a mean rating of {analysis.level:g}", style="bold"))
-    whole.add_row(_savings(analysis))
-    whole.add_row("")
-    whole.add_row(Text(caption, style="dim"))
-    return whole
-
-
-def _subjects(analysis: Analysis) -> str:
-    answers = analysis.answers
-    trials = len(answers.plan.trials)
-    left_out = ", ".join(f"{number} ({rated} of {trials})" for number, rated in answers.incomplete.items())
-    complete = f"{analysis.who} with {trials} trials of {answers.plan.duration_s:g} s"
-    return complete + (f"; incomplete, left out: {left_out}" if left_out else "")
-
-
-def _over_webers(analysis: Analysis) -> Table:
-    return plain_table("predictor", *(f"k {100 * weber:g} %" for weber in analysis.answers.webers))
-
-
-def _ratings(analysis: Analysis) -> Table:
-    table = _over_webers(analysis)
-    sure = len(analysis.answers.subjects) > 1
-    for predictor, points in analysis.curves.items():
-        bands = [point.quality for point in points]
-        table.add_row(predictor, *(f"{band.mean:.2f}" for band in bands))
-        if sure:
-            table.add_row("", *(f"{band.low:.1f}-{band.high:.1f}" for band in bands), style="dim")
-    return table
-
-
-def _rates(analysis: Analysis) -> Table:
-    table = _over_webers(analysis)
-    for predictor, points in analysis.curves.items():
-        table.add_row(predictor, *(f"{point.packets_per_s.mean:.1f}" for point in points))
-    return table
-
-
-def _test_lines(analysis: Analysis) -> Iterator[str]:
-    for name, test in (("predictors", analysis.by_predictor), ("Weber factors", analysis.by_weber)):
-        if test.chi_squared is None or test.p is None or test.kendalls_w is None:
-            yield f"{name}, Friedman: {test.remark}"
-            continue
-        yield (
-            f"{name}, Friedman: chi2({test.degrees}) = {test.chi_squared:.2f}, {_p(test.p, 'p ')}, "
-            f"Kendall's W {test.kendalls_w:.2f}" + (f"; {test.remark}" if test.remark else "")
-        )
-
-
-def _signed_ranks(analysis: Analysis) -> Table:
-    table = plain_table(f"against {TESTED_AGAINST}, Wilcoxon", "median difference", "W", "p", "p, Holm")
-    for test in analysis.against:
-        if test.w is not None and test.p is not None and test.p_holm is not None:
-            difference = f"{test.median_difference:+.2f}"
-            table.add_row(test.name, difference, f"{test.w:g}", _p(test.p), _p(test.p_holm))
-    return table
-
-
-def _savings(analysis: Analysis) -> Table:
-    table = plain_table("predictor", "packets/s", *(f"fewer than {base}" for base in analysis.savings))
-    for predictor, crossing in analysis.crossings.items():
-        shares = [_share(by_name[predictor]) for by_name in analysis.savings.values()]
-        own = [predictor == base for base in analysis.savings]
-        table.add_row(
-            predictor,
-            _rate(crossing),
-            *("" if mine else share for mine, share in zip(own, shares, strict=True)),
-        )
-    return table
-
-
-def _p(p: float, prefix: str = "") -> str:
-    equals = "= " if prefix else ""
-    return f"{prefix}< 0.001" if p < 0.001 else f"{prefix}{equals}{p:.3f}"
-
-
-def _rate(crossing: Crossing) -> str:
-    if crossing.packets_per_s is None:
-        return crossing.reach.value
-    return f"{'<= ' if crossing.reach is Reach.ABOVE else ''}{crossing.packets_per_s:.1f}"
-
-
-def _share(saving: Saving) -> str:
-    if saving.share is None:
-        return "-"
-    text = f"{'>= ' if saving.at_least else ''}{100 * saving.share:.0f} %"
-    if saving.low is None or saving.high is None:
-        return text
-    return f"{text} ({100 * saving.low:.0f} to {100 * saving.high:.0f})"

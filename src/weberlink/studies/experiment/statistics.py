@@ -1,14 +1,16 @@
 """Statistics of ratings: rank tests for repeated ordinal data, and packets saved at equal quality.
 
-Needs scipy (extra: studies) for the tests.
+Needs scipy and statsmodels (extra: studies).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from enum import Enum
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 LEAST_SUBJECTS = 6
 """With fewer subjects a two-sided signed-rank test cannot reach 5 %: its smallest p is 2 / 2^n."""
@@ -18,232 +20,143 @@ RESAMPLES = 2000
 CONFIDENCE = 0.95
 LEAST_SHARE = 0.95
 """Share of the resamples that must have a saving to report an interval."""
+CROSSES, BELOW, ABOVE = "crosses", "not reached", "above throughout"
+"""Whether a curve reaches a level. Below: even at the smallest Weber factor. Above: even at the largest one, where the
+packet rate is an upper bound."""
 
 Table = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Friedman:
-    """Friedman's test: do the levels of a factor differ?
-
-    Args:
-        subjects: number of rows.
-        chi_squared: statistic; None if every subject rated all levels alike.
-        degrees: of freedom.
-        p: None without a test.
-        kendalls_w: agreement of the subjects, 0 to 1: chi-squared over its largest value.
-        remark: for the reader.
-    """
-
-    subjects: int
-    chi_squared: float | None
-    degrees: int
-    p: float | None
-    kendalls_w: float | None
-    remark: str | None
-
-
-@dataclass(frozen=True)
-class SignedRank:
-    """Wilcoxon's signed-rank test of one level against another.
-
-    Args:
-        name: of the level.
-        median_difference: to the other one.
-        w: smaller sum of signed ranks.
-        p: two-sided; None without a test.
-        p_holm: after Holm's correction for the number of comparisons.
-    """
-
-    name: str
-    median_difference: float
-    w: float | None
-    p: float | None
-    p_holm: float | None
-
-
-def friedman(table: Table) -> Friedman:
-    """Friedman's test, corrected for ties.
+def friedman(table: "DataFrame | Table") -> dict[str, Any]:
+    """Friedman's test, corrected for ties: do the levels of a factor differ?
 
     Args:
         table: shape (subjects, levels), at least 3 levels.
+
+    Returns:
+        Numbers of subjects and degrees of freedom, chi_squared (None if every subject rated all levels alike), p (None
+        without a test), kendalls_w (agreement of the subjects, 0 to 1: chi-squared over its largest value) and remark.
     """
-    subjects, levels = table.shape
+    values = np.asarray(table)
+    subjects, levels = values.shape
+    found: dict[str, Any] = {"subjects": subjects, "chi_squared": None, "degrees": levels - 1, "p": None}
     if subjects < LEAST_SUBJECTS:
         few = f"too few subjects for a test: {subjects}, needs {LEAST_SUBJECTS}"
-        return Friedman(subjects, None, levels - 1, None, None, few)
-    if np.all(table == table[:, :1]):
-        return Friedman(subjects, None, levels - 1, None, 0.0, "every subject rated all levels alike")
+        return found | {"kendalls_w": None, "remark": few}
+    if np.all(values == values[:, :1]):
+        return found | {"kendalls_w": 0.0, "remark": "every subject rated all levels alike"}
     from scipy import stats  # noqa: PLC0415 - an extra
 
-    result = stats.friedmanchisquare(*table.T)
-    chi_squared = float(result.statistic)
-    remark = f"approximate with {subjects} subjects" if subjects <= APPROXIMATE_TO else None
-    return Friedman(
-        subjects, chi_squared, levels - 1, float(result.pvalue), chi_squared / (subjects * (levels - 1)), remark
-    )
+    chi_squared, p = map(float, stats.friedmanchisquare(*values.T))
+    return found | {
+        "chi_squared": chi_squared,
+        "p": p,
+        "kendalls_w": chi_squared / (subjects * (levels - 1)),
+        "remark": f"approximate with {subjects} subjects" if subjects <= APPROXIMATE_TO else None,
+    }
 
 
-def against(base: Sequence[float] | Table, others: Mapping[str, Sequence[float] | Table]) -> list[SignedRank]:
-    """Wilcoxon's signed-rank test of each level against one, with Holm's correction.
+def against(table: "DataFrame", base: str) -> list[dict[str, Any]]:
+    """Wilcoxon's signed-rank test of each column against one, two-sided, with Holm's correction.
 
     Differences of 0 are left out (Wilcoxon); with ties and few subjects the distribution is exact over all signs.
 
     Args:
-        base: one number per subject.
-        others: likewise, by name.
+        table: a row for each subject.
+        base: name of a column.
+
+    Returns:
+        For each other column its name, median_difference, w (the smaller sum of signed ranks), p and p_holm; None
+        without a test.
     """
-    tested = [_signed_rank(np.asarray(base), np.asarray(values)) for values in others.values()]
-    corrected = holm([p for _, _, p in tested])
+    from scipy import stats  # noqa: PLC0415 - an extra
+    from statsmodels.stats.multitest import multipletests  # noqa: PLC0415
+
+    # Ratings are means of integers: smaller differences are rounding.
+    differences = table.drop(columns=base).sub(table[base], axis=0).round(9)
+    found = [{"name": name, "median_difference": float(differences[name].median())} for name in differences]
+    if len(table) < LEAST_SUBJECTS:
+        return [one | {"w": None, "p": None, "p_holm": None} for one in found]
+    signed = [differences[name][differences[name] != 0.0] for name in differences]
+    tests = [tuple(map(float, stats.wilcoxon(each))) if len(each) else (0.0, 1.0) for each in signed]
+    corrected = multipletests([p for _, p in tests], method="holm")[1]
     return [
-        SignedRank(name, median, w, p, p_holm)
-        for name, (median, w, p), p_holm in zip(others, tested, corrected, strict=True)
+        one | {"w": w, "p": p, "p_holm": float(p_holm)}
+        for one, (w, p), p_holm in zip(found, tests, corrected, strict=True)
     ]
 
 
-def holm(ps: Sequence[float | None]) -> list[float | None]:
-    """Step-down correction of Holm (1979); None stays None and does not count."""
-    known = sorted((p, place) for place, p in enumerate(ps) if p is not None)
-    corrected: list[float | None] = [None] * len(ps)
-    largest = 0.0
-    for rank, (p, place) in enumerate(known):
-        largest = max(largest, min(1.0, (len(known) - rank) * p))
-        corrected[place] = largest
-    return corrected
+def crossing(rates: Sequence[float] | Table, ratings: Sequence[float] | Table, level: float) -> tuple[float, str]:
+    """The packet rate [1/s] at which the curve of a predictor falls below a level, NaN if it is below throughout.
 
-
-def _signed_rank(base: Table, values: Table) -> tuple[float, float | None, float | None]:
-    # Ratings are means of integers: smaller differences are rounding.
-    differences = np.round(values - base, 9)
-    median = float(np.median(differences))
-    if len(differences) < LEAST_SUBJECTS:
-        return median, None, None
-    if not np.any(differences):
-        return median, 0.0, 1.0
-    from scipy import stats  # noqa: PLC0415 - an extra
-
-    result = stats.wilcoxon(differences[differences != 0.0])
-    return median, float(result.statistic), float(result.pvalue)
-
-
-class Reach(Enum):
-    """Whether a curve reaches a level."""
-
-    CROSSES = "crosses"
-    BELOW = "not reached"
-    """Below the level even at the smallest Weber factor."""
-    ABOVE = "above throughout"
-    """Above the level even at the largest Weber factor, where the packet rate is an upper bound."""
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """The packet rate [1/s] at which a curve is at a level; None if it never reaches it."""
-
-    reach: Reach
-    packets_per_s: float | None
-
-
-@dataclass(frozen=True)
-class Saving:
-    """Packets of one predictor against another's at the same mean rating.
-
-    Args:
-        share: saved packets, 1 for all, negative for more packets; None if one of them does not reach the level.
-        low: end of the 95 % confidence interval over subjects; None if there is none.
-        high: the other end.
-        at_least: whether `share` is a lower bound, because the predictor is above the level throughout.
-    """
-
-    share: float | None
-    low: float | None
-    high: float | None
-    at_least: bool
-
-
-def crossing(rates: Sequence[float] | Table, ratings: Sequence[float] | Table, level: float) -> Crossing:
-    """The packet rate at which the curve of a predictor falls below a level.
-
-    Ratings are made monotone in the Weber factor (`falling`) and interpolated linearly over the packet rate.
+    Ratings become the nearest sequence in least squares that never rises with the Weber factor, and are interpolated
+    linearly over the packet rate.
 
     Args:
         rates: packets per second, by rising Weber factor.
         ratings: mean ratings, likewise.
         level: of the scale.
+
+    Returns:
+        The rate, and `CROSSES`, `BELOW` or `ABOVE`.
     """
-    smooth = falling(ratings)
-    at_or_above = [place for place, rating in enumerate(smooth) if rating >= level]
-    if not at_or_above:
-        return Crossing(Reach.BELOW, None)
-    last = at_or_above[-1]
+    from scipy.optimize import isotonic_regression  # noqa: PLC0415 - an extra
+
+    smooth = isotonic_regression(np.asarray(ratings), increasing=False).x
+    last = int(np.count_nonzero(smooth >= level)) - 1
+    if last < 0:
+        return np.nan, BELOW
     if last == len(smooth) - 1:
-        return Crossing(Reach.ABOVE, float(rates[last]))
+        return float(rates[last]), ABOVE
     share = (smooth[last] - level) / (smooth[last] - smooth[last + 1])
-    return Crossing(Reach.CROSSES, float(rates[last] + share * (rates[last + 1] - rates[last])))
+    return float(rates[last] + share * (rates[last + 1] - rates[last])), CROSSES
 
 
-def falling(values: Sequence[float] | Table) -> list[float]:
-    """The nearest non-increasing sequence in least squares (pool adjacent violators)."""
-    blocks: list[tuple[float, int]] = []
-    for value in values:
-        blocks.append((float(value), 1))
-        while len(blocks) > 1 and blocks[-2][0] < blocks[-1][0]:
-            (right, more), (left, some) = blocks.pop(), blocks.pop()
-            blocks.append(((left * some + right * more) / (some + more), some + more))
-    return [mean for mean, count in blocks for _ in range(count)]
-
-
-def savings(
-    rates: Table, ratings: Table, level: float, base: int, *, seed: int = 0
-) -> tuple[list[Crossing], list[Saving]]:
-    """Every predictor against one of them, with a percentile bootstrap over subjects.
+def savings(rates: Table, ratings: Table, level: float, bases: Sequence[int], *, seed: int = 0) -> list[dict[str, Any]]:
+    """Packets of every predictor at the same mean rating, and those saved against some of them.
 
     Args:
         rates: packets per second, shape (subjects, predictors, Weber factors).
         ratings: likewise.
         level: of the scale.
-        base: place of the predictor to compare with.
+        bases: places of the predictors to compare with.
         seed: of the bootstrap.
 
     Returns:
-        Crossing and saving of each predictor, in order.
+        For each predictor reach, packets_per_s (None if it never reaches the level) and fewer_than, by the place of the
+        base: share of its packets that is saved (None if one of both does not reach the level, or the rate of the base
+        is only an upper bound), low and high of its percentile interval over subjects (None if there is none), and
+        at_least, whether it is a lower bound because the predictor is above the level throughout.
     """
-    found = _crossings(rates, ratings, level)
-    shares = [_share(one, found[base]) for one in found]
-    subjects = len(rates)
-    if subjects < 2:
-        return found, [
-            Saving(share, None, None, one.reach is Reach.ABOVE) for one, share in zip(found, shares, strict=True)
-        ]
-    drawn = np.random.default_rng(seed).integers(subjects, size=(RESAMPLES, subjects))
-    resampled: list[list[float]] = [[] for _ in found]
-    for draw in drawn:
-        again = _crossings(rates[draw], ratings[draw], level)
-        for mine, one in zip(resampled, again, strict=True):
-            share = _share(one, again[base])
-            if share is not None:
-                mine.append(share)
-    return found, [
-        Saving(share, *_interval(mine if share is not None else []), one.reach is Reach.ABOVE)
-        for one, share, mine in zip(found, shares, resampled, strict=True)
-    ]
+    subjects, predictors = rates.shape[:2]
 
+    def crossings(drawn: NDArray[np.int64]) -> list[tuple[float, str]]:
+        means = zip(rates[drawn].mean(axis=0), ratings[drawn].mean(axis=0), strict=True)
+        return [crossing(rate, rating, level) for rate, rating in means]
 
-def _crossings(rates: Table, ratings: Table, level: float) -> list[Crossing]:
-    means = zip(rates.mean(axis=0), ratings.mean(axis=0), strict=True)
-    return [crossing(rate, rating, level) for rate, rating in means]
+    def shares(drawn: NDArray[np.int64]) -> Table:
+        """Saved shares, shape (bases * predictors), NaN for none."""
+        found = crossings(drawn)
+        at = np.array([rate for rate, _ in found])
+        of = np.array([rate if reach == CROSSES and rate > 0.0 else np.nan for rate, reach in found])
+        saved: Table = (1.0 - at / of[list(bases), None]).ravel()
+        return saved
 
-
-def _share(one: Crossing, base: Crossing) -> float | None:
-    """None if the packet rate of the base is only an upper bound."""
-    if one.packets_per_s is None or base.reach is not Reach.CROSSES or not base.packets_per_s:
-        return None
-    return 1.0 - one.packets_per_s / base.packets_per_s
-
-
-def _interval(shares: Sequence[float]) -> tuple[float | None, float | None]:
-    if len(shares) < LEAST_SHARE * RESAMPLES:
-        return None, None
+    everybody = np.arange(subjects)
+    saved = shares(everybody)
+    drawn = np.random.default_rng(seed).integers(subjects, size=(RESAMPLES if subjects > 1 else 0, subjects))
+    resampled = np.array([shares(draw) for draw in drawn]).reshape(len(drawn), saved.size)
     tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(shares, [tail, 100.0 - tail])
-    return float(low), float(high)
+    found = []
+    for place, (rate, reach) in enumerate(crossings(everybody)):
+        fewer = {}
+        for number, base in enumerate(bases):
+            index = number * predictors + place
+            known = resampled[np.isfinite(resampled[:, index]), index]
+            is_sure = np.isfinite(saved[index]) and known.size >= LEAST_SHARE * RESAMPLES
+            low, high = np.percentile(known, [tail, 100.0 - tail]) if is_sure else (np.nan, np.nan)
+            ends = {"share": saved[index], "low": low, "high": high}
+            fewer[base] = {name: None if np.isnan(end) else float(end) for name, end in ends.items()}
+            fewer[base]["at_least"] = reach == ABOVE
+        found.append({"reach": reach, "packets_per_s": None if np.isnan(rate) else rate, "fewer_than": fewer})
+    return found

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -81,8 +82,8 @@ class TrialSignals:
         Raises:
             ConfigurationError: if it cannot run with every predictor and reference.
         """
-        conditions = [CodingCondition(predictor, 0.1) for predictor in PREDICTORS]
-        for condition in [*conditions, *(reference.condition for reference in REFERENCES)]:
+        every = (CodingCondition(predictor, 0.1) for predictor in PREDICTORS)
+        for condition in (*every, *(reference.condition for reference in REFERENCES)):
             try_out(load(self.file, self.with_condition(condition)))
 
     def with_condition(self, condition: CodingCondition, *further: str) -> list[str]:
@@ -93,15 +94,20 @@ class TrialSignals:
             coding += UNDISTURBED + (UNDISTURBED_ROTATION if rotates else ())
         return [*self.overrides, *coding, *further]
 
+    def changes(self, plan: TrialPlan) -> str:
+        """The fields that differ from those of a plan, in words; empty if none does."""
+        document = self.document
+        if _digest(document) == plan.digest:
+            return ""
+        return ", ".join(differences(plan.configuration, document)) or "its files"
+
     def check(self, plan: TrialPlan) -> None:
         """Check that the file was not edited during the experiment.
 
         Raises:
             ConfigurationError: if it was.
         """
-        document = self.document
-        if _digest(document) != plan.digest:
-            fields = ", ".join(differences(plan.configuration, document)) or "its files"
+        if fields := self.changes(plan):
             raise ConfigurationError(
                 f"{self.file}: was changed during the experiment ({fields}); restore it and continue"
             )
@@ -116,11 +122,6 @@ class LiveRunner:
     ports: Ports
 
     def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:
-        """Run the session.
-
-        Raises:
-            ConfigurationError: if the file was changed.
-        """
         self.signals.check(self.plan)
         overrides = self.signals.with_condition(trial.condition, *self.ports())
         configuration = load(self.signals.file, overrides)
@@ -128,10 +129,9 @@ class LiveRunner:
         def watch(_: dict[str, Any], summary: dict[str, Any]) -> None:
             elapsed(summary["duration_s"])
 
-        display, duration = (lambda: nullcontext(watch)), self.plan.duration_s
+        display, duration = partial(nullcontext, watch), self.plan.duration_s
         with Session(configuration, overrides, SIDES, duration, display, recording) as session:
-            summary = session.run()
-        return _felt(summary)
+            return _felt(session.run())
 
 
 @dataclass(frozen=True)
@@ -142,52 +142,40 @@ class VirtualRunner:
     plan: TrialPlan
 
     def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:  # noqa: ARG002
-        """Run the simulation.
-
-        Raises:
-            ConfigurationError: if the file was changed.
-        """
         self.signals.check(self.plan)
-        overrides = self.signals.with_condition(trial.condition, *self._seeds(trial))
-        configuration = load(self.signals.file, overrides)
-        system = configuration.system
-        simulation = build_simulation(configuration)
-        score = score_of(system)
-        simulation.run(self.plan.duration_s, [score])
-        master, slave = simulation.master, simulation.slave
-        failures = [side.failure for side in (master, slave) if side.failure is not None]
-        summary = score.summary() | {
-            "faults": {"master": master.faults, "slave": slave.faults},
-            "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
-        }
-        return _felt(summary)
-
-    def _seeds(self, trial: FeltTrial) -> list[str]:
+        configuration = load(self.signals.file, self.signals.with_condition(trial.condition))
+        assert configuration.device is not None
         text = f"{self.plan.seed}/{self.plan.subject}/{trial.number}"
         seed = int.from_bytes(sha256(text.encode()).digest()[:4], "big")
-        configuration = load(self.signals.file, self.signals.overrides)
-        assert configuration.device is not None
         seeds = [f"master.device.seed={seed}"] if "seed" in type(configuration.device.options).model_fields else []
-        return seeds + ([f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else [])
+        seeds += [f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else []
+        configuration = load(self.signals.file, self.signals.with_condition(trial.condition, *seeds))
+        simulation, score = build_simulation(configuration), score_of(configuration.system)
+        simulation.run(self.plan.duration_s, [score])
+        sides = {"master": simulation.master, "slave": simulation.slave}
+        failures = "; ".join(side.failure for side in sides.values() if side.failure is not None)
+        outcome = f"failed: {failures}" if failures else "completed"
+        return _felt(
+            score.summary() | {"faults": {name: side.faults for name, side in sides.items()}, "outcome": outcome}
+        )
 
 
 def _felt(summary: dict[str, Any]) -> TrialResult:
     """The stored figures of a session, and whether it can be rated."""
-    force, outcome = summary["force"], summary["outcome"]
-    figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": summary["faults"]}
+    force, outcome, faults = summary["force"], summary["outcome"], summary["faults"]
+    figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": faults}
     figures |= {name: force[name] for name in FIGURES}
     if "recording" in summary:
         figures["recording_outcome"] = summary["recording"].get("outcome")
-    return TrialResult(figures, _problem(figures), outcome in STOPPED)
-
-
-def _problem(figures: dict[str, Any]) -> str | None:
-    if figures["outcome"] != "completed":
-        return str(figures["outcome"])
-    if not figures["samples"] or figures["error_rms"] is None:
-        return "the two sides did not connect"
-    met = [f"{side} {fault}" for side, faults in figures["faults"].items() for fault in faults if fault in INTERRUPTING]
-    return f"the force was interrupted ({', '.join(met)})" if met else None
+    met = [f"{side} {fault}" for side, found in faults.items() for fault in found if fault in INTERRUPTING]
+    problem = None
+    if outcome != "completed":
+        problem = str(outcome)
+    elif not force["samples"] or force["error_rms"] is None:
+        problem = "the two sides did not connect"
+    elif met:
+        problem = f"the force was interrupted ({', '.join(met)})"
+    return TrialResult(figures, problem, outcome in STOPPED)
 
 
 def _document(configuration: Configuration) -> dict[str, Any]:

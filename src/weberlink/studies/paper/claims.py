@@ -1,15 +1,20 @@
-"""The claims of the paper, and how measurements compare with them: packets saved at equal Weber factor or quality.
+"""The claims of the paper, judged on each source of recordings and on each simulated scene by itself.
 
-A unit is a recorded trace or a simulated scene; its quality is an error, the smaller the better.
+Recordings of one source come from one rig and are alike, so they count together as one, without an interval; a mean
+over sources or scenes would be that of an arbitrary choice. The quality is the RMS error of the force in JNDs.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, log
-from typing import Any, Literal
+from math import exp, inf, isfinite, log, nan
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from weberlink.codec.predictors import HYBRID, HYBRID_BANK
-from weberlink.studies.curves import Band, Observation, curves
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PREDICTORS = (*HYBRID_BANK, HYBRID)
 """The predictors of the paper."""
@@ -17,12 +22,9 @@ WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
 """The Weber factors of the paper."""
 WEBER = 0.10
 """The paper compares packet rates at this Weber factor; the quality at it is the one that is held equal."""
-
-LEAST_UNITS = 2
-"""With fewer units there is no interval."""
-
-QualityCurve = list[tuple[float, float]]
-"""Quality and packet rate, by rising Weber factor."""
+EASY = 0.95
+"""Saved share from which a signal is predicted almost without an error, so that it decides nothing."""
+HOLDS, FAILS, TOO_EASY, NO_CLAIM, UNMEASURED = "holds", "fails", "too easy", "no claim", "not measured"
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,6 @@ class Claim:
     at: Literal["weber", "quality"]
     fewer: float
 
-    @property
-    def conditions(self) -> str:
-        return f"k = {WEBER:.2f}" if self.at == "weber" else "equal quality"
-
 
 CLAIMS = (
     Claim("plane", "zoh", "weber", 0.31),
@@ -59,115 +57,90 @@ CLAIMS = (
 """The paper states 60 and 54 % for "geometry-based" prediction; both geometries are compared."""
 
 
-@dataclass(frozen=True)
-class ClaimResult:
-    """The measurement of a claim under one condition.
+def judge(rows: "DataFrame", signals: int) -> "DataFrame":
+    """Every claim on every source or scene.
 
     Args:
-        claim: the claim.
-        units: number of units that could be compared.
-        fewer: saved share of packets, geometric mean over units with its 95 % confidence interval; None without units.
-        ratios: packets of the predictor per packet of the reference, by unit.
-        unreached: units where the predictor reaches the quality of the reference at none of its Weber factors.
-        clipped: units where it is better at all of them; its fewest packets count, so the saving is a lower bound.
+        rows: condition, source, surface, signal, predictor, weber, packets_per_s and error_rms_jnd.
+        signals: rows of a complete signal; signals with fewer are left out.
+
+    Returns:
+        For each condition, source, whether it has a surface, and claim: number of signals that could be compared,
+        fewer (saved share, geometric mean over them, NaN without any), unreached (those where the predictor reaches
+        the quality of the reference at none of its Weber factors), at_least (whether it is better at all of them on
+        one, so that the saving is a lower bound), and verdict. Without a surface the paper claims nothing.
     """
+    from pandas import DataFrame  # noqa: PLC0415 - heavy, an extra
 
-    claim: Claim
-    units: int
-    fewer: Band | None
-    ratios: dict[str, float]
-    unreached: tuple[str, ...]
-    clipped: tuple[str, ...]
-
-    @property
-    def failing(self) -> tuple[str, ...]:
-        """Units where the predictor sends no less than the reference, the worst first."""
-        units = (unit for unit, ratio in self.ratios.items() if ratio >= 1.0)
-        return tuple(sorted(units, key=lambda unit: -self.ratios[unit]))
-
-    @property
-    def signals(self) -> int:
-        """Number of units that the claim was tried on, with those that never reach the quality."""
-        return self.units + len(self.unreached)
-
-    @property
-    def verdict(self) -> str:
-        """ "holds" if the whole interval saves as much as claimed, "fails" if all of it saves less."""
-        if self.fewer is None:
-            return "not measured"
-        if self.units < LEAST_UNITS:
-            return "undecided"
-        if self.fewer.low >= self.claim.fewer:
-            return "holds"
-        return "fails" if self.fewer.high < self.claim.fewer else "undecided"
-
-    def as_json(self) -> dict[str, Any]:
-        fewer = self.fewer
-        return {
-            "predictor": self.claim.predictor,
-            "reference": self.claim.reference,
-            "at": self.claim.at,
-            "claimed": self.claim.fewer,
-            "units": self.units,
-            "measured": None if fewer is None else fewer.mean,
-            "measured_low": None if fewer is None else fewer.low,
-            "measured_high": None if fewer is None else fewer.high,
-            "verdict": self.verdict,
-            "never_reach_the_quality": len(self.unreached),
-            "ratios": self.ratios,
-            "unreached": list(self.unreached),
-            "clipped": list(self.clipped),
-        }
+    complete = rows.groupby(["condition", "signal"]).filter(lambda mine: len(mine) == signals)
+    found = []
+    for (condition, source, surface), part in complete.groupby(["condition", "source", "surface"], sort=False):
+        for claim in CLAIMS:
+            ratios = [_ratio(mine, claim) for _, mine in part.groupby("signal", sort=False)]
+            compared = [ratio for ratio, _ in ratios if isfinite(ratio)]
+            unreached = sum(ratio == inf for ratio, _ in ratios)
+            fewer = 1.0 - exp(np.mean(np.log(compared))) if compared else nan
+            found.append(
+                {
+                    "condition": condition,
+                    "source": source,
+                    "surface": surface,
+                    "predictor": claim.predictor,
+                    "reference": claim.reference,
+                    "at": claim.at,
+                    "claimed": claim.fewer,
+                    "signals": len(compared),
+                    "fewer": fewer,
+                    "unreached": unreached,
+                    "at_least": any(is_bound for _, is_bound in ratios),
+                    "verdict": verdict(claim.fewer, fewer, unreached) if surface else NO_CLAIM,
+                }
+            )
+    return DataFrame(found, columns=None if found else ["condition", "source", "surface", "signals"])
 
 
-def measure(claim: Claim, observations: Sequence[Observation]) -> ClaimResult:
-    """Measure a claim on units observed with both predictors at several Weber factors.
+def verdict(claimed: float, fewer: float, unreached: int) -> str:
+    """The verdict on a claim where `fewer` packets are sent; NaN if no signal could be compared."""
+    if unreached:
+        return FAILS
+    if not isfinite(fewer):
+        return UNMEASURED
+    if fewer >= EASY:
+        return TOO_EASY
+    return HOLDS if fewer >= claimed else FAILS
 
-    Units without a packet of either predictor are left out.
+
+def _ratio(mine: "DataFrame", claim: Claim) -> tuple[float, bool]:
+    """Packets of the predictor per packet of the reference on one signal, and whether that is an upper bound.
+
+    NaN where one of them sends nothing, infinite where the predictor never reaches the quality of the reference.
     """
-    ratios: dict[str, float] = {}
-    unreached, clipped = [], []
-    for unit in dict.fromkeys(one.unit for one in observations):
-        mine = [one for one in observations if one.unit == unit]
-        reference = next((one for one in mine if (one.predictor, one.weber) == (claim.reference, WEBER)), None)
-        if reference is None or reference.packets_per_s <= 0.0:
-            continue
-        if claim.at == "weber":
-            rate = next((o.packets_per_s for o in mine if (o.predictor, o.weber) == (claim.predictor, WEBER)), None)
-        else:
-            rate, is_clipped = rate_at(curve(mine, claim.predictor), reference.quality)
-            if rate is None:
-                unreached.append(unit)
-            if is_clipped:
-                clipped.append(unit)
-        if rate is not None and rate > 0.0:
-            ratios[unit] = rate / reference.packets_per_s
-    band = ratio_band(ratios)
-    fewer = None if band is None else Band(1.0 - band.mean, 1.0 - band.high, 1.0 - band.low)
-    return ClaimResult(claim, len(ratios), fewer, ratios, tuple(unreached), tuple(clipped))
+    by_predictor = {name: part.sort_values("weber") for name, part in mine.groupby("predictor")}
+    reference = by_predictor[claim.reference].set_index("weber").loc[WEBER]
+    points = by_predictor[claim.predictor]
+    if claim.at == "weber":
+        rate, is_bound = float(points.set_index("weber").loc[WEBER].packets_per_s), False
+    else:
+        curve = list(zip(points.error_rms_jnd, points.packets_per_s, strict=True))
+        rate, is_bound = rate_at(curve, reference.error_rms_jnd)
+    if reference.packets_per_s <= 0.0 or rate <= 0.0:
+        return nan, False
+    return rate / reference.packets_per_s, is_bound
 
 
-def curve(observations: Iterable[Observation], predictor: str) -> QualityCurve:
-    """Quality and packet rate of one predictor on one unit."""
-    mine = sorted((one for one in observations if one.predictor == predictor), key=lambda one: one.weber)
-    return [(one.quality, one.packets_per_s) for one in mine]
-
-
-def rate_at(points: QualityCurve, error: float) -> tuple[float | None, bool]:
-    """The packet rate at which a curve reaches an error, and whether the rate is clipped to the last of the curve.
+def rate_at(points: Sequence[tuple[float, float]], error: float) -> tuple[float, bool]:
+    """The packet rate at which a curve reaches an error, and whether it is the last of a curve that is better.
 
     Interpolates between neighbouring Weber factors, linear in the error and logarithmic in the rate. Of several
     crossings the one with the largest Weber factor counts, which needs the fewest packets.
 
     Args:
-        points: by rising Weber factor; the error mostly rises with it.
+        points: error and rate by rising Weber factor, at least one; the error mostly rises with it.
         error: > 0.
 
     Returns:
-        None where even the smallest Weber factor is worse; the last rate and True where even the largest is better.
+        Infinity where even the smallest Weber factor is worse; the last rate and True where even the largest is better.
     """
-    if not points:
-        return None, False
     if points[-1][0] <= error:
         return points[-1][1], points[-1][0] < error
     for (near, rate_near), (far, rate_far) in zip(points[-2::-1], points[:0:-1], strict=True):
@@ -176,14 +149,4 @@ def rate_at(points: QualityCurve, error: float) -> tuple[float | None, bool]:
             if rate_near <= 0.0 or rate_far <= 0.0:
                 return rate_near + share * (rate_far - rate_near), False
             return exp(log(rate_near) + share * (log(rate_far) - log(rate_near))), False
-    return None, False
-
-
-def ratio_band(ratios: Mapping[str, float]) -> Band | None:
-    """Geometric mean of ratios > 0 by unit, and its 95 % confidence interval; None without any."""
-    if not ratios:
-        return None
-    logs = [Observation(unit, "", WEBER, ratio, log(ratio)) for unit, ratio in ratios.items()]
-    ((point,),) = curves(logs).values()
-    mean, low, high = point.quality
-    return Band(exp(mean), exp(low), exp(high))
+    return inf, False

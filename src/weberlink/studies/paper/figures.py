@@ -1,34 +1,58 @@
 """The figures of `weberlink study paper`: curves of every condition, and forces over time of one scene."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel
 from weberlink.master.trace import Trace
 from weberlink.studies.coded_trace import CodedTrace
-from weberlink.studies.curve_figures import CurveFigures, QualityAxis
-from weberlink.studies.curves import curves
+from weberlink.studies.curve_figures import QualityAxis, draw_over_rate, draw_over_weber, handles
+from weberlink.studies.curves import RATE, curves
 from weberlink.studies.force_figure import draw_force
-from weberlink.studies.paper.document import PaperCondition
+from weberlink.studies.sheet import save, sheet
 
-QUALITY = QualityAxis("force error, RMS [JND]", better="lower", column="error_rms_jnd")
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pandas import DataFrame
+
+QUALITY = QualityAxis("error_rms_jnd", "RMS error [JND]", "lower")
+COLUMNS = 2
+PANEL_CM = 6.3
 
 
-def draw_conditions(conditions: Sequence[PaperCondition], folder: Path, caption: str) -> None:
-    """Write Figs. 7 to 9 of every condition with observations, each into its own folder.
+def draw_curves(rows: "DataFrame", folder: Path, caption: str) -> None:
+    """Write Figs. 7 and 9: a panel for each source of recordings with a surface, and for all scenes of a condition.
+
+    Args:
+        rows: as of `judge`, with `panel`, the title.
 
     Raises:
         OSError: a file cannot be written.
     """
-    for condition in conditions:
-        if condition.observations:
-            place = folder / condition.key
-            place.mkdir(exist_ok=True)
-            found = curves(condition.observations)
-            CurveFigures(found, QUALITY, caption, condition.title, units="signals").write(place)
+    means = {
+        title: curves(part.rename(columns={"signal": "unit"}), QUALITY.column, resamples=0)
+        for title, part in rows.groupby("panel", sort=False)
+    }
+    count = -(-(len(means) + 1) // COLUMNS)  # one more for the legend
+    for name, title in (("packet_rate", "Packets over Weber factor"), ("quality_over_rate", "Error over packets")):
+        figure = sheet(PANEL_CM * count, f"{title}: means over signals", caption)
+        panels = figure.subplots(count, COLUMNS, squeeze=False).ravel()
+        for axes, (panel, found) in zip(panels, means.items(), strict=False):
+            axes.set_title(panel, fontsize=9)
+            axes.tick_params(labelsize=8)
+            if name == "packet_rate":
+                draw_over_weber(axes, found, RATE)
+            else:
+                draw_over_rate(axes, found, QUALITY)
+                axes.set_ylabel(f"{QUALITY.label}, reversed")
+        for axes in panels[len(means) :]:
+            axes.set_axis_off()
+        panels[-1].legend(handles=handles(next(iter(means.values()))), loc="center", handlelength=4.0, frameon=False)
+        save(figure, folder / name, dpi=110, usual=("png",))
 
 
-def draw_forces(trace: Trace, channel: Callable[[str], Channel], stem: Path, caption: str) -> None:
+def draw_forces(trace: Trace, channel: "Callable[[str], Channel]", stem: Path, caption: str) -> None:
     """Write Figs. 2 and 3 of one signal.
 
     Raises:

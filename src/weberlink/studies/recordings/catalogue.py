@@ -1,12 +1,20 @@
-"""The shipped recordings by source: what they are, where they come from and under which licence."""
+"""The shipped recordings by source: what they are, where they come from and under which licence.
 
+An archive is a ZIP file with LZMA members, which `numpy.load` reads. A recording of n samples has two members: `NAME`,
+the changes from sample to sample of its 7 columns in units of the last decimal digit, as little-endian int64 with the
+bytes of equal weight side by side, shape (7, 8, n); and `NAME.digits`, the decimals of each column, shape (7,). So it
+has every decimal digit of the conversion, in a third of the bytes of compressed floating-point numbers.
+"""
+
+import zipfile
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+
 from weberlink.master.trace import Trace, as_trace
-from weberlink.studies.recordings import archive
 
 DATA = Path(str(files("weberlink.studies.recordings") / "data"))
 
@@ -21,6 +29,7 @@ class Source:
         rate: of the samples, as shipped.
         repository: on github.com.
         licence: SPDX identifier; its text is in `data/`.
+        no_surface: first words of the recordings that touch no surface.
     """
 
     name: str
@@ -28,6 +37,7 @@ class Source:
     rate: str
     repository: str
     licence: str
+    no_surface: str | None = None
 
     @property
     def archive(self) -> Path:
@@ -48,6 +58,7 @@ SOURCES = {
             "1 kHz, means of pairs at 2 kHz",
             "Ohara124c41/Haptics-Bilateral_Teleoperation-1DOF_Experiments",
             "MIT",
+            no_surface="tue_free",
         ),
         Source(
             "omega3",
@@ -56,6 +67,7 @@ SOURCES = {
             "1 kHz, interpolated from 500 Hz",
             "xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control",
             "MIT",
+            no_surface="omega3",
         ),
         Source(
             "ochoa_polish",
@@ -66,11 +78,12 @@ SOURCES = {
         ),
         Source(
             "panda_comanip",
-            "a person guides a Franka arm with a force sensor at its wrist along a printed symbol; frame and sign of "
-            "the force are not documented",
+            "a person guides a Franka arm with a force sensor at its wrist along a printed symbol, so the force "
+            "is that of the hand; its frame and sign are not documented",
             "1 kHz with lost samples, 695 Hz on average",
             "AutoLabModena/Panda-Co-Manipulation-Dataset",
             "MIT",
+            no_surface="panda_comanip",
         ),
         Source(
             "stroke_iiwa_teleop",
@@ -106,15 +119,31 @@ def source_of(name: str) -> Source:
     raise KeyError(f"{name}: no shipped recording; those of {', '.join(SOURCES)} are")
 
 
+def has_surface(name: str) -> bool:
+    """Whether the robot or tool of a recording touches a surface, whose geometry predicts the force.
+
+    Raises:
+        KeyError: there is no recording of that name.
+    """
+    without = source_of(name).no_surface
+    return without is None or not name.startswith(without)
+
+
 def load(name: str) -> Trace:
     """A recording: position [m] and force [N] on the operator's side of the contact (the reaction), unfiltered.
 
     Raises:
         KeyError: there is no recording of that name.
     """
-    return as_trace(archive.read(source_of(name).archive, name))
+    with np.load(source_of(name).archive) as archive:
+        split, digits = archive[name], archive[f"{name}.digits"]
+    changes = np.ascontiguousarray(split.transpose(0, 2, 1)).view("<i8")[..., 0]
+    scales = np.array([10.0 ** int(count) for count in digits])
+    return as_trace(np.cumsum(changes, axis=1).T / scales)
 
 
 @cache
 def _members(source: Source) -> tuple[str, ...]:
-    return tuple(archive.names(source.archive))
+    with zipfile.ZipFile(source.archive) as archive:
+        members = [member.removesuffix(".npy") for member in archive.namelist()]
+    return tuple(member for member in members if not member.endswith(".digits"))
