@@ -1,17 +1,15 @@
 """Live sessions of real drivers on both sides with emulated hardware."""
 
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import sleep
-from typing import IO, Any, Self
 
 import pytest
 
-from tests.system.processes import PATIENCE, ROOT, Program, document, faults_of, until
+from tests.apps.emulated import Emulated, norm
+from tests.system.processes import Program, document, faults_of, until
 from tests.system.systems import CONFIGS
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.protocol.keys import generate
@@ -26,55 +24,6 @@ PATIENT = (
     *("--set", "slave.robot.bus_watchdog_ms=1000"),
 )
 """This is not about a machine that stalls."""
-
-
-class Emulated:
-    """A `weberlink device emulate NAME` at work."""
-
-    def __init__(self, name: str, folder: Path, *options: str) -> None:
-        self.port = folder / name
-        self._fifo = folder / f"{name}.faults"
-        sets = [argument for option in options for argument in ("--set", option)]
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "weberlink",
-                "device",
-                "emulate",
-                name,
-                "--link",
-                self.port,
-                "--faults",
-                self._fifo,
-                *sets,
-            ],
-            cwd=ROOT,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self._process.stdout is not None
-        self._answers: IO[str] = self._process.stdout
-
-    def __enter__(self) -> Self:
-        assert str(self.port) in self._answers.readline()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.wait(PATIENCE)
-        self._answers.close()
-
-    def say(self, line: str) -> None:
-        with self._fifo.open("w") as fifo:
-            fifo.write(line + "\n")
-
-    def status(self) -> dict[str, Any]:
-        self.say("status")
-        while not (line := self._answers.readline()).startswith("{"):
-            pass
-        return document(line)
 
 
 @contextmanager
@@ -175,7 +124,3 @@ def test_signal_during_homing_exits_0(tmp_path: Path) -> None:
             program.send(signal.SIGINT)
             status, output, _ = program.finish()
         assert (status, document(output)["outcome"]) == (0, "interrupted")
-
-
-def norm(parts: list[float]) -> float:
-    return float(sum(part * part for part in parts) ** 0.5)

@@ -1,18 +1,14 @@
 """A live session with a device behind an emulated service: a wall is felt, and a service that dies ends the session."""
 
 import os
-import re
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 import pytest
 
-from tests.apps.test_hardware import norm
-from tests.system.processes import PATIENCE, ROOT, Program, document, faults_of, until
+from tests.apps.emulated import Emulated, norm
+from tests.system.processes import Program, document, faults_of, until
 from weberlink.master.devices.inverse3.device import Inverse3Device
 from weberlink.master.devices.inverse3.options import Inverse3Options
 
@@ -32,47 +28,15 @@ slave:
 PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration_s: 0.3, approach_s: 0.3, hold_s: 600}]"
 
 
-class EmulatedService:
-    """A `weberlink device emulate inverse3` at work."""
-
-    def __enter__(self) -> "EmulatedService":
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "weberlink", "device", "emulate", "inverse3", "--set", PRESS],
-            cwd=ROOT,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self._process.stdout is not None
-        found = re.search(r"inverse3 is at (ws://\S+:\d+); configure it as", self._process.stdout.readline())
-        assert found is not None
-        self.address = found[1]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate(timeout=PATIENCE)
-
-    def send(self, number: signal.Signals) -> None:
-        os.kill(self._process.pid, number)
-
-    def status(self) -> dict[str, Any]:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write("status\n")
-        self._process.stdin.flush()
-        return document(self._process.stdout.readline())
-
-
-def file_for(service: EmulatedService, folder: Path) -> Path:
+def file_for(service: Emulated, folder: Path) -> Path:
     file = folder / "inverse3.yaml"
     checked = Inverse3Device.fingerprint(Inverse3Options())
-    file.write_text(FILE.format(port=service.address, checked=checked), encoding="utf-8")
+    file.write_text(FILE.format(port=service.port, checked=checked), encoding="utf-8")
     return file
 
 
 def test_wall_of_a_session_is_felt_through_the_service(tmp_path: Path) -> None:
-    with EmulatedService() as service:
+    with Emulated("inverse3", tmp_path, PRESS) as service:
         with Program("loopback", file_for(service, tmp_path), "--json", "-") as program:
             program.engaged("master")
             until(lambda: service.status()["force"][2] > 1.0, "a push up out of the floor")
@@ -89,7 +53,10 @@ def test_wall_of_a_session_is_felt_through_the_service(tmp_path: Path) -> None:
     ("number", "reason"), [(signal.SIGKILL, "closed the connection"), (signal.SIGSTOP, "no answer within 100 ms")]
 )
 def test_service_that_stops_ends_the_session_with_reason(tmp_path: Path, number: signal.Signals, reason: str) -> None:
-    with EmulatedService() as service, Program("loopback", file_for(service, tmp_path), "--json", "-") as program:
+    with (
+        Emulated("inverse3", tmp_path, PRESS) as service,
+        Program("loopback", file_for(service, tmp_path), "--json", "-") as program,
+    ):
         program.engaged("master")
         service.send(number)
         status, output, _ = program.finish()
@@ -103,7 +70,10 @@ def test_service_that_stops_ends_the_session_with_reason(tmp_path: Path, number:
 @pytest.mark.realtime(alone=True)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_stopped_master_leaves_no_force_in_contact(tmp_path: Path, number: signal.Signals) -> None:
-    with EmulatedService() as service, Program("loopback", file_for(service, tmp_path), "--json", "-") as program:
+    with (
+        Emulated("inverse3", tmp_path, PRESS) as service,
+        Program("loopback", file_for(service, tmp_path), "--json", "-") as program,
+    ):
         master = program.engaged("master").pid
         until(lambda: service.status()["force"][2] > 1.0, "a push")
         sent_at = monotonic()

@@ -117,6 +117,31 @@ WRONG: list[tuple[list[object], str]] = [
     ([*EVALUATE, "--jnd=0"], "--jnd: must be above 0 and at most 1, not 0"),
     ([*EVALUATE, "--jnd=nan"], "--jnd: must be above 0 and at most 1, not nan"),
     (["study", "evaluate", "none.csv"], "none.csv: not found"),
+    # Newcomers' mistakes.
+    (["loopbak"], "did you mean loopback?"),
+    (["loopback", "--durations", 3], "did you mean --duration?"),
+    (["simulate"], "Missing argument 'FILE'"),
+    (["loopback", "--duration", "nan"], "--duration"),
+    (["simulate", LOOPBACK, "--duration", -1], "--duration"),
+    *(
+        (["check", LOOPBACK, "--set", override], field)
+        for override, field in (
+            ("codec.force.webber=1", "codec.force.webber: unknown key; did you mean weber?"),
+            ("codec.force.predictor=hybird", "did you mean hybrid?"),
+            ("lnk=1", "did you mean link?"),
+            ("master.limits.force_n=1.0e+9", "master.limits.force_n"),
+            ("master.device.driver=operater", "nearest is 'operator'"),
+            ("link.slave=nowhere", "link.slave"),
+            ("link.slave=::1:47000", "[::1]:47000"),
+        )
+    ),
+    (["check", "none.yaml"], "no such file"),
+    (["check", "."], "is a folder"),
+    (["study", "experiment", LOOPBACK, "--out", "study"], "add --simulate"),
+    (["simulate", LOOPBACK, "--json", "/sys/out.json"], "--json: /sys"),
+    (["loopback", "--record", "none/a.mcap"], "none is not a folder"),
+    (["simulate", LOOPBACK, "--trace", "."], "--trace"),
+    (["loopback", "--record", "a" * 300], "give a shorter name"),
     # Standard output is for --json and --log.
     (["simulate", CONFIGS / "fig6.yaml", *AT_ONCE, "--trace", "-"], "--trace: - is standard output"),
     (["simulate", CONFIGS / "fig6.yaml", *AT_ONCE, "--record", "-"], "--record: - is standard output"),
@@ -232,6 +257,21 @@ def test_a_missing_key_is_one_line_with_file_and_field(command: str, tmp_path: P
     at_once = AT_ONCE if command in LIVE else ()
     line = complaint(run(command, CONFIGS / "lan.yaml", *at_once, "--set", f"link.key_file={missing}"))
     assert line.startswith(f"weberlink: {CONFIGS / 'lan.yaml'}: link.key_file: {missing} does not exist")
+
+
+@pytest.mark.parametrize(("content", "problem"), [(b"\xff\xfe\x00", "it is not text"), (b"", "is empty")])
+def test_a_file_that_is_no_yaml_is_one_line(content: bytes, problem: str, tmp_path: Path) -> None:
+    file = tmp_path / "system.yaml"
+    file.write_bytes(content)
+    line = complaint(run("check", file))
+    assert str(file) in line
+    assert problem in line
+
+
+def test_a_key_open_to_others_is_one_line(tmp_path: Path) -> None:
+    run("keygen", tmp_path / "open.key")
+    (tmp_path / "open.key").chmod(0o644)
+    assert "chmod 600" in complaint(run("check", LAN, *with_key(tmp_path / "open.key")))
 
 
 # --- keygen

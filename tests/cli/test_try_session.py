@@ -5,18 +5,10 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from typer.testing import CliRunner
 
+from tests.cli.test_cli import complaint, run
 from weberlink.apps.monitor import address
-from weberlink.cli import app
 from weberlink.installation import install_line
-
-
-def complaint(*arguments: object, status: int = 2) -> str:
-    result = CliRunner().invoke(app, ["try", *map(str, arguments)])
-    assert result.exit_code == status, result.output
-    assert result.stderr.count("\n") == 1
-    return result.stderr
 
 
 @pytest.fixture
@@ -26,14 +18,14 @@ def taken_port() -> Iterator[int]:
 
 
 def test_given_port_in_use_is_one_line(taken_port: int) -> None:
-    assert f"port {taken_port} is in use" in complaint("--port", taken_port, status=1)
+    assert f"port {taken_port} is in use" in complaint(run("try", "--port", taken_port), 1)
 
 
 def test_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     find = importlib.util.find_spec
     hidden = lambda name, package=None: None if name == "aiohttp" else find(name, package)  # noqa: E731
     monkeypatch.setattr("weberlink.system.configuration.extras.find_spec", hidden)
-    assert install_line("monitor") in complaint()
+    assert install_line("monitor") in complaint(run("try"))
 
 
 def test_usual_port_in_use_gives_way_to_another(taken_port: int) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,10 @@ DOMAIN = 5
 TICKS = 200
 
 
+LIMIT_S = 120.0
+"""Until the client of others is ended [s]."""
+
+
 @pytest.mark.realtime
 def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None:
     pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
@@ -46,20 +51,20 @@ def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None
     node.subscribe("/weberlink/target", POSE, lambda cdr, *_: targets.append(decode(cdr, POSE)))
     bridge = Ros2Bridge(node, Qos(), None, print)
     follower = SessionFollower(bridge, None, print, tmp_path)
-    command = [
-        sys.executable,
-        "-m",
-        "tests.ros2.sdk",
-        where.rpartition(":")[2],
-        str(DOMAIN),
-        str(len(LISTED)),
-        "--pose",
-    ]
+    port = where.rpartition(":")[2]
+    command = [sys.executable, "-m", "tests.ros2.sdk", port, str(DOMAIN), str(len(LISTED)), "--pose"]
     rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
     follower.look(0.0)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
+        timer = Timer(LIMIT_S, sdk.kill)  # which ends a line that does not come
+        timer.start()
         assert sdk.stdout is not None
-        assert json.loads(sdk.stdout.readline()) == LISTED
+        try:
+            listed = sdk.stdout.readline()
+        finally:
+            timer.cancel()
+        assert listed, "the client lists nothing"
+        assert json.loads(listed) == LISTED
         made = engaged(TICKS, seed=1)
         made["at"] = time.monotonic() + 1e-3 * np.arange(TICKS)
         for first in range(0, TICKS, 4):

@@ -45,10 +45,10 @@ def device_test(
 
     It shows the readings, checks signs without force and, after a yes, with a gentle force.
     """
-    from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run  # noqa: PLC0415
+    from weberlink.apps.device_test import DeviceTestError, Dialog, run  # noqa: PLC0415
 
     with failing(DeviceTestError):
-        run(DeviceTestRequest(name, config, tuple(set_ or ())), Dialog(sys.stdin, sys.stdout, yes=yes))
+        run(name, Dialog(sys.stdin, sys.stdout, yes=yes), config, set_ or ())
 
 
 @device.command()

@@ -14,7 +14,6 @@ import pytest
 from foxglove import Parameter, start_server
 from foxglove.websocket import WebSocketServer
 
-from tests.apps import arm_sessions
 from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
@@ -163,29 +162,6 @@ def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
         seen.until(client, "/diagnostics", 8)
         ended = parsed(client, "/diagnostics")[-1].status
         assert ended[0].level == 3 and ended[0].message == "over"
-
-
-def test_arms_have_joint_states(tmp_path: Path) -> None:
-    for side, torque in (("master", "joint_output"), ("slave", "joint_raw")):
-        folder = tmp_path / side
-        folder.mkdir()
-        topic = f"/weberlink/{'leader' if side == 'master' else 'follower'}"
-        made = arm_sessions.records(side, 30)
-        made["tick"] = 33 + np.arange(30)  # 30 Hz of 1000 Hz
-        made["at"] = monotonic() + 1e-3 * np.arange(30)
-        described = {"side": side, "system": arm_sessions.SYSTEM}
-        with view(folder) as seen, FoxgloveClient(seen.bridge.server.port, {topic, "/weberlink/hand"}) as client:
-            with ring(folder, side, described=described) as writer:
-                seen.look()
-                until(lambda client=client: len(client.types) == TOPICS, topic)  # type: ignore[misc]
-                client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
-                write(writer, made)
-                seen.until(client, topic)
-            joints, places = parsed(client, topic)[0], list(arm_sessions.PLACES)
-            assert joints.name == [*arm_sessions.NAMES, "gripper"]
-            assert joints.position.tolist() == made["joint_position"][0][places].tolist()
-            assert joints.effort.tolist() == made[torque][0][places].tolist()
-            assert not len(joints.velocity) and not client.messages["/weberlink/hand"]
 
 
 @pytest.mark.parametrize(

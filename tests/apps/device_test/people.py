@@ -1,12 +1,13 @@
 """A simulated person at the keyboard, and the clock of the tests of devices."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
+from weberlink.apps.device_test import DeviceTestError, Dialog, run
 from weberlink.system.configuration import ConfigurationError
 
 
@@ -52,10 +53,10 @@ def sitting(clock: Clock, screen: io.StringIO, *lines: Any, yes: bool = False) -
     return Dialog(keyboard, screen, yes=yes, clock=lambda: clock.now, pause=clock.pause, poll=0.01), keyboard
 
 
-def complaint(request: DeviceTestRequest, *lines: Any) -> str:
+def complaint(name: str, *lines: Any, file: Path | None = None, overrides: Sequence[str] = ()) -> str:
     """The one line that a test of a device ends with."""
     dialog, _ = sitting(Clock(), io.StringIO(), *lines)
     with pytest.raises((ConfigurationError, DeviceTestError)) as caught:
-        run(request, dialog)
+        run(name, dialog, file, overrides)
     assert "\n" not in str(caught.value)
     return str(caught.value)

@@ -2,7 +2,8 @@
 
 import io
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from math import ceil
 from pathlib import Path
 from time import monotonic, sleep
@@ -14,8 +15,8 @@ import yaml
 from tests.apps.device_test.people import Keyboard, complaint
 from tests.master.devices.force_dimension.fake import Devices, FakeDevice
 from tests.master.devices.touch.fake_hd import Board, library, plugged
-from tests.system.processes import PATIENCE
-from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
+from tests.system.processes import until
+from weberlink.apps.device_test import DeviceTestError, Dialog, run
 from weberlink.apps.device_test.master import PUSH_N
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 from weberlink.hardware.emulator import PtyDevice
@@ -25,14 +26,6 @@ from weberlink.master import devices, emulators
 HASTE = 20.0
 """How much faster than a person's the time of these tests is."""
 STEP_M = 0.008
-
-
-def soon(condition: Callable[[], bool]) -> None:
-    """Wait for what comes within milliseconds, if the machine does not stall."""
-    gives_up = monotonic() + PATIENCE
-    while not condition():
-        assert monotonic() < gives_up
-        sleep(0.001)
 
 
 class Emulated:
@@ -65,10 +58,10 @@ class Emulated:
             for step in range(1, steps + 1):
                 share = step / steps
                 self._handle.carry(add(scale(start, 1.0 - share), scale((x, y, z), share)))
-                soon(lambda: self._handle.arrived)
+                until(lambda: self._handle.arrived, "the handle to arrive")
                 if is_open:  # who asks for the third time has had an answer to the second, which was asked after that
                     third = self._questions + 3
-                    soon(lambda number=third: self._questions >= number)  # type: ignore[misc]
+                    until(lambda number=third: self._questions >= number, "answers")  # type: ignore[misc]
 
         return carry, ""
 
@@ -76,7 +69,7 @@ class Emulated:
         """Enter, and what there is to say of the push that came: again, if nothing came through."""
 
         def calm() -> None:
-            soon(lambda: norm(self._emulator.force) == 0.0)
+            until(lambda: norm(self._emulator.force) == 0.0, "no force")
             self._felt.clear()
 
         def answer() -> str:
@@ -89,7 +82,7 @@ class Emulated:
 
         return [(calm, ""), answer]
 
-    def check(self, name: str, port: Path | str | None, axes: str, *overrides: str) -> tuple[str, str]:
+    def check(self, name: str, axes: str, *overrides: str) -> tuple[str, str]:
         """The whole test by a person who tells the truth: what is on the screen, and the complaint if there is one."""
         screen, began = io.StringIO(), monotonic()
         keyboard = Keyboard(screen, "", "")
@@ -105,8 +98,7 @@ class Emulated:
 
         dialog = Dialog(keyboard, screen, clock=clock, pause=self.pause, poll=0.02)
         try:
-            where = [] if port is None else [f"port={port}"]
-            run(DeviceTestRequest(name, None, [*where, *overrides]), dialog)
+            run(name, dialog, None, overrides)
         except DeviceTestError as error:
             return screen.getvalue(), str(error)
         return screen.getvalue(), ""
@@ -181,85 +173,84 @@ class Counted(Emulated):
 
 
 @contextmanager
-def emulated(name: str, folder: Path, **options: Any) -> Iterator[tuple[Emulated, Path]]:
+def emulated(name: str, folder: Path, **options: Any) -> Iterator[tuple[Emulated, str]]:
+    """A device behind a serial port, and what its driver is told of it."""
     emulator = emulators.load(name)
     device = emulator(emulator.Options(**options))
     with PtyDevice(device, folder / name) as wire:
-        yield Emulated(device), wire.path
-        soon(lambda: norm(device.force) == 0.0)
+        yield Emulated(device), f"port={wire.path}"
+        until(lambda: norm(device.force) == 0.0, "no force")
 
 
-def gives_force(screen: str, **options: Any) -> bool:
-    """Whether a phantom with the printed fingerprint and these options has force."""
-    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
-    driver: Any = devices.load("polhem_serial")
-    options = {"model": "vintage_phantom", **yaml.safe_load(line), **options}
-    return bool(driver(driver.Options(**options), 0.001).spec.force_feedback)
+@contextmanager
+def behind_library(usb: int, folder: Path) -> Iterator[tuple[Emulated, str]]:
+    fake = Devices(folder / "devices")
+    yield BehindLibrary(HeldHandle(fake[0].plug(usb))), f"library={fake.library}"
 
 
-def test_emulated_phantom_passes_and_its_fingerprint_gives_force(tmp_path: Path) -> None:
-    with emulated("polhem_serial", tmp_path) as (device, port):
-        screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
-    assert error == "", screen
-    assert "The force is right.\n" in screen
-    assert gives_force(screen)
+@contextmanager
+def touch(folder: Path) -> Iterator[tuple[Emulated, str]]:
+    with plugged(folder) as (board,):
+        board.radius = 0.0
+        yield BehindLibrary(HeldStylus(board)), f"library={library()}"
 
 
-def test_emulated_planar_device_passes_with_two_axes(tmp_path: Path) -> None:
-    with emulated("haply_2diy", tmp_path) as (device, port):
-        screen, error = device.check("haply_2diy", port, "xy")
-    assert error == "", screen
-    assert "The force is right.\n" in screen
-
-
-@pytest.mark.parametrize("model", ["omega.3", "novint_falcon"])
-def test_device_behind_library_passes_and_gets_force(model: str, tmp_path: Path) -> None:
-    fake = Devices(tmp_path / "devices")
-    device = BehindLibrary(HeldHandle(fake[0].plug({"omega.3": 33, "novint_falcon": 60}[model])))
-    options = {"library": str(fake.library), "model": model}
-    screen, error = device.check("force_dimension", None, "xyz", *(f"{key}={value}" for key, value in options.items()))
-    assert error == "", screen
-    assert "The force is right.\n" in screen
-    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
-    driver: Any = devices.load("force_dimension")
-    assert driver(driver.Options(**options, **yaml.safe_load(line)), 0.001).spec.force_feedback
-
-
-def test_touch_passes_and_gets_force(tmp_path: Path) -> None:
-    driver: Any = devices.load("touch")
-    with plugged(tmp_path) as (board,):
-        board.radius, path = 0.0, f"{library()}"
-        screen, error = BehindLibrary(HeldStylus(board)).check("touch", None, "xyz", f"library={path}")
-    assert error == "", screen
-    assert "The force is right.\n" in screen
-    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
-    assert driver(driver.Options(library=path, **yaml.safe_load(line)), 0.001).spec.force_feedback
-
-
-def test_emulated_inverse3_passes_and_its_service_is_examined() -> None:
+@contextmanager
+def inverse3(_: Path) -> Iterator[tuple[Emulated, str]]:
     emulator: Any = emulators.load("inverse3")
     service = emulator(emulator.Options(time_out_ms=7.0))
     with WebSocketDevice(service) as wire:
-        screen, error = Counted(service).check("inverse3", wire.address, "xyz")
-    assert error == "", screen
-    assert "The force is right.\n" in screen
-    assert "the service keeps a force for" in screen
-    assert "  force_gate: 0.3\n" in screen
+        yield Counted(service), f"port={wire.address}"
+
+
+def gives_force(name: str, screen: str, *overrides: str) -> bool:
+    """Whether a driver with these options and the printed fingerprint has force."""
+    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
+    driver: Any = devices.load(name)
+    options = {key: yaml.safe_load(value) for key, _, value in (each.partition("=") for each in overrides)}
+    return bool(driver(driver.Options(**options, **yaml.safe_load(line)), 0.001).spec.force_feedback)
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "axes", "overrides", "parts"),
+    [
+        ("polhem_serial", partial(emulated, "polhem_serial"), "xyz", ["model=vintage_phantom"], []),
+        ("haply_2diy", partial(emulated, "haply_2diy"), "xy", [], []),
+        ("force_dimension", partial(behind_library, 33), "xyz", ["model=omega.3"], []),
+        ("force_dimension", partial(behind_library, 60), "xyz", ["model=novint_falcon"], []),
+        ("touch", touch, "xyz", [], []),
+        ("inverse3", inverse3, "xyz", [], ["the service keeps a force for", "  force_gate: 0.3\n"]),
+    ],
+)
+def test_device_passes_and_its_fingerprint_gives_force(
+    name: str,
+    make: Callable[[Path], AbstractContextManager[tuple[Emulated, str]]],
+    axes: str,
+    overrides: list[str],
+    parts: list[str],
+    tmp_path: Path,
+) -> None:
+    with make(tmp_path) as (device, place):
+        screen, error = device.check(name, axes, place, *overrides)
+        assert error == "", screen
+        assert gives_force(name, screen, place, *overrides)
+    for part in ("The force is right.\n", *parts):
+        assert part in screen
 
 
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])
 def test_reversed_phantom_fails_and_passes_as_advised(wrong: str, tmp_path: Path) -> None:
     """An encoder is reversed without its motor, and a motor without its encoder."""
+    model, advice = "model=vintage_phantom", f"{wrong}_directions=[1, 1, -1]"
     with emulated("polhem_serial", tmp_path, **{f"{wrong}_signs": (-1, 1, 1)}) as (device, port):
-        screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
+        screen, error = device.check("polhem_serial", "xyz", port, model)
         assert f"reverse y (the first of {wrong}_directions), and test it again" in error
         assert "signs_checked: " not in screen
     with emulated("polhem_serial", tmp_path, **{f"{wrong}_signs": (-1, 1, 1)}) as (device, port):
-        advice = f"{wrong}_directions=[1, 1, -1]"
-        screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom", advice)
-    assert error == "", screen
-    assert gives_force(screen, **{f"{wrong}_directions": (1, 1, -1)})
-    assert not gives_force(screen)
+        screen, error = device.check("polhem_serial", "xyz", port, model, advice)
+        assert error == "", screen
+        assert gives_force("polhem_serial", screen, port, model, advice)
+        assert not gives_force("polhem_serial", screen, port, model)
 
 
 def test_unplugged_phantom_ends_the_test_in_one_line(tmp_path: Path) -> None:
@@ -270,5 +261,5 @@ def test_unplugged_phantom_ends_the_test_in_one_line(tmp_path: Path) -> None:
             wire.unplug()
             sleep(0.5)
 
-        said = complaint(DeviceTestRequest("polhem_serial", None, [f"port={wire.path}"]), "", (unplug, ""), "")
+        said = complaint("polhem_serial", "", (unplug, ""), "", overrides=[f"port={wire.path}"])
     assert said == f"polhem_serial: {wire.path}: unplugged"

@@ -1,16 +1,15 @@
 """`device test` of a haptic device: order of the steps, signs, force, and zero force at every end."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, ClassVar
 
 import pytest
-import yaml
 from pydantic import BaseModel, ConfigDict
 
 from tests.apps.device_test.people import Clock, sitting
-from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, run
+from weberlink.apps.device_test import DeviceTestError
 from weberlink.apps.device_test.dialog import StoppedByUser
 from weberlink.apps.device_test.master import (
     FRAME,
@@ -52,10 +51,6 @@ class Handle:
     @classmethod
     def reset(cls) -> None:
         cls.hand, cls.turn, cls.log, cls.fails_at = ZERO, staticmethod(lambda hand: hand), [], None
-
-    @classmethod
-    def plugged(cls) -> list[PluggedDevice]:
-        return []
 
     @classmethod
     def fingerprint(cls, options: HandleOptions) -> str:
@@ -143,7 +138,10 @@ def assert_safe() -> None:
 
 
 def test_good_device_passes_with_gentle_smooth_pushes() -> None:
-    screen, error = outcome_of(*ALL)
+    at_rest: list[Vector] = []
+    answer = (lambda: at_rest.append(forces()[-1]), "y")
+    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", "", answer, "", answer, "", answer)
+    assert at_rest == [ZERO] * 3, "each push is over before the question"
     assert error is None
     assert screen.endswith(f"The force is right.\nPut this line under master.device:\n  signs_checked: {PRINT}\n")
     assert screen.count(": right\n") == 3
@@ -151,7 +149,7 @@ def test_good_device_passes_with_gentle_smooth_pushes() -> None:
         assert part in screen
     assert max(map(len, screen.splitlines())) <= WIDTH
     pushes = forces()
-    assert max(map(norm, pushes)) == pytest.approx(PUSH_N, rel=1e-3)
+    assert max(map(norm, pushes)) <= PUSH_N <= 0.3
     for axis in range(3):
         along = [force[axis] for force in pushes]
         assert max(along) == pytest.approx(PUSH_N, rel=1e-3)
@@ -171,17 +169,48 @@ def test_without_yes_no_force(signs_checked: str | None) -> None:
     assert set(forces()) == {ZERO}
 
 
+def varied(**attributes: object) -> Any:
+    """A driver as `Handle`, with other attributes."""
+    return type("Varied", (Handle,), attributes)
+
+
+LISTED = varied(plugged=classmethod(lambda cls: list[PluggedDevice]()))
+"""Without `plugged`, a driver counts as hardware too."""
+FLAT = varied(AXES="xy", FRAME={"x": "to the right", "y": "away from you"})
+DIGITS = varied(fingerprint=classmethod(lambda cls, options: "12345678"))
+WEAK = varied(__init__=lambda self, options: Handle.__init__(self, HandleOptions()))
+REPEATED = (*OPEN, *SIGNS, "yes", "", "", "r", "", "maybe", "y", "", "y", "", "y")
+
+
+@pytest.mark.parametrize(
+    ("driver", "lines", "parts", "absent"),
+    [
+        (Handle, REPEATED, ["Please type one of y, n, r, and Enter."], "simulated"),
+        (LISTED, ALL, [f"  signs_checked: {PRINT}\n"], "simulated"),
+        (
+            varied(COMPUTED=True),
+            ("", *PUSHES[:1], *PUSHES[2:]),
+            ["This device is simulated"],
+            "of signs:",
+        ),
+        (FLAT, (*OPEN, *SIGNS[:4], *PUSHES[:-2]), ["Move it away from you", "Did it push to the right?"], "up"),
+        (DIGITS, ALL, ['  signs_checked: "12345678"\n'], "simulated"),
+        (WEAK, (*OPEN, *SIGNS), ["With these options the device gives no force"], "signs_checked"),
+    ],
+    ids=["repeated", "listed", "computed", "flat", "digits", "weak"],
+)
+def test_dialog_follows_the_driver(driver: Any, lines: Sequence[Any], parts: list[str], absent: str) -> None:
+    screen, error = outcome_of(*lines, driver=driver)
+    assert error is None
+    assert all(part in screen for part in parts)
+    assert absent not in screen
+    assert screen.count("Did it push") == len([line for line in lines if line in ("y", "r", "maybe")])
+
+
 def test_yes_may_be_given_in_advance() -> None:
     screen, error = outcome_of(*OPEN, *SIGNS, *PUSHES[1:], yes=True)
     assert error is None
     assert "Type yes to feel it: yes (--yes)\n" in screen
-
-
-def test_push_is_repeated_on_request() -> None:
-    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", "", "r", "", "maybe", "y", "", "y", "", "y")
-    assert error is None
-    assert screen.count("Did it push toward you?") == 3
-    assert "Please type one of y, n, r, and Enter." in screen
 
 
 @pytest.mark.parametrize("wrong", "xyz")
@@ -194,66 +223,26 @@ def test_wrong_force_fails_without_fingerprint(wrong: str) -> None:
     assert "signs_checked" not in screen
 
 
-def test_push_ends_when_the_handle_gives_way() -> None:
-    clock = Clock()
-
-    def yields(now: float) -> None:
-        if any(force != ZERO for force in forces()):
-            Handle.hand = add(Handle.hand, (0.0005, 0.0, 0.0))
-
-    clock.on_pause = yields
-    screen, _ = outcome_of(*OPEN, *SIGNS, "yes", "", "", "y", CENTRE, "y", CENTRE, "y", clock=clock)
-    assert f"The handle moved by {GIVES_WAY_M * 1e3:.0f} mm" in screen
-    assert len([force for force in forces() if force[0] > 0.0]) <= GIVES_WAY_M / 0.0005 + 2
-
-
-def unlisted(**attributes: object) -> Any:
-    """A driver as `Handle`, without the optional `plugged`."""
-    left_out = ("plugged", "__dict__", "__weakref__")
-    own = {name: value for name, value in vars(Handle).items() if name not in left_out}
-    return type("Unlisted", (), own | attributes)
-
-
-def test_driver_that_lists_no_devices_is_tested_as_hardware() -> None:
-    screen, error = outcome_of(*ALL, driver=unlisted())
-    assert error is None
-    assert screen.endswith(f"  signs_checked: {PRINT}\n")
-    Handle.reset()
-    Handle.turn = staticmethod(lambda p: (-p[0], p[1], p[2]))
-    screen, error = outcome_of(*OPEN, *SIGNS, driver=unlisted())
-    assert "reverse x" in str(error)
-    assert set(forces()) == {ZERO}
-
-
-@pytest.mark.parametrize("make", [lambda: Handle, unlisted], ids=["plugged", "unlisted"])
-def test_loose_handle_is_not_pushed_away(make: Callable[[], Any]) -> None:
-    clock, furthest = Clock(), 0.0
+@pytest.mark.parametrize("driver", [Handle, LISTED], ids=["unlisted", "listed"])
+def test_loose_handle_is_not_pushed_away_and_not_again(driver: Any) -> None:
+    clock, furthest, ended_at = Clock(), 0.0, 0
 
     def runs(_now: float) -> None:
-        nonlocal furthest
+        nonlocal furthest, ended_at
         if forces() and forces()[-1] != ZERO:
             Handle.hand = add(Handle.hand, scale(forces()[-1], 0.001 / norm(forces()[-1])))
             furthest = max(furthest, norm(Handle.hand))
+        elif norm(Handle.hand) > GIVES_WAY_M:  # it springs back
+            Handle.hand = ZERO
+            ended_at = len(forces())
 
     clock.on_pause = runs
     pushes = [part for answer in "yyy" for part in (CENTRE, answer)]
-    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *pushes, driver=make(), clock=clock)
+    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *pushes, driver=driver, clock=clock)
     assert error is None
     assert screen.count("The handle moved by") == 3
     assert furthest <= GIVES_WAY_M + 0.002
-
-
-def test_driver_that_says_it_is_computed_needs_no_sign_check() -> None:
-    screen, error = outcome_of("", *PUSHES[:1], *PUSHES[2:], driver=unlisted(COMPUTED=True))
-    assert error is None
-    assert "This device is simulated" in screen
-
-
-def test_simulated_device_needs_no_sign_check() -> None:
-    screen = io.StringIO()
-    run(DeviceTestRequest("operator"), sitting(Clock(), screen, "", "yes", "", "y", "", "y", "", "y")[0])
-    assert "no signs to check" in screen.getvalue()
-    assert screen.getvalue().endswith("The force is right.\n")
+    assert set(forces()[ended_at:]) == {ZERO}, "it does not begin again"
 
 
 @pytest.mark.parametrize(
@@ -266,9 +255,10 @@ def test_simulated_device_needs_no_sign_check() -> None:
     ],
     ids=["one reversed", "two reversed", "two exchanged", "exchanged and reversed"],
 )
-def test_wrong_sign_ends_before_any_force(turn: Callable[[Vector], Vector], expected: str) -> None:
+@pytest.mark.parametrize("driver", [Handle, LISTED], ids=["unlisted", "listed"])
+def test_wrong_sign_ends_before_any_force(driver: Any, turn: Callable[[Vector], Vector], expected: str) -> None:
     Handle.turn = staticmethod(turn)
-    screen, error = outcome_of(*OPEN, *SIGNS)
+    screen, error = outcome_of(*OPEN, *SIGNS, driver=driver)
     assert expected in str(error)
     assert "WRONG" in screen
     assert "signs_checked" not in screen
@@ -295,40 +285,6 @@ def test_motion_is_classified_by_its_largest_component(axis: int, way: float) ->
     assert found.right == (axis == 0 and way > 0.0)
     assert isinstance(classify_motion("z", (0.0, 0.0, LEAST_M * 0.99), FRAME), str)
     assert isinstance(classify_motion("z", (0.0, 0.0, LEAST_M * 1.01), FRAME), ObservedMotion)
-
-
-def test_driver_defines_axes_and_their_directions() -> None:
-    class Flat(Handle):
-        AXES = "xy"
-        FRAME: ClassVar[dict[str, str]] = {"x": "to the right", "y": "away from you"}
-
-    screen, error = outcome_of(*OPEN, *SIGNS[:4], "yes", "", "", "y", "", "y", driver=Flat)
-    assert error is None
-    assert "Move it away from you by about 5 cm" in screen
-    assert "Did it push to the right?" in screen
-    assert "up" not in screen
-
-
-def test_numeric_fingerprint_is_printed_as_text() -> None:
-    class Digits(Handle):
-        @classmethod
-        def fingerprint(cls, options: HandleOptions) -> str:
-            return "12345678"
-
-    screen, _ = outcome_of(*ALL, driver=Digits)
-    (line,) = (line for line in screen.splitlines() if "signs_checked" in line)
-    assert yaml.safe_load(line) == {"signs_checked": "12345678"}
-
-
-def test_device_without_force_gets_no_fingerprint() -> None:
-    class Weak(Handle):
-        def __init__(self, options: HandleOptions) -> None:
-            super().__init__(HandleOptions())
-
-    screen, error = outcome_of(*OPEN, *SIGNS, driver=Weak)
-    assert error is None
-    assert "signs_checked" not in screen
-    assert "With these options the device gives no force" in screen
 
 
 @pytest.mark.parametrize("lines", range(1, len(ALL)))

@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 import pytest
 
 from tests.apps.device_test.people import Clock, sitting
-from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, run
-from weberlink.apps.device_test.robot import WAY_M, RobotView, try_robot
+from weberlink.apps.device_test import DeviceTestError
+from weberlink.apps.device_test.dialog import View
+from weberlink.apps.device_test.robot import WAY_M, try_robot
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.emulator import PtyDevice
@@ -100,6 +101,13 @@ def test_robot_that_does_not_follow_fails(gain: float) -> None:
     assert "arm: does not follow along x, y, z" in str(error)
 
 
+def test_robot_outside_its_workspace_does_not_move() -> None:
+    Arm.start = (0.0, 0.0, 0.2)
+    _, error = outcome_of("", "", "yes")
+    assert "arm: is at 200 mm along z" in str(error)
+    assert commands() == []
+
+
 def test_robot_stops_at_a_contact() -> None:
     Arm.gain = 0.8
     Arm.force = staticmethod(lambda p: (-1000.0 * max(0.0, p[0] - 0.022), 0.0, -1.0))
@@ -109,19 +117,13 @@ def test_robot_stops_at_a_contact() -> None:
     assert commands()[-2][0] > 0.0285, "it was commanded farther"
 
 
-def test_robot_outside_its_workspace_does_not_move() -> None:
-    Arm.start = (0.0, 0.0, 0.2)
-    _, error = outcome_of("", "", "yes")
-    assert "arm: is at 200 mm along z, outside of its workspace of -100 to 100 mm" in str(error)
-
-
 def test_rate_of_interpolated_readings_is_not_overstated(tmp_path: Path) -> None:
     """Each reading of a 250 Hz arm is of another moment, but not from another sample."""
     driver, emulator = robots.load("dynamixel"), emulators.load("dynamixel")
     with PtyDevice(emulator(), tmp_path / "arm") as wire:
         patient = {"timeout_ms": 100.0, "bus_watchdog_ms": 2000.0}  # for a machine that pauses
         robot = driver(driver.Options(port=str(wire.path), **patient), None, 0.001)
-        view = RobotView(robot)
+        view = View(robot.latest, lambda _: [])
         robot.open(monotonic())
         try:
             until = monotonic() + 0.5
@@ -132,9 +134,3 @@ def test_rate_of_interpolated_readings_is_not_overstated(tmp_path: Path) -> None
             robot.close()
     (rate,) = re.findall(r"(\d+)/s", view.lines()[0])
     assert 0 < int(rate) <= 265
-
-
-def test_simulated_robot_passes() -> None:
-    screen = io.StringIO()
-    run(DeviceTestRequest("point"), sitting(Clock(), screen, "", "yes")[0])
-    assert screen.getvalue().endswith("The motion is right.\n")

@@ -2,20 +2,20 @@
 
 import termios
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from math import inf
 from select import select
 from signal import SIGINT, signal
 from textwrap import wrap
 from threading import current_thread, main_thread
 from time import monotonic, sleep
-from typing import Protocol, TextIO
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.slave.robots.contract import RobotSpec
 
@@ -37,18 +37,6 @@ class DeviceTestError(Exception):
 
 class StoppedByUser(Exception):  # noqa: N818 - not an error
     """The person ended the input."""
-
-
-class View(Protocol):
-    """Live display of a device."""
-
-    def look(self, now: float) -> None:
-        """Read the device at `now` [s]; called about a thousand times a second."""
-        ...
-
-    def lines(self) -> Sequence[str]:
-        """The last reading, the most important line first."""
-        ...
 
 
 class Dialog:
@@ -112,7 +100,7 @@ class Dialog:
             each(now)
             self._pause(self._poll)
 
-    def watch(self, view: View, prompt: str) -> None:
+    def watch(self, view: "View", prompt: str) -> None:
         """Show a view until Enter is pressed; without a terminal, print a few lines and then ask."""
         if not (self._screen.isatty() and self._source.isatty()):
             for _ in range(PLAIN_LINES):
@@ -123,21 +111,14 @@ class Dialog:
         self._forget_typed()
         view.look(self.now())
         with Live(console=Console(file=self._screen), auto_refresh=False, transient=True) as live:
-            while True:
-                live.update(Text("\n".join((*view.lines(), prompt))), refresh=True)
-                if self._entered(REFRESH_S, view):
-                    break
+            shown_at = -inf
+            while not select((self._source,), (), (), self._poll)[0]:
+                view.look(now := self.now())
+                if now - shown_at >= REFRESH_S:
+                    live.update(Text("\n".join((*view.lines(), prompt))), refresh=True)
+                    shown_at = now
+        self._line()
         self.tell(*view.lines())
-
-    def _entered(self, seconds: float, view: View) -> bool:
-        """Whether Enter is pressed within this time; reads the device meanwhile."""
-        until = self.now() + seconds
-        while (now := self.now()) < until:
-            view.look(now)
-            if select((self._source,), (), (), self._poll)[0]:
-                self._line()
-                return True
-        return False
 
     def _line(self) -> str:
         line = self._source.readline()
@@ -150,6 +131,37 @@ class Dialog:
         if self._source.isatty():
             with suppress(termios.error, OSError):
                 termios.tcflush(self._source.fileno(), termios.TCIFLUSH)
+
+
+class View:
+    """The last reading of a device or a robot, in lines.
+
+    Args:
+        latest: reads it at a time [s]; called about a thousand times a second.
+        details: further lines on a reading, below its position and its rate.
+        round_trip_s: duration of its last exchange [s], if it reports that.
+    """
+
+    def __init__(
+        self,
+        latest: Callable[[float], Any],
+        details: Callable[[Any], Iterable[str]],
+        round_trip_s: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        self._latest, self._details, self._round_trip_s = latest, details, round_trip_s
+        self._rate = SampleRate()
+        self._reading: Any = None
+
+    def look(self, now: float) -> None:
+        self._reading = reading = self._latest(now)
+        self._rate.note(now, reading.at, getattr(reading, "sampled_at", None))  # that of a robot
+
+    def lines(self) -> list[str]:
+        """The most important one first."""
+        components = zip("xyz", self._reading.position, strict=True)
+        position = "  ".join(f"{axis} {component * 1e3:+7.1f}" for axis, component in components)
+        rate = self._rate.in_words(self._round_trip_s())
+        return [f"{position} mm   {rate}", *self._details(self._reading)]
 
 
 class SampleRate:
@@ -220,8 +232,3 @@ def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
     yield f"{spec.name}: axes {spec.axes}, workspace {box} mm, at most {spec.force_n:g} N"
     if spec.note:
         yield from wrap(f"Note: {spec.note}", WIDTH)
-
-
-def millimetres(position: Vector) -> str:
-    """A position as text of constant width."""
-    return "  ".join(f"{axis} {component * 1e3:+7.1f}" for axis, component in zip("xyz", position, strict=True)) + " mm"

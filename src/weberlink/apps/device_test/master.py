@@ -1,22 +1,15 @@
 """Test of a haptic device: readings, then a check of signs without force, then a gentle force along each axis."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import cos, inf, pi
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import yaml
 from pydantic import BaseModel
 
-from weberlink.apps.device_test.dialog import (
-    DeviceTestError,
-    Dialog,
-    SampleRate,
-    described,
-    millimetres,
-    uninterrupted,
-)
+from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, View, described, uninterrupted
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, subtract
 from weberlink.master.devices.contract import Device, DeviceReading, ReportsTrouble
 from weberlink.registry import is_hardware
@@ -46,27 +39,6 @@ Its value is printed only after the last axis was felt: a correct position does 
 """
 
 
-@runtime_checkable
-class Timed(Protocol):
-    """A device that reports the duration of its last exchange [s]."""
-
-    @property
-    def round_trip_s(self) -> float: ...
-
-
-@runtime_checkable
-class ExaminesForce(Protocol):
-    """A closed device that finds out by itself what becomes of a force [N] on its way to the hand."""
-
-    def examine(self, force: Vector) -> Sequence[str]:
-        """Lines for the person, who holds the device.
-
-        Raises:
-            DeviceFault: it cannot be used.
-        """
-        ...
-
-
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
     """Test a haptic device.
 
@@ -84,13 +56,16 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
     is_real = is_hardware(driver)
     fingerprint: str | None = driver.fingerprint(options) if hasattr(driver, "fingerprint") else None
-    idle, armed = (build(_with_signs(options, signs)) for signs in (None, fingerprint))
+    idle, armed = (
+        build(options.model_copy(update={SIGNS: signs}) if SIGNS in type(options).model_fields else options)
+        for signs in (None, fingerprint)
+    )
     dialog.tell(*described(armed.spec))
     if is_real:
         dialog.tell(READY)
         dialog.ask("Press Enter to open it, without force: ")
     with _opened(idle, dialog) as device:
-        dialog.watch(DeviceView(device), "Press Enter to continue: ")
+        dialog.watch(view_of(device), "Press Enter to continue: ")
         if is_real:
             check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), dialog)
         else:
@@ -98,7 +73,10 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
     if not armed.spec.force_feedback:
         dialog.tell("With these options the device gives no force; the test is done.")
         return
-    if not _agrees_to_force(armed, dialog):
+    push_n, seconds = min(PUSH_N, armed.spec.force_n), 2.0 * RAMP_S + HOLD_S
+    dialog.tell("", f"Check of force: a push of {push_n:g} N along each axis in turn, for {seconds:g} s each.")
+    if not dialog.agrees("Type yes to feel it: "):
+        dialog.tell("The force is not tested.")
         if fingerprint is not None:
             dialog.tell(f"The signs of the motors are not checked, so {SIGNS} is not printed.")
         return
@@ -106,21 +84,15 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
         dialog.tell(READY)
         dialog.ask("Hold it, then press Enter to open it, with force: ")
     with _opened(armed, dialog) as device:
-        check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_real)
+        check_force(device, push_n, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_real)
     if fingerprint is not None:
-        dialog.tell("Put this line under master.device:", f"  {SIGNS}: {_yaml(fingerprint)}")
-    if isinstance(armed, ExaminesForce):
-        dialog.ask(f"\nHold it, then press Enter for a few short pushes of {_size(armed):g} N up: ")
-        dialog.tell(*armed.examine((0.0, 0.0, _size(armed))))
-
-
-def _with_signs(options: BaseModel, fingerprint: str | None) -> BaseModel:
-    return options.model_copy(update={SIGNS: fingerprint}) if SIGNS in type(options).model_fields else options
-
-
-def _yaml(text: str) -> str:
-    """YAML for a string, quoted if it would be read as a number."""
-    return text if yaml.safe_load(text) == text else f'"{text}"'
+        # Quoted if YAML would read a number.
+        quoted = fingerprint if yaml.safe_load(fingerprint) == fingerprint else f'"{fingerprint}"'
+        dialog.tell("Put this line under master.device:", f"  {SIGNS}: {quoted}")
+    examine = getattr(armed, "examine", None)  # of drivers that find out what becomes of a force on its way to the hand
+    if examine is not None:
+        dialog.ask(f"\nHold it, then press Enter for a few short pushes of {push_n:g} N up: ")
+        dialog.tell(*examine((0.0, 0.0, push_n)))
 
 
 @contextmanager
@@ -135,32 +107,20 @@ def _opened(device: Device, dialog: Dialog) -> Iterator[Device]:
             device.close()
 
 
-class DeviceView:
-    """Position, rate, age, orientation and buttons."""
+def view_of(device: Device) -> View:
+    """Position, rate, age, orientation, buttons and trouble of an open device."""
+    buttons = device.spec.buttons
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
-        self._timed = device if isinstance(device, Timed) else None
-        self._rate = SampleRate()
-        self._reading: DeviceReading | None = None
-
-    def look(self, now: float) -> None:
-        self._reading = self._device.latest(now)
-        self._rate.note(now, self._reading.at)
-
-    def lines(self) -> list[str]:
-        reading, spec = self._reading, self._device.spec
-        assert reading is not None
-        round_trip = None if self._timed is None else self._timed.round_trip_s
-        lines = [f"{millimetres(reading.position)}   {self._rate.in_words(round_trip)}"]
+    def details(reading: DeviceReading) -> Iterator[str]:
         if reading.orientation is not None:
-            lines.append("orientation (w, x, y, z) " + " ".join(f"{part:+.3f}" for part in reading.orientation))
-        if spec.buttons:
-            pressed = [str(button) for button in range(spec.buttons) if reading.buttons >> button & 1]
-            lines.append(f"buttons pressed: {', '.join(pressed) or 'none'} (of 0 to {spec.buttons - 1})")
-        if isinstance(self._device, ReportsTrouble) and self._device.trouble:
-            lines.append(self._device.trouble)
-        return lines
+            yield "orientation (w, x, y, z) " + " ".join(f"{part:+.3f}" for part in reading.orientation)
+        if buttons:
+            pressed = [str(button) for button in range(buttons) if reading.buttons >> button & 1]
+            yield f"buttons pressed: {', '.join(pressed) or 'none'} (of 0 to {buttons - 1})"
+        if isinstance(device, ReportsTrouble) and device.trouble:
+            yield device.trouble
+
+    return View(device.latest, details, lambda: getattr(device, "round_trip_s", None))
 
 
 @dataclass(frozen=True)
@@ -180,11 +140,6 @@ class ObservedMotion:
     @property
     def right(self) -> bool:
         return self.axis == self.asked and self.way_m > 0.0
-
-    def in_words(self, frame: Frame) -> str:
-        """In one line."""
-        what = "right" if self.right else "WRONG AXIS" if self.axis != self.asked else "WRONG DIRECTION"
-        return f"  +{self.asked} ({frame[self.asked]}): {self.way_m * 1e3:+.0f} mm along {self.axis}: {what}"
 
 
 def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion | str:
@@ -219,7 +174,10 @@ def check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog
     """
     dialog.tell("", "Check of signs: you move the handle; there is no force.")
     motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
-    dialog.tell("", *(each.in_words(frame) for each in motions))
+    dialog.tell("")
+    for each in motions:
+        what = "right" if each.right else "WRONG AXIS" if each.axis != each.asked else "WRONG DIRECTION"
+        dialog.tell(f"  +{each.asked} ({frame[each.asked]}): {each.way_m * 1e3:+.0f} mm along {each.axis}: {what}")
     crossed = [f"{each.asked} comes out as {each.axis}" for each in motions if each.axis != each.asked]
     if crossed:
         raise DeviceTestError(
@@ -238,7 +196,7 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
     for _ in range(TRIES):
         dialog.ask("\nHold the handle in the middle of its workspace, then Enter: ")
         start = device.latest(dialog.now()).position
-        dialog.watch(DeviceView(device), f"Move it {frame[axis]} by about 5 cm, hold it there, then Enter: ")
+        dialog.watch(view_of(device), f"Move it {frame[axis]} by about 5 cm, hold it there, then Enter: ")
         found = classify_motion(axis, subtract(device.latest(dialog.now()).position, start), frame)
         if isinstance(found, ObservedMotion):
             return found
@@ -249,25 +207,14 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
     )
 
 
-def _agrees_to_force(device: Device, dialog: Dialog) -> bool:
-    """Ask before the device is opened with force."""
-    seconds = 2.0 * RAMP_S + HOLD_S
-    dialog.tell("", f"Check of force: a push of {_size(device):g} N along each axis in turn, for {seconds:g} s each.")
-    if dialog.agrees("Type yes to feel it: "):
-        return True
-    dialog.tell("The force is not tested.")
-    return False
-
-
-def _size(device: Device) -> float:
-    return min(PUSH_N, device.spec.force_n)
-
-
-def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog, *, may_move: bool) -> None:
+def check_force(
+    device: Device, push_n: float, frame: Frame, options: Mapping[str, str], dialog: Dialog, *, may_move: bool
+) -> None:
     """Push a little along every axis, and ask whether it was felt there.
 
     Args:
         device: open, with force.
+        push_n: size of the push [N].
         frame: directions of its axes.
         options: which option reverses the force along an axis, by axis; for the advice.
         dialog: with the person.
@@ -276,9 +223,15 @@ def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog
     Raises:
         DeviceTestError: the force was felt in another direction, or not at all.
     """
-    spec, push = device.spec, _size(device)
-    gives_way = inf if may_move else GIVES_WAY_M
-    wrong = [axis for axis in spec.axes if not _felt(axis, push, device, frame, gives_way, dialog)]
+    spec, gives_way, wrong = device.spec, inf if may_move else GIVES_WAY_M, []
+    for axis in spec.axes:
+        answer = "r"
+        while answer == "r":
+            dialog.ask(f"\nPress Enter for a push {frame[axis]}: ")
+            _push(scale(UNITS[axis], push_n), device, gives_way, dialog)
+            answer = dialog.choose(f"Did it push {frame[axis]}? y, n, or r to repeat it: ", ("y", "n", "r"))
+        if answer == "n":
+            wrong.append(axis)
     if wrong:
         advice = ", ".join(f"{axis} ({options.get(axis, 'the direction of its motor')})" for axis in wrong)
         raise DeviceTestError(
@@ -286,16 +239,6 @@ def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog
             f"that the options name the right model; where it pushes the other way, reverse {advice}, and test it again"
         )
     dialog.tell("The force is right.")
-
-
-def _felt(axis: str, push: float, device: Device, frame: Frame, gives_way: float, dialog: Dialog) -> bool:
-    """Whether the push was felt along the axis."""
-    while True:
-        dialog.ask(f"\nPress Enter for a push {frame[axis]}: ")
-        _push(scale(UNITS[axis], push), device, gives_way, dialog)
-        answer = dialog.choose(f"Did it push {frame[axis]}? y, n, or r to repeat it: ", ("y", "n", "r"))
-        if answer != "r":
-            return answer == "y"
 
 
 def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> None:
@@ -307,7 +250,10 @@ def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> No
     def tick(now: float) -> None:
         nonlocal is_held
         is_held = is_held and distance(device.latest(now).position, start) <= gives_way
-        device.command(scale(force, _push_share(now - began)) if is_held else ZERO, now)
+        elapsed = now - began
+        into = min(elapsed, 2.0 * RAMP_S + HOLD_S - elapsed) / RAMP_S
+        share = 0.5 - 0.5 * cos(pi * min(1.0, max(0.0, into)))  # half a cosine up and down
+        device.command(scale(force, share) if is_held else ZERO, now)
 
     try:
         dialog.wait(2.0 * RAMP_S + HOLD_S, tick)
@@ -316,9 +262,3 @@ def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> No
             device.command(ZERO, dialog.now())
     if not is_held:
         dialog.tell(f"The handle moved by {gives_way * 1e3:.0f} mm, so the force ended: hold it, and repeat the push.")
-
-
-def _push_share(elapsed: float) -> float:
-    """Share of the push after this time [s]: half a cosine up and down."""
-    into = min(elapsed, 2.0 * RAMP_S + HOLD_S - elapsed) / RAMP_S
-    return 0.5 - 0.5 * cos(pi * min(1.0, max(0.0, into)))

@@ -1,18 +1,10 @@
 """Test of a robot: readings, then a small slow motion along each axis and back."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-from weberlink.apps.device_test.dialog import (
-    DeviceTestError,
-    Dialog,
-    SampleRate,
-    described,
-    millimetres,
-    uninterrupted,
-)
+from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, View, described, uninterrupted
 from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtract
 from weberlink.registry import is_hardware
 from weberlink.slave.robots.contract import Robot, RobotReading, RobotSpec
@@ -46,55 +38,23 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
         dialog.ask("Support the arm if it is limp: its motors switch on. Press Enter to open it: ")
     try:
         robot.open(dialog.now())
-        dialog.watch(RobotView(robot), "Press Enter to continue: ")
+        dialog.watch(View(robot.latest, force_of(robot)), "Press Enter to continue: ")
         _check_motion(robot, dialog)
     finally:
         with uninterrupted():
             robot.close()
 
 
-class RobotView:
-    """Position, rate, age, and the force if it is sensed."""
+def force_of(robot: Robot) -> Callable[[RobotReading], list[str]]:
+    """The line on the force of a reading, if the robot senses it."""
+    newtons, share = robot.spec.force_error
+    error = f"    (+-{newtons:g} N and {share * 100:g} %)" if newtons or share else ""
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._rate = SampleRate()
-        self._reading: RobotReading | None = None
+    def lines(reading: RobotReading) -> list[str]:
+        components = zip("xyz", reading.force, strict=True)
+        return ["  ".join(f"{axis} {component:+7.2f}" for axis, component in components) + f" N{error}"]
 
-    def look(self, now: float) -> None:
-        self._reading = self._robot.latest(now)
-        self._rate.note(now, self._reading.at, self._reading.sampled_at)
-
-    def lines(self) -> list[str]:
-        reading, spec = self._reading, self._robot.spec
-        assert reading is not None
-        lines = [f"{millimetres(reading.position)}   {self._rate.in_words()}"]
-        if spec.force_sensing:
-            newtons, share = spec.force_error
-            force = "  ".join(f"{axis} {component:+7.2f}" for axis, component in zip("xyz", reading.force, strict=True))
-            lines.append(f"{force} N" + (f"    (+-{newtons:g} N and {share * 100:g} %)" if newtons or share else ""))
-        return lines
-
-
-@dataclass
-class AxisMotion:
-    """Result of the motion out and back along an axis.
-
-    Args:
-        way: commanded displacement [m].
-        went_m: greatest distance along the way [m]; negative for the other direction.
-        back_m: final distance from the start [m].
-        force_change_n: greatest change of the force [N].
-    """
-
-    way: Vector
-    went_m: float = -inf
-    back_m: float = 0.0
-    force_change_n: float = 0.0
-
-    @property
-    def right(self) -> bool:
-        return self.went_m >= FOLLOWS * norm(self.way)
+    return lines if robot.spec.force_sensing else lambda _: []
 
 
 def _check_motion(robot: Robot, dialog: Dialog) -> None:
@@ -104,8 +64,10 @@ def _check_motion(robot: Robot, dialog: Dialog) -> None:
     if not dialog.agrees("Is the workspace free? Type yes to move it: "):
         dialog.tell("The motion is not tested.")
         return
-    motions = {axis: _out_and_back(index, robot, dialog) for index, axis in enumerate("xyz") if axis in spec.axes}
-    wrong = [axis for axis, motion in motions.items() if not motion.right]
+    position = robot.latest(dialog.now()).position
+    signs = {axis: _direction("xyz".index(axis), position, spec) for axis in spec.axes}  # all, before any motion
+    went = {axis: _out_and_back("xyz".index(axis), sign, robot, dialog) for axis, sign in signs.items()}
+    wrong = [axis for axis, way_m in went.items() if way_m < FOLLOWS * WAY_M]
     if wrong:
         raise DeviceTestError(
             f"{spec.name}: does not follow along {', '.join(wrong)}; check that the file describes this robot"
@@ -113,33 +75,31 @@ def _check_motion(robot: Robot, dialog: Dialog) -> None:
     dialog.tell("The motion is right.")
 
 
-def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> AxisMotion:
-    """Move along one axis, in the direction where the workspace has room."""
+def _out_and_back(index: int, sign: float, robot: Robot, dialog: Dialog) -> float:
+    """Move along one axis in a direction, +1 or -1; returns the greatest distance along the way [m]."""
     start = robot.latest(dialog.now())
-    sign = _direction(index, start.position, robot.spec)
     x, y, z = (sign * WAY_M if axis == index else 0.0 for axis in range(3))
-    motion = AxisMotion((x, y, z))
+    went_m, back_m, change_n = -inf, 0.0, 0.0
     began = dialog.now()
 
     def tick(now: float) -> None:
+        nonlocal went_m, back_m, change_n
         reading = robot.latest(now)
-        motion.went_m = max(motion.went_m, sign * (reading.position[index] - start.position[index]))
-        motion.back_m = distance(reading.position, start.position)
-        motion.force_change_n = max(motion.force_change_n, norm(subtract(reading.force, start.force)))
-        if motion.force_change_n > FORCE_CHANGE_N:
+        went_m = max(went_m, sign * (reading.position[index] - start.position[index]))
+        back_m = distance(reading.position, start.position)
+        change_n = max(change_n, norm(subtract(reading.force, start.force)))
+        if change_n > FORCE_CHANGE_N:
             robot.command(reading.position, now)
-            raise DeviceTestError(
-                f"{robot.spec.name}: met {motion.force_change_n:.1f} N along {'xyz'[index]} and was stopped"
-            )
-        robot.command(add(start.position, scale(motion.way, _share(now - began))), now)
+            raise DeviceTestError(f"{robot.spec.name}: met {change_n:.1f} N along {'xyz'[index]} and was stopped")
+        robot.command(add(start.position, scale((x, y, z), _share(now - began))), now)
 
     dialog.wait(2.0 * (LEG_S + REST_S), tick)
     dialog.tell(
-        f"  {'+' if sign > 0.0 else '-'}{'xyz'[index]}: went {motion.went_m * 1e3:.1f} mm, "
-        f"came back to within {motion.back_m * 1e3:.1f} mm"
-        + (f", force changed by {motion.force_change_n:.2f} N" if robot.spec.force_sensing else "")
+        f"  {'+' if sign > 0.0 else '-'}{'xyz'[index]}: went {went_m * 1e3:.1f} mm, "
+        f"came back to within {back_m * 1e3:.1f} mm"
+        + (f", force changed by {change_n:.2f} N" if robot.spec.force_sensing else "")
     )
-    return motion
+    return went_m
 
 
 def _direction(index: int, position: Vector, spec: RobotSpec) -> float:
