@@ -400,7 +400,7 @@ def test_evaluate_writes_json_csv_and_plots_beside_the_table(tmp_path: Path) -> 
     assert result.stdout.startswith("trace")
     assert len(json.loads(out.read_text())["rows"]) == 1
     assert (plots / "packet_rate.png").read_bytes().startswith(b"\x89PNG")
-    assert table.read_text().startswith("trace,predictor,weber,")
+    assert table.read_text().startswith("trace,channel,predictor,weber,")
 
 
 def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs_it(tmp_path: Path) -> None:

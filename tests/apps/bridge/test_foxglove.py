@@ -149,11 +149,12 @@ def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:
         seen.look()
         with ring(tmp_path, "slave", 8, box) as slave:
             write(slave, records(20))
-            client.messages["/weberlink/scene"].clear()
-            seen.until(client, "/weberlink/scene", 2)
-            cleared, newest = parsed(client, "/weberlink/scene")[:2]
-            assert [each.action for each in cleared.markers] == [DELETE_ALL]
-            assert [each.type for each in newest.markers][-1] == CUBE
+            scenes: list[Any] = []
+            while not any(each.markers[-1].type == CUBE for each in scenes):
+                seen.until(client, "/weberlink/scene", len(scenes) + 1)
+                scenes = parsed(client, "/weberlink/scene")
+            boxed = next(index for index, each in enumerate(scenes) if each.markers[-1].type == CUBE)
+            assert [each.action for each in scenes[boxed - 1].markers] == [DELETE_ALL]
             client.messages["/diagnostics"].clear()
             seen.until(client, "/diagnostics", 2)  # the first one tells the end of the former session
             status = parsed(client, "/diagnostics")[-1].status
