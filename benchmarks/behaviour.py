@@ -31,7 +31,12 @@ LIVE = {"franka.yaml", "koch-so101.yaml", "phantom-arm.yaml", "ros2.yaml"}
 KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 NO_KEY = {
-    "anywhere.yaml": ("link.path=direct", "link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none"),
+    "anywhere.yaml": (
+        "link.path=direct",
+        "link.listen=127.0.0.1:47000",
+        "link.slave=127.0.0.1:47000",
+        "link.security=none",
+    ),
     "arms.yaml": ("link.security=none",),
     "lan.yaml": ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none"),
 }
