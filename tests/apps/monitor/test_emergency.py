@@ -9,11 +9,12 @@ import json
 import os
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from socket import create_server
+from socket import create_connection, create_server, socket
 from tempfile import TemporaryDirectory
 from threading import Thread
 from time import monotonic, sleep
@@ -26,7 +27,7 @@ from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import PATIENCE
 from tests.watching.sources import records, write
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.listener import EMERGENCY, PROOF_HEADER, Listener
+from weberlink.apps.monitor.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER, Listener
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
@@ -209,6 +210,30 @@ def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) ->
             while any(side.halted_at is None for side in sides):  # computes, and gives the loop no turn
                 assert monotonic() < end, "the stop waits for the loop"
             await asyncio.to_thread(asker.join)
+
+    with daemons(tmp_path) as sides:
+        asyncio.run(run(sides))
+
+
+def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_their_place(tmp_path: Path) -> None:
+    async def run(sides: list[Daemon]) -> None:
+        async with Served(tmp_path) as served:
+
+            def crowd() -> None:
+                address = ("127.0.0.1", served.port)
+                silent = deque(create_connection(address) for _ in range(MOST_SILENT))
+                for _ in range(300):
+                    newest, oldest = socket(), silent.popleft()
+                    with oldest, suppress(OSError):  # closed already for another one
+                        oldest.send(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                        newest.connect(address)
+                    silent.append(newest)
+                stop(served.port, served.watch.requests.token)
+                for each in silent:
+                    each.close()
+
+            await asyncio.to_thread(crowd)
+        assert all(side.halted_at is not None for side in sides)
 
     with daemons(tmp_path) as sides:
         asyncio.run(run(sides))

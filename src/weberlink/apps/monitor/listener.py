@@ -70,7 +70,7 @@ class Listener:
 
     def _run(self) -> None:
         self._listening.setblocking(False)
-        silent: list[socket] = []
+        silent: dict[int, socket] = {}
         with DefaultSelector() as selector:
             selector.register(self._listening, EVENT_READ)
             while not self._closing:
@@ -82,18 +82,20 @@ class Listener:
                             sleep(ACCEPT_AGAIN_S)
                             continue
                         connection.setsockopt(SOL_SOCKET, SO_RCVLOWAT, len(BEGIN))  # readable with that many bytes
-                        silent.append(connection)
+                        silent[connection.fileno()] = connection
                         selector.register(connection, EVENT_READ)
-                    else:
-                        connection = next(each for each in silent if each is key.fileobj)
-                        silent.remove(connection)
+                    elif (waiting := silent.pop(key.fd, None)) is not None:  # else closed for a newer one in this round
+                        connection = waiting
                         selector.unregister(connection)
-                        with suppress(OSError):  # it has ended meanwhile
+                        try:
                             self._assign(connection)
+                        except OSError:  # it has ended meanwhile
+                            connection.close()
                     if len(silent) > MOST_SILENT:
-                        selector.unregister(silent[0])
-                        silent.pop(0).close()
-        for connection in silent:
+                        oldest = silent.pop(next(iter(silent)))
+                        selector.unregister(oldest)
+                        oldest.close()
+        for connection in silent.values():
             connection.close()
 
     def _assign(self, connection: socket) -> None:
