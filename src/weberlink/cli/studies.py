@@ -22,7 +22,7 @@ from weberlink.cli.arguments import (
     folder_target,
 )
 from weberlink.cli.figures import Footer, Format, figures
-from weberlink.cli.output import Study, attempt, errors, fail, progress_bar, publish
+from weberlink.cli.output import Study, attempt, fail, progress_bar, publish
 from weberlink.cli.sessions import free_port
 from weberlink.system.order import FAILED
 
@@ -112,7 +112,7 @@ def evaluate(  # noqa: PLR0917 - an argument for each option
     from weberlink.studies.frame import StudyError  # noqa: PLC0415
 
     try:
-        with errors(), progress_bar() as progress:
+        with progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
                 lookahead_ms=lookahead, jnd=jnd, wire=wire, position=position, plots=plots is not None,
@@ -140,7 +140,7 @@ def precision(
     """
     from weberlink.studies.precision.study import FULL, Effort, run  # noqa: PLC0415
 
-    with errors(), progress_bar() as progress:
+    with progress_bar() as progress:
         result = run(FULL if full else Effort(), plots=plots is not None, progress=progress)
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
@@ -171,7 +171,7 @@ def stability(
     from weberlink.studies.frame import StudyError, check_resources  # noqa: PLC0415
 
     try:
-        with errors(), progress_bar() as progress:
+        with progress_bar() as progress:
             check_resources(workers, dask, plots=plots is not None)
             if cells:
                 from weberlink.studies.stability import display_study  # noqa: PLC0415
@@ -218,9 +218,8 @@ def experiment(
     request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
     # A progress bar would reveal the conditions to the subject.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
-    with errors():
-        check_device(request)
-    with errors(), shown as progress:
+    check_device(request)
+    with shown as progress:
         try:
             words = conduct(
                 request,
@@ -258,8 +257,7 @@ def ratings(
     """
     from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
 
-    with errors():
-        result = run(folder, level=level, only=only, plots=plots is not None)
+    result = run(folder, level=level, only=only, plots=plots is not None)
     publish_rows(result, json_out, csv_out, plots, footer, format_)
 
 
@@ -284,7 +282,7 @@ def paper(
     from weberlink.studies.paper.command import run  # noqa: PLC0415
 
     try:
-        with errors(), progress_bar() as progress:
+        with progress_bar() as progress:
             result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
     except StudyError as error:
         fail(str(error), FAILED)
