@@ -6,7 +6,7 @@ import re
 import termios
 from contextlib import suppress
 
-from tests.system.processes import Program
+from tests.program import Program
 
 WIDTH = 80
 

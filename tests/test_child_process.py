@@ -12,7 +12,7 @@ from socket import socket
 
 import pytest
 
-from tests.system.processes import ROOT
+from tests.program import ROOT
 from tests.system.systems import CONFIGS
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing

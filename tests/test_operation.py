@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from tests.system.processes import Program, document
+from tests.program import Program, document
 from weberlink.apps.doctor import rights
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES

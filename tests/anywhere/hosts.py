@@ -11,7 +11,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from tests.anywhere.testbed import MAILBOX_URL, SECRET, Home
-from tests.system.processes import ROOT, Program, Records, Telemetry
+from tests.program import ROOT, Program, Records, Telemetry
 from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerStore
 from weberlink.protocol.states import State
 from weberlink.telemetry.ring import default_path

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tests.anywhere.hosts import ENGAGED
+from tests.program import Records
 from tests.safety.run import CODING_M, STILL, WALL_M_S
-from tests.system.processes import Records
 from weberlink.system.configuration import Configuration
 from weberlink.telemetry.fault import Fault
 

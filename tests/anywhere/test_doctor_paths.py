@@ -14,8 +14,8 @@ import pytest
 
 from tests.anywhere.namespaces import SERVER_NAME, needs_testbed
 from tests.anywhere.testbed import BLOCKED, CONE, MAILBOX_PORT, SECRET, SYMMETRIC, TURN_PORT, Home, Internet
-from tests.system.processes import until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.anywhere.peers import Peer, PeerStore
 
 pytestmark = [

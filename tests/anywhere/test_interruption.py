@@ -7,7 +7,7 @@ import pytest
 
 from tests.anywhere.hosts import SHIPPED
 from tests.anywhere.interruption import EITHER, NOTHING, SILENCE, measure, violated
-from tests.system.processes import Records
+from tests.program import Records
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, Configuration, load
 from weberlink.telemetry.fault import Fault

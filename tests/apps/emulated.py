@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any, Self
 
-from tests.system.processes import PATIENCE, document
+from tests.program import document
+from tests.wait import PATIENCE
 
 
 class Emulated:

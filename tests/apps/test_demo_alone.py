@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import ROOT, until
+from tests.program import ROOT
+from tests.wait import until
 
 OUTSIDE = ("anywhere", "franka", "foxglove", "inverse3", "ros2")
 """Extras for other systems and makers."""

@@ -17,8 +17,8 @@ import pytest
 from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
+from tests.program import PATIENT, document
 from tests.system.packages import install
-from tests.system.processes import PATIENT, document
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults

@@ -15,7 +15,8 @@ from typing import IO, Any
 
 import pytest
 
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
 from weberlink.apps.emulate import names, run
 from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
 from weberlink.hardware.fault import HardwareFault

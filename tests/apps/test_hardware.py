@@ -9,8 +9,9 @@ from time import sleep
 import pytest
 
 from tests.apps.emulated import Emulated, norm
-from tests.system.processes import Program, document, faults_of, until
+from tests.program import Program, document, faults_of
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.protocol.keys import generate
 

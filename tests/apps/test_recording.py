@@ -12,8 +12,9 @@ from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
 from tests.apps import arm_sessions
-from tests.system.processes import ENGAGED, Program, document, free_port, until
+from tests.program import ENGAGED, Program, document, free_port
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.codec.replay import code
 from weberlink.master.trace import read_motion, read_trace

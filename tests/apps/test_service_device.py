@@ -8,7 +8,8 @@ from time import monotonic
 import pytest
 
 from tests.apps.emulated import Emulated, norm
-from tests.system.processes import Program, document, faults_of, until
+from tests.program import Program, document, faults_of
+from tests.wait import until
 from weberlink.master.devices.inverse3.device import Inverse3Device
 from weberlink.master.devices.inverse3.options import Inverse3Options
 

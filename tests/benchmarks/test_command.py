@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from benchmarks import programs
 from benchmarks.__main__ import app
 from benchmarks.percentiles import NAMES
-from tests.system.processes import Program, document, until
+from tests.program import Program, document
+from tests.wait import until
 from weberlink.system.configuration import SIDES
 
 

@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.system.processes import PATIENT, ROOT, Program, free_port, until
+from tests.program import PATIENT, ROOT, Program, free_port
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.installation import install_line
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.recording.reader import read_recording

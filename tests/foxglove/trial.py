@@ -20,7 +20,8 @@ from _pytest.outcomes import Failed
 
 from tests.apps.monitor.monitors import Monitor
 from tests.laws import Laws, write
-from tests.system.processes import PATIENT, Program, until
+from tests.program import PATIENT, Program
+from tests.wait import until
 from weberlink.apps.ros_markers import DELETE_ALL
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path

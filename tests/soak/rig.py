@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import yaml
 
+from tests.program import free_port
 from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
-from tests.system.processes import free_port
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import SIDES, Configuration, load
 from weberlink.system.launcher import Daemon

@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
+from tests.program import ROOT
 from tests.soak.conditions import CONDITIONS, EXCLUDED
 from tests.soak.faults import FAULTS
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.wait import PATIENCE, until
 from weberlink.telemetry.runtime_directory import directories
 
 pytestmark = pytest.mark.realtime(alone=True)

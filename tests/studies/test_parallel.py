@@ -6,7 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.system.processes import ROOT, until
+from tests.program import ROOT
+from tests.wait import until
 from weberlink.studies.parallel import parallel_map
 
 ASKS = """

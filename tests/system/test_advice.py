@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
-from tests.system.processes import PATIENT
+from tests.program import PATIENT
 from tests.system.systems import CONFIGS, configuration
 from weberlink.cli import app
 from weberlink.control.passivity import passivity_limit

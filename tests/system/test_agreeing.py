@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.compiled import replaces_methods
 from tests.examples import examples
-from tests.system.processes import ENGAGED
+from tests.program import ENGAGED
 from tests.system.systems import system
 from weberlink.control.tuning import LEAD_TICKS, lead
 from weberlink.protocol.emulation import Emulation

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.program import ENGAGED, Program, Telemetry, document
 from tests.system.namespaces import ROBOT, ip
-from tests.system.processes import ENGAGED, Program, Telemetry, document, until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.cli import app
 
 pytestmark = [pytest.mark.realtime(alone=True), pytest.mark.hunt]

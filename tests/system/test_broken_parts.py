@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.apps.packages import add_drivers
+from tests.program import PATIENT, Program, document
 from tests.system.packages import install
-from tests.system.processes import PATIENT, Program, document
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
 from weberlink.cli import app

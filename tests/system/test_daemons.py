@@ -16,17 +16,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.processes import (
-    ENGAGED,
-    PATIENT,
-    Program,
-    Records,
-    Telemetry,
-    document,
-    faults_of,
-    free_port,
-    until,
-)
+from tests.program import ENGAGED, PATIENT, Program, Records, Telemetry, document, faults_of, free_port
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.protocol import DropReason
 from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION

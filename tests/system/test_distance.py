@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.processes import Program, document
+from tests.program import Program, document
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 from weberlink.system.verdict import verdict

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.processes import Program, document, until
+from tests.program import Program, document
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.anywhere.peers import KEY_BYTES, Peer, PeerStore
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.aio.paths import FINDER_ENDED

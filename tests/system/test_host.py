@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from tests.conftest import may_use_fifo
-from tests.system.processes import PATIENT, Program, Telemetry, document, until
+from tests.program import PATIENT, Program, Telemetry, document
+from tests.wait import until
 
 pytestmark = [
     pytest.mark.realtime,

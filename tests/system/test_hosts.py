@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tests.program import Program, document, faults_of
 from tests.system.namespaces import ROBOT
-from tests.system.processes import Program, document, faults_of, until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.system.configuration import load
 

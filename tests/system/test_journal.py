@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.system.processes import Program, document, until
+from tests.program import Program, document
+from tests.wait import until
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.configuration import ConfigurationError

@@ -19,9 +19,10 @@ import numpy as np
 import pytest
 
 from tests.compiled import replaces_methods
+from tests.program import ENGAGED, Program
 from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
-from tests.system.processes import ENGAGED, PATIENCE, Program, until
 from tests.system.systems import Step, decoded, raw, steps, system
+from tests.wait import PATIENCE, until
 from weberlink.codec import Decoder
 from weberlink.codec.deadband import Deadband
 from weberlink.control.tuning import LiveSettings, Tuning

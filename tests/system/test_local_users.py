@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.program import ROOT, Program, document
 from tests.strangers import as_stranger, needs_root, read_file
-from tests.system.processes import PATIENCE, ROOT, Program, document, until
+from tests.wait import PATIENCE, until
 from weberlink.system import description
 from weberlink.telemetry.ring import default_path
 
@@ -19,7 +20,7 @@ CROWDED = """
 from pathlib import Path
 from weberlink.telemetry.ring import RingWriter
 from tests.strangers import *
-from tests.system.processes import Program, document
+from tests.program import Program, document
 from weberlink.watching.rings import find_rings
 
 shared = Path("/dev/shm")

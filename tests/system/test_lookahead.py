@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.system.processes import PATIENT, Program, document, faults_of
+from tests.program import PATIENT, Program, document, faults_of
 from tests.system.systems import configuration, steps, system
 from weberlink.geometry.vector import distance
 from weberlink.protocol.states import State

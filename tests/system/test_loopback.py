@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.system.processes import ENGAGED, PATIENT, Program, document, faults_of, until
+from tests.program import ENGAGED, PATIENT, Program, document, faults_of
 from tests.system.systems import CONFIGS
 from tests.terminals import WIDTH, on_terminal
+from tests.wait import until
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.ring import process_started

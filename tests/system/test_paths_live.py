@@ -6,7 +6,8 @@ from signal import SIGINT
 
 import pytest
 
-from tests.system.processes import PATIENT, Program, document, until
+from tests.program import PATIENT, Program, document
+from tests.wait import until
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.system import description
 from weberlink.telemetry.recording.reader import read_recording

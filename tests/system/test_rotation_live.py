@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.processes import Program, document
+from tests.program import Program, document
 from tests.system.systems import CONFIGS
 
 pytestmark = pytest.mark.realtime

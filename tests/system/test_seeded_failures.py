@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 
 from tests.apps.test_hardware import Emulated
+from tests.program import ROOT, Program, document, free_port
 from tests.safety.observed_link import ObservedLink
 from tests.safety.run import simulation
-from tests.system.processes import ROOT, Program, document, free_port, until
 from tests.system.systems import CONFIGS, configuration
 from tests.system.test_stopped_process import FILE, PRESS
+from tests.wait import until
 from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.keys import generate

@@ -11,7 +11,8 @@ from time import monotonic, sleep
 import pytest
 
 from tests.apps.test_hardware import Emulated, norm
-from tests.system.processes import Program, until
+from tests.program import Program
+from tests.wait import until
 from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 

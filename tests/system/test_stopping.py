@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.system.processes import ENGAGED, PATIENCE, Program, Telemetry, until
+from tests.program import ENGAGED, Program, Telemetry
 from tests.system.systems import CONFIGS, output, steps, system
+from tests.wait import PATIENCE, until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.pointer_link import PointerSender, socket_path
 from weberlink.protocol.states import State

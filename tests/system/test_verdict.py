@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.system.processes import ROOT
+from tests.program import ROOT
 from tests.system.scoring.test_session import NONE, RATE, records
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State

@@ -9,7 +9,7 @@ from typing import Any, Self
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from tests.system.processes import until
+from tests.wait import until
 
 HEAD = 13
 """Bytes before a message: kind, subscription and log time."""

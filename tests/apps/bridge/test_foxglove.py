@@ -15,8 +15,8 @@ from foxglove import Parameter, start_server
 from foxglove.websocket import WebSocketServer
 
 from tests.apps.bridge.foxglove_client import FoxgloveClient
-from tests.system.processes import until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
 from weberlink.apps.bridge.foxglove import FoxgloveBridge, FoxgloveServer

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENT, Program, document, faults_of, until
+from tests.program import PATIENT, Program, document, faults_of
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path

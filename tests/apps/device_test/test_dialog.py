@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.apps.device_test.people import Clock, complaint, sitting
-from tests.system.processes import PATIENCE
 from tests.system.systems import CONFIGS
+from tests.wait import PATIENCE
 from weberlink.apps.device_test import Dialog, run
 from weberlink.apps.device_test.dialog import SampleRate, View, uninterrupted
 from weberlink.master.devices.contract import DeviceReading

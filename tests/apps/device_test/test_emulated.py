@@ -15,7 +15,7 @@ import yaml
 from tests.apps.device_test.people import Keyboard, complaint
 from tests.master.devices.force_dimension.fake import Devices, FakeDevice
 from tests.master.devices.touch.fake_hd import Board, library, plugged
-from tests.system.processes import until
+from tests.wait import until
 from weberlink.apps.device_test import DeviceTestError, Dialog, run
 from weberlink.apps.device_test.master import PUSH_N
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale

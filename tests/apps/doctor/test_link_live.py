@@ -8,8 +8,8 @@ from socket import AF_INET, SOCK_DGRAM, socket
 
 import pytest
 
-from tests.system.processes import until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 
 pytestmark = pytest.mark.realtime
 PROGRAM = (sys.executable, "-m", "weberlink")

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
 
-from tests.system.processes import until
+from tests.wait import until
 
 T = TypeVar("T")
 

@@ -9,7 +9,8 @@ from typing import Self
 
 import pytest
 
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
 
 
 class Monitor:

@@ -24,7 +24,7 @@ import pytest
 from aiohttp import web
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENCE
+from tests.wait import PATIENCE
 from tests.watching.sources import records, write
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER, Listener

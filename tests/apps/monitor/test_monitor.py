@@ -18,7 +18,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from pydantic import ConfigDict, Field, TypeAdapter
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENCE, PATIENT, Program, document
+from tests.program import PATIENT, Program, document
+from tests.wait import PATIENCE
 from weberlink.apps.monitor.messages import Message
 from weberlink.apps.monitor.metrics import COUNTERS
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.apps.monitor.browser import Browser, browser
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENT, Program, document
+from tests.program import PATIENT, Program, document
 from tests.system.systems import CONFIGS
 
 pytestmark = pytest.mark.realtime

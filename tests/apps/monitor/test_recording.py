@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.apps.monitor.test_watch import asked, told
-from tests.system.processes import until
+from tests.wait import until
 from tests.watching.sources import description, records, write
 from weberlink.apps.monitor.recording import RecordingService, file_name
 from weberlink.apps.monitor.viewer import Viewer

@@ -9,7 +9,7 @@ import pytest
 
 import weberlink.apps.monitor
 from tests.apps.monitor import declarations
-from tests.system.processes import ROOT
+from tests.program import ROOT
 from weberlink.system.bounded_json import parse
 
 HERE = Path(__file__).parent / "page"

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import ENGAGED, PATIENCE, Telemetry, document, until
+from tests.program import ENGAGED, Telemetry, document
+from tests.wait import PATIENCE, until
 from weberlink.apps.monitor.listener import PROOF_HEADER
 from weberlink.cli.try_session import LEFT_S
 from weberlink.telemetry.record import RELEASED

@@ -12,7 +12,7 @@ import aiohttp
 import pytest
 from aiohttp import web
 
-from tests.system.processes import PATIENCE
+from tests.wait import PATIENCE
 from tests.watching.sources import HandSource, records
 from weberlink.apps.monitor import access
 from weberlink.apps.monitor.listener import MOST_SILENT, PROOF_HEADER, Listener

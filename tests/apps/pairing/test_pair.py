@@ -18,8 +18,9 @@ import pytest
 
 from tests.anywhere.mailbox_server import MailboxServer
 from tests.anywhere.screens import HALVES, qr_codes
-from tests.system.processes import PATIENCE, Program, free_port, until
+from tests.program import Program, free_port
 from tests.system.systems import CONFIGS
+from tests.wait import PATIENCE, until
 from weberlink.anywhere.invitation import Invitation
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.anywhere.peers import Peer, PeerStore

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.processes import Program, free_port, until
+from tests.program import Program, free_port
+from tests.wait import until
 from weberlink.arms.emulators.feetech import (
     So101FollowerEmulator,
     So101FollowerEmulatorOptions,

@@ -13,7 +13,7 @@ from typing import Any
 
 from tests.hardware.scripted import wait_for
 from tests.master.devices import pushing_host
-from tests.system.processes import ROOT
+from tests.program import ROOT
 from weberlink.geometry.vector import Vector, norm
 from weberlink.master.devices.threaded_device import RAMP_S
 

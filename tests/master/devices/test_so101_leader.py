@@ -9,7 +9,8 @@ from time import monotonic, sleep
 import pytest
 
 from tests.arms.feetech.virtual import VirtualPort, frames
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
 from weberlink.arms.contract import ArmFault
 from weberlink.arms.emulators.feetech import So101LeaderEmulator, So101LeaderEmulatorOptions
 from weberlink.geometry.joints import Joints

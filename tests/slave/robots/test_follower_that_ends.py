@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave import emulators
 

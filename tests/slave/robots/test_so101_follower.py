@@ -7,7 +7,7 @@ from time import monotonic, sleep
 import pytest
 
 from tests.arms.feetech.virtual import VirtualPort
-from tests.system.processes import PATIENCE
+from tests.wait import PATIENCE
 from weberlink.arms.contract import ArmFault
 from weberlink.arms.emulators.feetech import (
     FRICTION_NM,

@@ -20,8 +20,8 @@ from typer.testing import CliRunner, Result
 
 from tests.examples import examples
 from tests.studies.evaluate.signals import walk, wall
-from tests.system.processes import until
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.evaluate.command import run

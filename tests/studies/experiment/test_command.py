@@ -15,9 +15,10 @@ import pytest
 from pandas import read_csv
 from typer.testing import CliRunner, Result
 
+from tests.program import ENGAGED, Program
 from tests.system.packages import install
-from tests.system.processes import ENGAGED, Program, until
 from tests.system.systems import CONFIGS, raw, steps
+from tests.wait import until
 from weberlink.cli import app
 from weberlink.geometry.vector import ZERO, distance
 from weberlink.protocol.keys import generate

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.system.processes import PATIENT, ROOT, Program
+from tests.program import PATIENT, ROOT, Program
 from weberlink.studies.stability.cells import SystemCell
 from weberlink.studies.stability.script import timing
 from weberlink.studies.stability.study import configuration, judge, overrides

@@ -12,7 +12,8 @@ from time import monotonic, sleep
 import pytest
 
 from tests.master.devices.force_dimension.fake import STATE, Devices, FakeDevice
-from tests.system.processes import Program, until
+from tests.program import Program
+from tests.wait import until
 from weberlink.geometry.vector import norm
 from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
 from weberlink.master.devices.force_dimension.options import ForceDimensionOptions

@@ -13,8 +13,9 @@ from time import monotonic
 import numpy as np
 import pytest
 
+from tests.program import ENGAGED, PATIENT, ROOT, Program, Telemetry
 from tests.ros2.ports import endpoint
-from tests.system.processes import ENGAGED, PATIENT, ROOT, Program, Telemetry, until
+from tests.wait import until
 from weberlink.geometry.vector import Vector, distance
 
 pytestmark = [

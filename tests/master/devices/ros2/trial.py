@@ -15,8 +15,8 @@ import numpy as np
 
 from tests.master.devices.ros2.publishing import listening, next_target
 from tests.pace import TICK
+from tests.program import ROOT
 from tests.ros2.ports import endpoint
-from tests.system.processes import ROOT
 from weberlink.master.devices.ros2.process import ListenerProcess
 from weberlink.realtime.process import prepare
 

@@ -11,7 +11,8 @@ from time import monotonic, sleep
 import pytest
 
 from tests.master.devices.touch.fake_hd import Board, library, plugged
-from tests.system.processes import Program, document, until
+from tests.program import Program, document
+from tests.wait import until
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.devices.touch.device import TouchDevice
 from weberlink.master.devices.touch.options import TouchOptions

@@ -14,8 +14,9 @@ from time import monotonic, sleep
 
 import pytest
 
+from tests.program import ROOT
 from tests.slave.robots.dynamixel.pressing import GROUND_M
-from tests.system.processes import PATIENCE, ROOT, until
+from tests.wait import PATIENCE, until
 from weberlink.arms.dynamixel import registers
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions

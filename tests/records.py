@@ -1,0 +1,35 @@
+"""Records of telemetry that a test makes up."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from weberlink.telemetry.reader import DTYPE
+
+TICK = 1e-3
+
+
+def ticks(count: int, *, start: float = 0.0, every: float = TICK, **columns: ArrayLike) -> NDArray[Any]:
+    """Records of `count` ticks that are `every` [s] apart; zeros but for the `columns`, which broadcast over them."""
+    made = np.zeros(count, DTYPE)
+    made["at"] = start + every * np.arange(count)
+    for name, values in columns.items():
+        made[name] = values
+    return made
+
+
+def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> NDArray[Any]:
+    """Records of parts that follow each other, each its ticks and its columns; `columns` hold in all."""
+    made = ticks(sum(count for count, _ in parts), **columns)
+    begin = 0
+    for count, own in parts:
+        for name, values in own.items():
+            made[name][begin : begin + count] = values
+        begin += count
+    return made
+
+
+def row(**columns: ArrayLike) -> Any:
+    """One record."""
+    return ticks(1, **columns)[0]
