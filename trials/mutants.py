@@ -232,13 +232,14 @@ def judge(mutant: Mutant, tree: Path) -> str:
 def grown(folder: Path, tests: Path) -> Path:
     """A copy of the sources here with the tests of a checkout."""
     tree = folder / "tree"
-    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
-    for name in tracked.decode().split("\0"):
-        origin = (tests if name.startswith("tests/") else ROOT) / name
-        if name and (origin.is_symlink() or origin.is_file()):
-            target = tree / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.symlink_to(origin.readlink()) if origin.is_symlink() else target.write_bytes(origin.read_bytes())
+    for origin, is_tests in ((ROOT, False), (tests, True)):
+        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=origin, capture_output=True, check=True).stdout
+        for name in tracked.decode().split("\0"):
+            path = origin / name
+            if name.startswith("tests/") == is_tests and (path.is_symlink() or path.is_file()):
+                target = tree / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.symlink_to(path.readlink()) if path.is_symlink() else target.write_bytes(path.read_bytes())
     return tree
 
 
