@@ -8,16 +8,17 @@ something was wrong.
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.util import find_spec
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from types import ModuleType
 from typing import Any
 
+from tests.wait import PATIENCE, until
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
@@ -27,7 +28,6 @@ from weberlink.master.devices.inverse3.protocol import ours, theirs
 from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
 
 MODULE = "devices/haply/se3_haply.py"
-PATIENCE_S = 10.0
 PUSH: Vector = (0.5, -0.25, 1.0)
 """[N, axes of the service]; of a size that single precision has."""
 STILL = {"tremor_m": 0.0, "script": [{"motion": "rest"}], "home_m": (0.01, -0.02, 0.03)}
@@ -63,14 +63,6 @@ def client_module() -> ModuleType:
     return import_module("isaaclab.devices.haply.se3_haply")
 
 
-def until(condition: Callable[[], bool], what: str) -> None:
-    gives_up = monotonic() + PATIENCE_S
-    while not condition():
-        if monotonic() > gives_up:
-            raise AssertionError(f"it did not come to: {what}")
-        sleep(0.002)
-
-
 @contextmanager
 def client(address: str) -> Iterator[Any]:
     module = client_module()
@@ -80,7 +72,7 @@ def client(address: str) -> Iterator[Any]:
         yield device
     finally:
         device.running = False
-        device._websocket_thread.join(PATIENCE_S)
+        device._websocket_thread.join(PATIENCE)
 
 
 def check_alone(emulator: Inverse3Emulator, theirs_: Any) -> None:

@@ -1,4 +1,4 @@
-"""Relay between the two daemons, in a process of its own: emulated faults, held, repeated and redirected datagrams.
+"""Relay between the two daemons, in a process of its own: emulated faults, repeated and redirected datagrams.
 
 Lines of JSON on standard input tell it what to do, and each is answered by one line; the end of standard input ends it.
 The master sends to its front, the slave sees its back. It has no key.
@@ -38,7 +38,7 @@ class Direction:
     """One direction of the relay; pure.
 
     Attributes:
-        counts: datagrams passed, handshakes among them, released, discarded, replayed, and what the emulated links did.
+        counts: datagrams passed, replayed, and what the emulated links did.
     """
 
     def __init__(self, send: Callable[[bytes], bool], uniform: Callable[[], float]) -> None:
@@ -52,7 +52,6 @@ class Direction:
         self._send = send
         self._uniform = uniform
         self._links = [EmulatedLink[bytes](Emulation(), uniform)]
-        self._held: list[tuple[float, bytes]] | None = None
         self.remembered: deque[tuple[float, bytes]] = deque(maxlen=REMEMBERED)
         """Of this session: whoever sees a new one begin clears it."""
 
@@ -61,10 +60,7 @@ class Direction:
         self._links.append(EmulatedLink(emulation, self._uniform))
 
     def take(self, data: bytes, now: float) -> None:
-        if self._held is None:
-            self._links[-1].send(data, data, now)
-        else:
-            self._held.append((now, data))
+        self._links[-1].send(data, data, now)
 
     def deliver(self, now: float) -> None:
         """Pass on what is due."""
@@ -80,28 +76,6 @@ class Direction:
         passed = self._send(data)
         if passed:
             self.counts["passed"] += 1
-            self.counts["handshakes"] += bool(data) and kind_of(data) in _HANDSHAKE
-        return passed
-
-    def hold(self) -> None:
-        """Hold back whatever comes."""
-        self._held = self._held or []
-
-    def release(self, *, deliver: bool) -> int:
-        """Hold back no more; pass on what was held, or discard it. Returns how many."""
-        held, self._held = self._held or [], None
-        self.counts["released" if deliver else "discarded"] += len(held)
-        for _, data in held if deliver else ():
-            self._pass(data)
-        return len(held)
-
-    def release_old(self, until: float) -> int:
-        """Pass on what came before then [s], and hold back the rest; returns how many were passed on."""
-        held = self._held or []
-        old = [data for at, data in held if at <= until]
-        self._held = held[len(old) :]
-        passed = sum(map(self._pass, old))
-        self.counts["released"] += passed
         return passed
 
     def replay(self, count: int, since: float, until: float) -> int:
@@ -236,12 +210,6 @@ def _obey(way: Direction, order: dict[str, Any]) -> Any:
     match order["do"]:
         case "emulate":
             return way.emulate(Emulation(**order["emulation"]))
-        case "hold":
-            return way.hold()
-        case "release":
-            return way.release(deliver=order["deliver"])
-        case "release_old":
-            return way.release_old(order["until"])
         case "replay":
             return way.replay(order["count"], order["since"], order["until"])
         case "recall":

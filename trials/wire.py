@@ -72,17 +72,6 @@ class Wire:
         """Other faults from now on; `way` is "forward", "backward", or "" for both."""
         self._ask(do="emulate", emulation=asdict(emulation), way=way)
 
-    def hold(self, way: str) -> None:
-        self._ask(do="hold", way=way)
-
-    def release(self, way: str, *, deliver: bool) -> int:
-        """Hold back no more; returns how many datagrams were held."""
-        return int(self._ask(do="release", way=way, deliver=deliver))
-
-    def release_old(self, way: str, until: float) -> int:
-        """Pass on what came before then [s], and hold back the rest; returns how many were passed on."""
-        return int(self._ask(do="release_old", way=way, until=until))
-
     def replay(self, way: str, count: int, since: float, until: float) -> int:
         """Send up to `count` datagrams of this session again that were passed on between then and then [s]."""
         return int(self._ask(do="replay", way=way, count=count, since=since, until=until))

@@ -16,7 +16,6 @@ PATIENCE = 300.0
 """Until the program counts as hung [s]."""
 VOID = "a wrong code, or a message changed on the way"
 SILENT = "the other host stopped answering"
-TOLD = f"the other host refused: {SILENT}"
 EITHER = f"{VOID}|{SILENT}"
 """The first to find the change closes, perhaps before the other one has a message to find it in."""
 GONE = "nobody waits with the code|was used already"
@@ -31,7 +30,7 @@ CASES = {
     "third party between": {"slave": NOBODY, "master": GONE, "thief": GONE},
     "code used twice": {"thief": GONE},
     "changed 0 slave": {"slave": VOID, "master": SILENT},
-    "drop 1 slave": {"slave": SILENT, "master": TOLD},
+    "drop 1 slave": {"slave": SILENT, "master": SILENT},
     "recorded": {"second slave": VOID},
     "known already": {"slave again": "weberlink peer", "master again": "weberlink peer"},
 }

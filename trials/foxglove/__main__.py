@@ -12,12 +12,10 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
 
-import numpy as np
 from _pytest.outcomes import Failed
 
 from tests.laws import Laws, write
@@ -25,7 +23,6 @@ from tests.program import PATIENT, Program
 from tests.wait import until
 from trials.rig import Command, Loopback
 from weberlink.apps.ros_markers import DELETE_ALL
-from weberlink.system.configuration import MASTER
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path
 
@@ -49,8 +46,6 @@ EVERY = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 BRIDGE = ("bridge", "foxglove", "--port", 0)
-BESIDE_S = 5.0
-"""Length of one piece of the comparison with and without a client [s]."""
 
 Event = dict[str, Any]
 
@@ -154,8 +149,6 @@ def cartesian(laws: Laws, folder: Path) -> None:
                 sleep(5.0)
                 right(laws, judge.report(), CARTESIAN | EVERY)
                 parameters(laws, judge, other, program.pid)
-                examples(laws, judge, url, folder)
-            beside(url, folder, program)
             os.kill(bridge.pid, signal.SIGKILL)
         sleep(1.0)
     outcome = program.summary["outcome"]
@@ -187,39 +180,6 @@ def parameters(laws: Laws, judge: Judge, other: Judge, session: int) -> None:
     laws.check("a client is told of a change from elsewhere", True)
     sleep(0.5)
     laws.check("the ticks show what is in force", judge.report()["/weberlink/slave"]["last"]["weber"] == 0.15)
-
-
-def examples(laws: Laws, judge: Judge, url: str, folder: Path) -> None:
-    """The example program `param-client` of ws-protocol: lists the parameters, and is told of them."""
-    program = PACKAGES / "@foxglove/ws-protocol-examples/dist/cjs/ws-protocol-examples/src/index.js"
-    said = folder / "param-client"
-    with said.open("w") as out:
-        process = subprocess.Popen(
-            ["node", "-r", str(HERE / "newest.cjs"), str(program), "param-client", url],
-            env={**os.environ, "NODE_PATH": str(PACKAGES.resolve())},
-            stdout=out,
-            stderr=subprocess.STDOUT,
-        )
-    until(lambda: "Subscribing to 5 parameters" in said.read_text(), "param-client to list the parameters")
-    judge.asked("parameters", set={"weber": 0.17})
-    until(lambda: "0.17" in said.read_text(), "param-client to be told of a change")
-    process.kill()
-    process.wait()
-    laws.check("param-client of ws-protocol lists the parameters and is told of a change", True)
-
-
-def beside(url: str, folder: Path, live: Loopback) -> None:
-    """Tell the lateness of ticks in turn without a client and with one."""
-    for client in (nullcontext, lambda: Judge(url, folder)) * 2:
-        with client() as judge:
-            if judge is not None:
-                judge.next("topics", 0)
-            sleep(0.5)
-            live.sides[MASTER].take()
-            sleep(BESIDE_S / 2)
-            late = np.percentile(live.sides[MASTER].take()["lateness_us"], 99)
-        with_or_without = "without" if judge is None else "with"
-        write(f"       ticks of the master are late, p99 of {late:.0f} us, {with_or_without} a client")
 
 
 def arms(laws: Laws, folder: Path) -> None:

@@ -24,7 +24,7 @@ import numpy as np
 
 from tests.laws import Laws, write
 from trials.rig import Loopback, within
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.telemetry.record import RELEASED
 
 LED, REMOTE = "configs/arms.yaml", "plugins/arms-remote.yaml"
@@ -33,8 +33,6 @@ PIECE_S = 5.0
 """Length of one piece of a comparison: a ring holds 10 s."""
 LATER_US, LATER = 100.0, 1.5
 """Lateness p99 beside LeRobot may be so much more, or so many times, what it is without."""
-LAG_S = 0.13
-"""From an action to the follower, as measured; the filter of `remote_leader` takes 0.06 s of it [s]."""
 MISSED = 0.001
 """Share of ticks that may be missed in addition."""
 
@@ -162,52 +160,7 @@ def record(live: Loopback, laws: Laws, folder: Path, seconds: float) -> Found:
     return {"frames": len(dataset), "state": len(names), "window": len(windows)}
 
 
-def replay(live: Loopback, laws: Laws, folder: Path) -> Found:
-    """The episode by `lerobot-replay`: LeRobot leads the follower through the leader's motion again."""
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: PLC0415
-
-    root = folder / "dataset"
-    dataset = LeRobotDataset("local/trial", root=root)
-    actions = np.stack([np.asarray(row) for row in dataset.hf_dataset["action"]])
-    options = {
-        "robot.type": "weberlink", "robot.session": live.name, "dataset.repo_id": "local/trial",
-        "dataset.root": root, "dataset.episode": "0", "play_sounds": "false",
-    }  # fmt: skip
-    names = dataset.features["action"]["names"]
-    go(live, dict(zip(names, actions[0].tolist(), strict=True)))
-    command = [str(Path(sys.executable).with_name("lerobot-replay")), *(f"--{k}={v}" for k, v in options.items())]
-    ended: list[int] = []
-    seen = during(live, lambda: ended.append(subprocess.run(command, capture_output=True, check=False).returncode))
-    laws.check("lerobot-replay ends in order", ended == [0])
-    master, slave = seen[MASTER], seen[SLAVE]
-    led = np.flatnonzero(master["buttons"] & 1)
-    if not len(led):
-        laws.check("lerobot-replay leads", False)
-        return {}
-    at = master["at"][led[0]] + LAG_S + np.arange(len(actions)) / FPS
-    joints = actions.shape[1] - 1
-    angles = np.degrees([np.interp(at, slave["at"], slave["joint_position"][:, i]) for i in range(joints)]).T
-    errors = np.median(np.abs(angles - actions[:, :joints])[len(actions) // 2 :], axis=0)
-    laws.check(
-        "the follower repeats the motion", bool((errors < 5.0).all()), f"median errors {errors.round(2)} degrees"
-    )
-    return {"median_error_deg": errors.tolist(), "spread_deg": np.ptp(actions, axis=0).tolist()}
-
-
-def go(live: Loopback, goal: dict[str, float]) -> None:
-    """Lead the follower to a goal, where an episode begins: it would approach a moving target for long."""
-    robot, _ = devices(live)
-    with robot:
-        until = monotonic() + 10.0
-        while monotonic() < until:
-            observation = robot.get_observation()
-            if max(abs(observation[name] - angle) for name, angle in goal.items()) < 2.0:
-                return
-            robot.send_action(goal)
-            sleep(1.0 / FPS)
-
-
-def lead(laws: Laws, folder: Path, seconds: float) -> Found:
+def lead(laws: Laws, seconds: float) -> Found:
     """A loop that sends actions moves the follower; a program that is killed leaves it at rest."""
     found: Found = {}
     with Loopback(REMOTE) as live:
@@ -228,7 +181,6 @@ def lead(laws: Laws, folder: Path, seconds: float) -> Found:
             laws.check("it follows within 0.3 s", max(lags) < 0.3, [round(lag, 3) for lag in lags])
             found |= {"sent_deg": spread.tolist(), "followed_deg": followed.tolist(), "lag_s": lags}
         found["released_s"] = killed(live, laws)
-        found["replay"] = replay(live, laws, folder)
     laws.check("no fault was met", not any(live.summary["faults"].values()), live.summary["faults"])
     return found
 
@@ -294,7 +246,7 @@ def main() -> int:
             found["record"] = record(live, laws, Path(name), 5.0)
         found["session"] = {key: live.summary.get(key) for key in ("outcome", "verdict", "faults")}
         laws.check("no fault was met", not any(live.summary["faults"].values()), live.summary["faults"])
-        found["lead"] = lead(laws, Path(name), arguments.seconds / 3)
+        found["lead"] = lead(laws, arguments.seconds / 3)
     found["broken"] = laws.broken
     text = json.dumps(found, indent=1)
     write(text)

@@ -110,18 +110,14 @@ def _delays(chance: Random) -> tuple[float, float]:
 
 def _thing(chance: Random) -> dict[str, Any]:
     """Something to touch at z = 0: elastic, half of it damped, rubbing or moving too."""
-    shape: dict[str, Any] = chance.choice(
-        [
-            {"shape": "plane"},
-            {"shape": "sphere", "center_m": [0.0, 0.0, -0.06], "radius_m": 0.06},
-            {"shape": "box", "center_m": [0.0, 0.0, -0.05], "size_m": [0.08, 0.08, 0.1]},
-            {
-                "shape": "height_field",
-                "bumps": {"amplitude_m": _between(chance, 5e-4, 3e-3), "wavelength_m": _between(chance, 0.01, 0.05)},
-            },
-        ]
-    )
-    thing = {**shape, "stiffness_n_m": _between(chance, 150.0, 2500.0)}
+    bumps = {"amplitude_m": _between(chance, 5e-4, 3e-3), "wavelength_m": _between(chance, 0.01, 0.05)}
+    shapes: list[dict[str, Any]] = [
+        {"shape": "plane"},
+        {"shape": "sphere", "center_m": [0.0, 0.0, -0.06], "radius_m": 0.06},
+        {"shape": "box", "center_m": [0.0, 0.0, -0.05], "size_m": [0.08, 0.08, 0.1]},
+        {"shape": "height_field", "bumps": bumps},
+    ]
+    thing = {**chance.choice(shapes), "stiffness_n_m": _between(chance, 150.0, 2500.0)}
     if chance.random() < 0.5:
         thing["damping_n_s_m"] = _between(chance, 0.2, 5.0)
     if chance.random() < 0.4:
@@ -133,11 +129,8 @@ def _thing(chance: Random) -> dict[str, Any]:
 
 
 def _hand(chance: Random) -> dict[str, float]:
-    return {
-        "mass_kg": _between(chance, 0.1, 1.0),
-        "damping_n_s_m": _between(chance, 2.0, 20.0),
-        "stiffness_n_m": _between(chance, 80.0, 800.0),
-    }
+    ranges = {"mass_kg": (0.1, 1.0), "damping_n_s_m": (2.0, 20.0), "stiffness_n_m": (80.0, 800.0)}
+    return {name: _between(chance, low, high) for name, (low, high) in ranges.items()}
 
 
 def _script(chance: Random) -> list[dict[str, Any]]:
@@ -147,41 +140,20 @@ def _script(chance: Random) -> list[dict[str, Any]]:
         return [chance.uniform(-across, across), chance.uniform(-across, across), height]
 
     def step() -> dict[str, Any]:
-        depth, approach = chance.uniform(0.004, 0.025), chance.uniform(0.2, 0.6)
-        pressed = {"depth_m": depth, "approach_s": approach}
-        return chance.choice(
-            [
-                {"motion": "slide", "points_m": [place(), place()], "duration_s": chance.uniform(0.4, 1.2), **pressed},
-                {
-                    "motion": "tap",
-                    "at_m": place(),
-                    "height_m": _between(chance, 0.002, 0.02),
-                    "frequency_hz": _between(chance, 1.0, 8.0),
-                    "count": chance.randint(2, 8),
-                    **pressed,
-                },
-                {
-                    "motion": "press",
-                    "at_m": place(),
-                    "hold_s": chance.uniform(0.1, 1.0),
-                    "height_m": chance.uniform(0.0, 0.02),
-                    "duration_s": chance.uniform(0.1, 0.6),
-                    **pressed,
-                },
-                {
-                    "motion": "circle",
-                    "center_m": place(0.01),
-                    "radius_m": chance.uniform(0.005, 0.03),
-                    "duration_s": chance.uniform(0.8, 2.0),
-                    **pressed,
-                },
-                {
-                    "motion": "reach",
-                    "to_m": place(height=chance.uniform(-0.02, 0.04)),
-                    "duration_s": chance.uniform(0.2, 0.8),
-                },
-            ]
-        )
+        pressed = {"depth_m": chance.uniform(0.004, 0.025), "approach_s": chance.uniform(0.2, 0.6)}
+        uniform = chance.uniform
+        steps: list[dict[str, Any]] = [  # a seed means a session, so the order of the draws stays
+            {"motion": "slide", "points_m": [place(), place()], "duration_s": uniform(0.4, 1.2)},
+            {"motion": "tap", "at_m": place(), "height_m": _between(chance, 0.002, 0.02)}
+            | {"frequency_hz": _between(chance, 1.0, 8.0), "count": chance.randint(2, 8)},
+            {"motion": "press", "at_m": place(), "hold_s": uniform(0.1, 1.0), "height_m": uniform(0.0, 0.02)}
+            | {"duration_s": uniform(0.1, 0.6)},
+            {"motion": "circle", "center_m": place(0.01), "radius_m": uniform(0.005, 0.03)}
+            | {"duration_s": uniform(0.8, 2.0)},
+            {"motion": "reach", "to_m": place(height=uniform(-0.02, 0.04)), "duration_s": uniform(0.2, 0.8)},
+        ]
+        chosen = chance.choice(steps)
+        return chosen if chosen["motion"] == "reach" else chosen | pressed
 
     return [step() for _ in range(4)]
 

@@ -26,8 +26,6 @@ from trials.soak.watch import Watch, cpu_seconds
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.keys import load as load_key
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
-from weberlink.system.recorder import Recorder, facts
-from weberlink.telemetry.ring import default_path
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
 DELAY = Emulation(delay_s=0.025, jitter_s=0.004)
@@ -125,15 +123,6 @@ def cut(way: str) -> Inject:
     return inject
 
 
-def flap(at: Field) -> list[str]:
-    """The link is cut in one direction for half of each period."""
-    period = 1.0 / at.random.uniform(1.0, 20.0)
-    emulation = Emulation(blackouts=((0.0, 0.5 * period, period),))
-    at.rig.wire.emulate(emulation, at.random.choice(("forward", "backward")))
-    at.watch.wait(at.lasting(1.0, 2.0, 8.0))
-    return []
-
-
 def replay(at: Field) -> list[str]:
     """Genuine datagrams of this session again, to both ends: old ones, and some that are not stale."""
     at.watch.wait(HISTORY_S)
@@ -146,33 +135,6 @@ def replay(at: Field) -> list[str]:
     records = at.watch.both().values()
     dropped = sum(int(of["datagrams_dropped"][-1]) - int(of["datagrams_dropped"][0]) for of in records)
     return [] if 0 < sent <= dropped else [f"{sent} datagrams were replayed, and {dropped} refused"]
-
-
-def held(way: str, side: str) -> Inject:
-    """Datagrams to a side are held back beyond the silence limit, and then delivered, all of them too old."""
-
-    def inject(at: Field) -> list[str]:
-        wire, watch, silence = at.rig.wire, at.watch, at.rig.silence
-        wire.hold(way)
-        try:
-            if not watch.until(lambda: watch.state_of(side) != ENGAGED, silence + 5.0):
-                return [f"the {side} heard nothing for longer than the silence limit, and stayed in the session"]
-            watch.wait(at.lasting(0.1, 0.1, 1.0))
-            until = monotonic()
-            # The youngest of them is too old by then; some come after a session that heard nothing has ended.
-            watch.wait(silence + (0.1 if at.short else at.random.choice((0.1, 4.0 * silence, 5.0))))
-            watch.begin()
-            before = getattr(watch.books(), way)["handshakes"]
-            watch.wait(0.05)
-            released = wire.release_old(way, until)
-            watch.wait(0.3)
-            released -= getattr(watch.books(), way)["handshakes"] - before
-            at.notes["stale datagrams delivered"] = released
-            return laws.nothing_stale(watch.seen(side), released, side)
-        finally:
-            wire.release(way, deliver=False)
-
-    return inject
 
 
 def other(side: str) -> str:
@@ -274,32 +236,6 @@ def clock_step(at: Field) -> list[str]:
         if abs((shown := at.wall.witnessed()) - offset) > CLOCK_ERROR_S:
             found.append(f"the wall clock was stepped to {offset:+d} s, and a running process saw {shown:+.0f} s")
     return found
-
-
-@contextmanager
-def recording(at: Field) -> Iterator[Recorder]:
-    """Record the session meanwhile."""
-    rings = {name: str(default_path(f"{side.pid}-{name}")) for name, side in at.rig.sides.items()}
-    recorder = Recorder(facts(at.rig.configuration), rings, at.rig.folder / "soak.mcap")
-    try:
-        yield recorder
-    finally:
-        if recorder.running:
-            for number in (signal.SIGCONT, signal.SIGTERM):
-                os.kill(recorder.pid, number)
-            at.watch.until(lambda: not recorder.running, 10.0)
-        recorder.finish()
-
-
-def stalled_disk(at: Field) -> list[str]:
-    """The recorder is stopped as if its disk had not answered, for longer than the rings last."""
-    with recording(at) as recorder:
-        at.watch.wait(1.0)
-        os.kill(recorder.pid, signal.SIGSTOP)
-        at.watch.wait(at.lasting(1.0, 3.0, 14.0))
-        os.kill(recorder.pid, signal.SIGCONT)
-        at.watch.wait(0.5)
-        return [] if recorder.running else ["the recorder ended after its disk had stalled"]
 
 
 @contextmanager
@@ -432,17 +368,13 @@ FAULTS: dict[str, Fault] = {
     "blackout": Fault(cut("")),
     "cut_to_slave": Fault(cut("forward")),
     "cut_to_master": Fault(cut("backward")),
-    "flap": Fault(flap),
     "replay": Fault(replay, keeps=True),
-    "held_to_slave": Fault(held("forward", SLAVE)),
-    "held_to_master": Fault(held("backward", MASTER)),
     "stopped_master": Fault(stopped(MASTER)),
     "stopped_slave": Fault(stopped(SLAVE)),
     "stutter": Fault(stutter),
     "new_port": Fault(moved("127.0.0.1"), keeps=True),
     "new_address": Fault(moved("127.0.0.2"), keeps=True),
     "clock_step": Fault(clock_step, keeps=True),
-    "stalled_disk": Fault(stalled_disk, keeps=True),
     "busy_core": Fault(busy_core, keeps=True),
     "second_master": Fault(second_master, keeps=True),
     "take_over": Fault(take_over, limit_s=RESTART_S, rare=True),
@@ -464,14 +396,12 @@ CONDITIONS: dict[str, Callable[[Field], AbstractContextManager[object]]] = {
     "noise": lambda at: link(at, NOISE),
     "delay": lambda at: link(at, DELAY),
     "busy_core": burner,
-    "recording": recording,
 }
 """What faults happen under, when several come together."""
-_LINK = {"noise", "delay", "bursts", "blackout", "cut_to_slave", "cut_to_master", "flap", "stolen_path", "many_calls"}
+_LINK = {"noise", "delay", "bursts", "blackout", "cut_to_slave", "cut_to_master", "stolen_path", "many_calls"}
 EXCLUDED = {
     "noise": _LINK,
     "delay": _LINK,
     "busy_core": {"busy_core"},
-    "recording": {"stalled_disk", "killed_master", "killed_slave", "take_over", "many_calls"},
 }
 """Faults that cannot happen under a condition: they would replace it, or wait for it."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.program import ENGAGED, Records
 from weberlink.protocol.states import State
-from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.configuration import MASTER, SIDES
 
 COUNTERS = (
     *("ticks_missed", "datagrams_sent", "datagrams_received", "datagrams_dropped", "bytes_sent"),
@@ -125,29 +125,6 @@ def wakes_gently(records: Records, side: str, *, most: float) -> list[str]:
     wrong = off > most * since / 0.1 + STILL
     if wrong.any():
         found.append(f"the {side} went on with {off[wrong][0]:.3g} after {1e3 * since[wrong][0]:.0f} ms")
-    return found
-
-
-def nothing_stale(records: Records, released: int, side: str) -> list[str]:
-    """What arrives older than the silence limit moves nothing: not the session, not the robot, not the hand.
-
-    Args:
-        records: of the receiving side, from before the first stale datagram until after the last one.
-        released: how many there were, handshakes apart.
-    """
-    if not released or len(records) < 2:
-        return ["nothing stale could be delivered, so nothing was shown"]
-    found = ["stale datagrams brought the session back"] * (len(outside(records)) < len(records))
-    applied, dropped = (
-        int(records[name][-1]) - int(records[name][0]) for name in ("updates_received", "datagrams_dropped")
-    )
-    if applied or records["received"][1:].any():
-        found.append(f"{applied} stale updates were applied")
-    for name in ("position", "output") if side == SLAVE else ("output",):
-        if (moved := float(np.abs(records[name] - records[name][0]).max())) > 0.0:
-            found.append(f"{name} changed by {moved:.3g} while all that arrived was stale")
-    if dropped < released:
-        found.append(f"{released} stale datagrams were delivered, and only {dropped} counted as dropped")
     return found
 
 
