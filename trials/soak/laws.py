@@ -100,8 +100,9 @@ def engaged_alone(sides: Both, limit: float) -> list[str]:
         with_them = np.concatenate([[-np.inf], theirs["at"][theirs["state"] == ENGAGED]])
         newest = with_them[np.searchsorted(with_them, mine["at"], side="right") - 1]
         alone = (mine["state"] == ENGAGED) & (mine["at"] - newest > TICKS_S)
-        together = np.maximum.accumulate(np.where(alone, mine["at"][:1], mine["at"]))  # the newest such tick
-        longest = float((mine["at"] - together).max(initial=0.0))
+        begins = alone & ~np.concatenate([[False], alone[:-1]])[: len(alone)]
+        since = np.maximum.accumulate(np.where(begins, mine["at"], -np.inf))
+        longest = float((mine["at"] - since)[alone].max(initial=0.0))
         if longest > limit:
             found.append(f"the {side} was in a session for {longest:.2f} s while the {other} was not")
     return found
