@@ -18,8 +18,7 @@ import pytest
 
 from tests.apps.test_hardware import Emulated
 from tests.program import ROOT, Program, document, free_port
-from tests.safety.observed_link import ObservedLink
-from tests.safety.run import simulation
+from tests.safety.observed_link import ObservedLink, observed
 from tests.system.systems import CONFIGS, configuration
 from tests.system.test_stopped_process import FILE, PRESS
 from tests.wait import until
@@ -245,7 +244,7 @@ def cut(for_s: float, *, to_slave: bool = True) -> Row:
     loaded = configuration()
     score = SessionScore(loaded.system.rate_hz, *banks(loaded.system))
     links = ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()
-    simulation(loaded, *(links if to_slave else links[::-1])).run(6.0, [score])
+    observed(loaded, *(links if to_slave else links[::-1])).run(6.0, [score])
     summary = score.summary() | {"outcome": "completed"}
     return of(summary | {"status": verdict(summary).status})
 
