@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import pytest
 
-from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
+from tests.arms.virtual import KilledError
+from tests.slave.robots.dynamixel.virtual_bus import Bench
 from weberlink.arms.dynamixel import registers
-from weberlink.arms.dynamixel.packet import REBOOT, WRITE, Packet
+from weberlink.arms.dynamixel.packet import REBOOT, WRITE, Packet, PacketReader
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
@@ -63,7 +64,8 @@ def test_correct_eeprom_settings_are_not_written() -> None:
 
 def written(bench: Bench) -> set[int]:
     """Registers that were written to single motors since the port was opened."""
-    return {int.from_bytes(each.parameters[:2], "little") for each in bench.port.sent if each.instruction == WRITE}
+    requests = PacketReader().feed(b"".join(bench.port.sent))
+    return {int.from_bytes(each.parameters[:2], "little") for each in requests if each.instruction == WRITE}
 
 
 def test_arm_follows_a_slow_command() -> None:
