@@ -90,11 +90,6 @@ def test_wrong_options_are_refused_by_name(name: str, options: dict[str, Any]) -
         load(name).Options(**options)
 
 
-def test_an_unknown_driver_names_the_nearest() -> None:
-    with pytest.raises(ValueError, match=r"'simulatd'.*nearest is 'simulated'.*point"):
-        load("simulatd")
-
-
 @given(st.floats(10.0, 1e7), st.floats(10.0, 1e6), st.floats(1e-6, 0.05))
 @examples(40)
 def test_a_point_feels_the_softer_of_wall_and_coupling_and_its_tip_is_where_its_spring_holds_it(
@@ -157,22 +152,6 @@ def test_unstable_choice_error_names_alternative() -> None:
         SimulatedRobot(options, wall(1e6), TICK)
     with pytest.raises(ValueError, match="integrator"):
         SimulatedOptions.model_validate({"integrator": "euler"})
-
-
-@pytest.mark.parametrize("integrator", ["semi_implicit", "implicit", "exact"])
-def test_a_second_session_starts_as_afresh(integrator: Any) -> None:
-    """Also after one that ended in contact."""
-    robot = SimulatedRobot(SimulatedOptions(integrator=integrator), wall(1000.0, 2.0), TICK)
-    runs = []
-    for _ in range(2):
-        robot.open(0.0)
-        for tick in range(1, 60):
-            robot.command((0.0, 0.0, -0.01), tick * TICK)
-            reading = robot.latest(tick * TICK)
-        runs.append(reading)
-        robot.close()
-    assert runs[0] == runs[1]
-    assert runs[0].force[2] > 5.0
 
 
 def test_extreme_command_is_a_robot_fault() -> None:
