@@ -229,7 +229,10 @@ def test_a_force_above_the_limit_trips_once_and_the_robot_backs_off(way: Vector)
     assert following.port.applied == pytest.approx(scale(way, TRIP_RETRACT), abs=1e-6)
     assert set(following.robot.turns[-150:]) == {turned}, "the tool holds as well"
     assert not following.port.follows
-    for _ in range(round(TRIP_PAUSE / TICK)):
+    for _ in range(round(TRIP_PAUSE / TICK) - 160):
+        following.tick(scale(way, 2.0 * TRIP_RETRACT))
+    assert following.port.tripped, "not before the pause is over"
+    for _ in range(20):
         following.tick(scale(way, 0.5 * TRIP_RETRACT))
     assert following.port.tripped, "not before it is led out"
     following.tick(scale(way, 2.0 * TRIP_RETRACT))
