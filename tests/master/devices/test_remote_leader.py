@@ -88,11 +88,3 @@ def test_silent_program_has_let_go() -> None:
     again = [arm.latest(START + (tick + 1001) * TICK) for tick in range(1000)]
     assert fastest([readings[-1], *again]) <= 2.0 * (1 + 1e-9)
     assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)
-
-
-
-
-
-
-
-
