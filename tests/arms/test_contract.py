@@ -69,7 +69,7 @@ def emulated(name: str, folder: Path) -> Iterator[Device]:
     """In real time: only so are the thread of the driver, the port and the loss of it seen."""
     emulator_class: Any = (leader_emulators if name in LEADS else follower_emulators).load(name)
     # A host may pause for longer than a watchdog, which is tested in virtual time.
-    patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 100.0}
+    patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 50.0}
     patient |= {"bus_watchdog_ms": 2000.0} if name in DYNAMIXEL else {}
     with PtyDevice(emulator_class(emulator_class.Options()), folder / "port") as wire:
         arm = made(name, port=str(folder / "port"), **patient)

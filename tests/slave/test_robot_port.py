@@ -256,15 +256,19 @@ def test_a_retreat_ends_at_the_edge_of_the_workspace(axis: int, sign: float, end
     assert outside(following.port.applied) == 0.0
 
 
-@pytest.mark.parametrize(("retreat", "way"), [(True, RETRACT), (False, 0.0)])
-def test_a_release_backs_off_a_contact_only_if_told(retreat: bool, way: float) -> None:
-    following = Following().there(ZERO)
-    following.robot.force = (0.0, 0.0, 5.0)
+@pytest.mark.parametrize(
+    ("retract", "told", "ends"), [(RETRACT, True, 0.003 + RETRACT), (RETRACT, False, 0.0), (0.0, True, 0.0)]
+)
+def test_a_release_backs_off_a_contact_only_if_told(retract: float, told: bool, ends: float) -> None:
+    """From where the robot is, not from where it was commanded."""
+    following = Following(retract=retract).there(ZERO)
+    robot = following.robot
+    robot.follows, robot.at, robot.force = False, (0.0, 0.0, 0.003), (0.0, 0.0, 5.0)
     following.tick(ZERO)
-    following.port.release(retreat=retreat)
+    following.port.release(retreat=told)
     for _ in range(200):
         following.tick(None, None, engaged=False)
-    assert following.port.applied == pytest.approx((0.0, 0.0, way))
+    assert following.port.applied == pytest.approx((0.0, 0.0, ends))
 
 
 def test_the_robot_presses_with_no_more_than_the_limit() -> None:
