@@ -111,6 +111,7 @@ def test_settings_last_until_they_are_set_back(name: str) -> None:
     assert bench.port.closed
     if isinstance(bench.emulator, FeetechEmulator):
         saved = [bytes(servo.memory[:40]) for servo in bench.emulator.servos]
+        bench.emulator.servos[3].write(33, b"\1")  # another mode
         bench.open()
         assert bench.register("mode") == [0] * 6
         assert bench.register("p_gain") == [bench.options.p_gain] * 6
