@@ -28,47 +28,11 @@ def steps(way: list[Joints]) -> list[float]:
     return [max(abs(b - a) for a, b in zip(before, after, strict=True)) for before, after in pairwise(way)]
 
 
-@given(st.lists(angles, min_size=1, max_size=50))
-def test_any_command_stays_in_range_and_speed(commands: list[Joints]) -> None:
-    moving, way, speeds = guard(), [(0.0, 0.0, 0.4)], []
-    for command in commands:
-        speeds.append(SPEED if moving.following else APPROACH)
-        way.append(moving.follow(command, TICK))
-        assert all(low <= angle <= high for low, angle, high in zip(LOWER, way[-1], UPPER, strict=True))
-    assert all(step <= speed * TICK * (1 + 1e-9) for step, speed in zip(steps(way), speeds, strict=True))
-
-
 @given(angles, angles, st.floats(0.0, 1.0))
 def test_each_axis_goes_its_own_way(start: Joints, goal: Joints, way: float) -> None:
     for angle, end, moved in zip(start, goal, toward(start, goal, way), strict=True):
         assert min(angle, end) <= moved <= max(angle, end)
         assert moved == end or abs(moved - angle) == pytest.approx(way)
-
-
-def test_approach_ends_with_its_last_axis() -> None:
-    engaging, goal = guard(), (0.05, -0.02, 0.4)
-    ticks = round(0.05 / (APPROACH * TICK))
-    for _ in range(ticks - 1):
-        engaging.follow(goal, TICK)
-        assert not engaging.following
-        assert engaging.share == 0.0
-    engaging.follow(goal, TICK)
-    engaging.follow(goal, TICK)
-    assert engaging.following
-    assert engaging.follow((0.053, -0.02, 0.4), TICK)[0] == 0.053, "now without delay"
-    for _ in range(round(RAMP / TICK)):
-        engaging.follow(goal, TICK)
-    assert engaging.share == 1.0
-
-
-def test_released_arm_holds_and_shows_less() -> None:
-    released = guard()
-    for _ in range(200):
-        released.follow((0.02, 0.0, 0.4), TICK)
-    assert released.share == 1.0
-    released.release()
-    assert {released.hold(TICK) for _ in range(round(RAMP / TICK) + 1)} == {(0.02, 0.0, 0.4)}
-    assert released.share == 0.0
 
 
 def test_arm_outside_its_range_holds_there_until_led() -> None:
@@ -106,11 +70,6 @@ def test_after_a_trip_it_follows_once_led_out() -> None:
     held = tripped.hold(TICK)
     assert max(steps([held, tripped.follow(out, TICK)])) <= APPROACH * TICK * (1 + 1e-9)
     assert not tripped.tripped
-
-
-def test_torque_at_the_limit_does_not_trip() -> None:
-    assert not guard().is_overloaded((1.0, -1.0, 0.5))
-    assert guard().is_overloaded((1.0, -1.01, 0.5))
 
 
 def test_range_without_an_angle_is_refused() -> None:

@@ -1,15 +1,13 @@
 """A leader arm led by a program, in virtual time: motion, limits, and what it does without the program."""
 
 from itertools import pairwise
-from math import inf, nan
+from math import inf
 
 import pytest
-from pydantic import ValidationError
 
 from tests.pace import TICK
-from weberlink.arms.contract import ArmFault, ArmReading
+from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
-from weberlink.master.devices.leaders import load
 from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
 from weberlink.master.devices.remote_link import LeaderTarget
 
@@ -90,44 +88,3 @@ def test_silent_program_has_let_go() -> None:
     again = [arm.latest(START + (tick + 1001) * TICK) for tick in range(1000)]
     assert fastest([readings[-1], *again]) <= 2.0 * (1 + 1e-9)
     assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)
-
-
-def test_same_time_gives_the_same_reading() -> None:
-    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, Program((0.1, 0.1, 0.1)))
-    arm.open(START)
-    assert arm.latest(START + TICK) is arm.latest(START + TICK)
-
-
-def test_arm_that_is_not_open_is_a_fault() -> None:
-    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, Program((0.0, 0.0, 0.0)))
-    with pytest.raises(ArmFault, match="not open"):
-        arm.latest(START)
-    arm.open(START)
-    arm.display((0.1, 0.0, 0.0), START)
-    with pytest.raises(ValueError, match="finite"):
-        arm.display((nan, 0.0, 0.0), START)
-    arm.close()
-    arm.close()
-    with pytest.raises(ArmFault):
-        arm.latest(START)
-
-
-def test_table_loads_it_with_its_spec() -> None:
-    driver = load("remote_leader")
-    spec = driver(driver.Options.model_validate(OPTIONS), TICK).spec
-    assert (spec.axes, spec.joints, spec.gripper, spec.torque_nm) == (3, ("pan", "lift"), True, (0.0, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        ({"lower_rad": (-1.0, -1.0)}, "lower_rad: expected one number, or 3"),
-        ({"home_rad": (0.0, 2.0, 0.0)}, "home_rad: 2 is not within"),
-        ({"lower_rad": 1.0, "upper_rad": 1.0, "home_rad": 1.0}, "home_rad: 1 is not within"),
-        ({"joints": ()}, "joints"),
-        ({"speed_rad_s": 0.0}, "speed_rad_s"),
-    ],
-)
-def test_options_that_make_no_arm_are_refused(options: dict[str, object], complaint: str) -> None:
-    with pytest.raises(ValidationError, match=complaint):
-        RemoteLeaderOptions.model_validate(OPTIONS | options)

@@ -187,16 +187,6 @@ def test_at_rest_motors_contact_and_weight_balance(thing: dict[str, Any], goal: 
         assert abs(torque + held - weight) <= sticks + 1e-5
 
 
-def test_a_joint_sticks_below_its_dry_friction_and_not_above() -> None:
-    arm = EmulatedArm(None, POSE)
-    for _ in range(200):
-        arm.step([0.036, *arm_pose(POSE).gravity[1:]])
-    assert arm.angles == POSE
-    arm.step([0.038, *arm_pose(POSE).gravity[1:]])
-    assert arm.velocities[0] > 0.0
-    assert arm.angles[1:] == POSE[1:]
-
-
 def test_stops_hold() -> None:
     arm = EmulatedArm(None, (0.0, -1.0, 0.5, 0.0), **SETTLES)
     for _ in range(2000):
@@ -204,19 +194,3 @@ def test_stops_hold() -> None:
     for low, angle, high in zip(LOWER, arm.angles, UPPER, strict=True):
         assert low - 0.02 < angle < high + 0.02
     assert max(map(abs, arm.velocities)) < 1e-6
-
-
-@pytest.mark.parametrize("damping", [None, 50.0])
-def test_contact_takes_energy_away(damping: float | None) -> None:
-    surface = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=2000.0, damping_n_s_m=damping)
-    arm = EmulatedArm(build([surface]), (0.0, 0.1, 0.3, 0.0), coulomb=STILL, viscous=STILL)
-    arm.velocities = (0.0, 0.8, 0.4, 0.2)
-    energy = arm.energy()
-    deepest = 0.0
-    for _ in range(400):
-        arm.step(STILL)
-        depth = max(0.0, 0.1 - arm.tip[2])
-        deepest = max(deepest, depth)
-        assert arm.force[2] >= 0.0
-        assert arm.energy() + 1000.0 * depth**2 < energy + 2e-3
-    assert deepest > 2e-4

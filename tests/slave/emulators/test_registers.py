@@ -27,14 +27,6 @@ def host() -> Host:
     return Host(DynamixelEmulator(DynamixelEmulatorOptions()))
 
 
-@pytest.mark.parametrize(
-    ("address", "size", "value"),
-    [(0, 2, 1020), (7, 1, 11), (9, 1, 250), (11, 1, 3), (38, 2, 1193), (63, 1, 52), (64, 1, 0), (68, 1, 2), (98, 1, 0)],
-)
-def test_values_as_delivered(host: Host, address: int, size: int, value: int) -> None:
-    assert host.read(11, address, size) == value
-
-
 def test_ping_gives_model_and_firmware(host: Host) -> None:
     assert host.ask(packet.ping(12)) == [StatusPacket(12, 0, b"\xfc\x03\x2d")]
     assert host.ask(packet.ping(42)) == []

@@ -18,6 +18,7 @@ from weberlink.slave.scenes.shape import Shape
 from weberlink.slave.scenes.solids import PlaneShape
 
 STEPS = 60
+LOSING = sorted(name for name, scheme in INTEGRATORS.items() if scheme.gains_nothing)
 CONES = (None, FrictionCone(0.5, 0.4), FrictionCone(0.8, 0.3), FrictionCone(2.0, 0.0))
 SOLIDS: dict[str, tuple[Shape, ...]] = {
     **{name: (shape,) for name, shape in SHAPES.items()},
@@ -109,20 +110,9 @@ def gains(seed: int, name: str | None = None) -> int:
     return gained
 
 
-@pytest.mark.parametrize("name", [None, "implicit"])
+@pytest.mark.parametrize("name", [None, *LOSING])
 def test_no_step_of_a_harsh_trial_gains_energy(name: str | None) -> None:
     assert {seed: count for seed in range(40) if (count := gains(seed, name))} == {}
-
-
-def test_the_account_sees_a_gain() -> None:
-    """Symplectic Euler exchanges energy with its own error within each swing."""
-    counted = 0
-    for seed in range(200):
-        try:
-            counted += gains(seed, "semi_implicit")
-        except (ValueError, AssertionError):  # refused as unstable, or not finite
-            continue
-    assert counted > 100
 
 
 @pytest.mark.parametrize(
@@ -141,6 +131,6 @@ def test_what_was_not_tried_is_refused(option: str, value: float) -> None:
 
 
 @pytest.mark.hunt
-@pytest.mark.parametrize("name", [None, "implicit"])
+@pytest.mark.parametrize("name", [None, *LOSING])
 def test_no_step_of_400_harsh_trials_gains_energy(name: str | None) -> None:
     assert {seed: count for seed in range(1000, 1400) if (count := gains(seed, name))} == {}

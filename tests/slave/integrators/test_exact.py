@@ -1,7 +1,7 @@
-"""`exact` on flat contact against solutions that share nothing with it, at any step."""
+"""`exact` against solutions that share nothing with it, at any step: flat contact, and one rough plane."""
 
 from collections.abc import Callable
-from math import log10, pi, sqrt
+from math import asin, atan2, cos, log10, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -11,11 +11,12 @@ from scipy.integrate import solve_ivp
 
 from tests.examples import examples
 from tests.slave.integrators.problems import OFF, UP, corner, difference, moving, run, wall
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
-from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink.slave.integrators.linear_contact import Faces
+from weberlink.slave.integrators.stick_slip import trailing
 from weberlink.slave.scenes.active_set import smallest_push
-from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
@@ -157,16 +158,6 @@ def test_damped_contact_never_pulls() -> None:
     assert difference(once, motion, 0.01) < 1e-12
 
 
-def test_overlapping_planes_keep_the_motion_bounded() -> None:
-    """Two planes face each other and overlap: no push satisfies both, yet the motion is bounded."""
-    scene = corner((UP, 1e6, None), ((0.0, 0.0, -1.0), 1e6, None), ((0.0, 0.0, 1.0), 500.0, 3.0))
-    integrator = INTEGRATORS["exact"].build(ControlledMass(0.1, 1000.0, 1.0), scene)
-    motion = MassState((0.001, 0.0, 0.002), (0.1, 0.0, -0.3), ZERO)
-    for _ in range(300):
-        motion = integrator.advance(motion, (0.0, 0.0, -0.003), 1e-3)
-        assert norm(motion.position) < 0.02
-
-
 directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda n: dot(n, n) > 0.1).map(unit)
 points = st.tuples(*[st.floats(-0.01, 0.01)] * 3)
 
@@ -195,3 +186,85 @@ def test_depth_coordinates_are_independent(normals: list[Vector], x: Vector) -> 
             assert dot(depth.vector, normals[moved]) == pytest.approx(-1.0 if depth.plane == moved else 0.0, abs=1e-9)
         for gap in face.gaps:
             assert dot(gap.vector, normals[moved]) == pytest.approx(0.0, abs=1e-9)
+
+
+BODY = ControlledMass(0.05, 2000.0, 4.0)
+
+
+@examples(60)
+@given(
+    mass=tenfold(1e-3, 10.0),
+    stiffness=tenfold(10.0, 1e6),
+    ratio=st.sampled_from([0.05, 1.0, 5.0]),
+    step=tenfold(1e-4, 0.03),
+    cone=st.sampled_from([FrictionCone(0.5, 0.5), FrictionCone(0.8, 0.3), FrictionCone(0.1, 0.05)]),
+    sideways=st.floats(-0.5, 0.5),
+    aim=st.floats(-0.01, 0.01),
+)
+def test_along_a_line_one_step_goes_as_far_as_fifty(
+    mass: float, stiffness: float, ratio: float, step: float, cone: FrictionCone, sideways: float, aim: float
+) -> None:
+    control = 2000.0
+    body = ControlledMass(mass, control, 2.0 * ratio * sqrt(control * mass))
+    start, velocity, goal = (0.0, 0.0, 1e-4), (0.6 * sideways, 0.8 * sideways, -0.2), (0.6 * aim, 0.8 * aim, -0.003)
+    once = run("exact", body, lambda: wall(stiffness, None, cone), start, velocity, goal, step, 1)
+    often = run("exact", body, lambda: wall(stiffness, None, cone), start, velocity, goal, step, 50)
+    assert difference(once, often, 0.0) < 1e-8 * (norm(velocity) * step + 0.001)
+
+
+def test_it_slides_as_under_a_constant_force_and_stops_for_good() -> None:
+    """Pressed at a constant depth, thrown along the surface: half a swing about the goal displaced by the friction."""
+    depth, stiffness, mass, static, mu, speed = 1e-3, 1e4, 0.1, 0.5, 0.4, 0.5
+    body, scene = ControlledMass(mass, 50.0, 0.0), wall(stiffness, None, FrictionCone(static, mu))
+    scene.touch((0.0, 0.0, 1e-3))
+    start, goal = (0.0, 0.0, -depth), (0.0, 0.0, -depth * (1.0 + stiffness / body.stiffness))
+    motion = moving(scene, start, (speed, 0.0, 0.0))
+    integrator = INTEGRATORS["exact"].build(body, scene)
+    # It slips where the spring has taken up the static friction, and from there swings about -mu k depth / k_control.
+    stuck, sliding = sqrt((stiffness + body.stiffness) / mass), sqrt(body.stiffness / mass)
+    slipped = static * depth
+    rate = sqrt(speed * speed - (stuck * slipped) ** 2)
+    rest = -mu * stiffness * depth / body.stiffness
+    turn = atan2(rate, sliding * (slipped - rest)) / sliding
+    farthest = rest + sqrt((slipped - rest) ** 2 + (rate / sliding) ** 2)
+    began = asin(stuck * slipped / speed) / stuck
+    motion = integrator.advance(motion, goal, began + turn)
+    assert motion.position == pytest.approx((farthest, 0.0, -depth), abs=1e-12)
+    assert motion.velocity == pytest.approx(ZERO, abs=1e-9)
+    centre = (farthest - mu * depth) * stiffness / (stiffness + body.stiffness)
+    for _ in range(100):  # it swings about its anchor and does not slide back
+        motion = integrator.advance(motion, goal, 1e-3)
+        assert 2.0 * centre - farthest - 1e-12 < motion.position[0] < farthest + 1e-12
+
+
+def test_where_sliding_turns_the_order_is_two() -> None:
+    def path(substeps: int) -> list[Vector]:
+        scene = Scene([SceneObject(PlaneShape(ZERO, unit((0.2, -0.3, 1.0))), 5000.0, FrictionCone(0.5, 0.3))])
+        integrator = INTEGRATORS["exact"].build(BODY, scene)
+        motion, places = moving(scene, (0.0, 0.0, 4e-4), ZERO), []
+        for tick in range(40):
+            goal = (0.004 * sin(0.13 * tick), 0.004 * (1.0 - cos(0.13 * tick)), -0.002)
+            for _ in range(substeps):
+                motion = integrator.advance(motion, goal, 1e-3 / substeps)
+            places.append(motion.position)
+        return places
+
+    truth = path(128)
+    errors = [
+        max(norm(subtract(a, b)) for a, b in zip(path(substeps), truth, strict=True)) for substeps in (4, 8, 16, 32)
+    ]
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[-1] > 30.0  # of 64
+
+
+@given(st.floats(-pi, pi), st.floats(1e-6, 1.0), st.integers(1, 20))
+def test_the_anchor_trails_the_same_in_one_piece_or_many(angle: float, way: float, pieces: int) -> None:
+    mu, depth = 0.4, 0.01
+    start, whole = (depth, 0.0, 0.0), (depth, way, 0.0)
+    toward = once = (cos(angle), sin(angle))
+    for piece in range(pieces):
+        a, b = (depth, way * piece / pieces, 0.0), (depth, way * (piece + 1) / pieces, 0.0)
+        toward = trailing(toward, a, b, mu)
+    once = trailing(once, start, whole, mu)
+    assert toward == pytest.approx(once, abs=1e-6)
+    assert dot((*once, 0.0), scale((1.0, 0.0, 0.0), -1.0)) >= -cos(angle) - 1e-9

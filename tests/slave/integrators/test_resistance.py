@@ -3,9 +3,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.integrators.problems import UP, corner, wall
-from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
-from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, depth_rates, pressing
-from weberlink.slave.scenes.contact import FrictionCone, Touch
+from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract, unit
+from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing
+from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
 STEP = 1e-3
@@ -59,28 +59,3 @@ def test_contact_that_would_pull_has_no_force() -> None:
     assert ContactResistance(touches, leaving, INERTIA, STEP).solved((0.0, 0.0, INERTIA)) == pytest.approx(
         (0.0, 0.0, 1.0)
     )
-
-
-@given(st.lists(vectors.filter(lambda n: norm(n) > 0.3).map(unit), min_size=1, max_size=3), vectors)
-def test_the_depth_rates_are_how_the_depths_change(normals: list[Vector], velocity: Vector) -> None:
-    """A rate of depth along each normal alone: -v = sum rate_i n_i, as far as the normals reach."""
-    touches = [Touch(i, 0.001, n, 1000.0, 1.0, ZERO, 0.0) for i, n in enumerate(normals)]
-    rates = depth_rates(touches, velocity)
-    left = velocity
-    for n, rate in zip(normals, rates, strict=True):
-        left = add(left, scale(n, rate))
-    volume = abs(gram(normals))
-    if volume > 1e-3:
-        for n in normals:
-            assert dot(left, n) == pytest.approx(0.0, abs=1e-9)
-
-
-def gram(normals: list[Vector]) -> float:
-    """The determinant of the normals' scalar products."""
-    if len(normals) == 1:
-        return 1.0
-    a, b = dot(normals[0], normals[1]), 0.0
-    if len(normals) == 2:
-        return 1.0 - a * a
-    b, c = dot(normals[0], normals[2]), dot(normals[1], normals[2])
-    return 1.0 + 2.0 * a * b * c - a * a - b * b - c * c

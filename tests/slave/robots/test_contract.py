@@ -8,14 +8,16 @@ from time import monotonic
 import pytest
 
 from tests.slave.robots.benches import BENCHES, FAULTS, Bench
+from tests.wait import PATIENCE, until
 from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
 from weberlink.slave.robots import BUILT_IN
 from weberlink.slave.robots.contract import OrientedRobot, RobotFault
 
-PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
+LIVE = {name for name, _ in FAULTS}
+"""In real time: an emulated arm behind a port, or a controller in a process of its own."""
 
 
-@pytest.fixture(params=sorted(BENCHES))
+@pytest.fixture(params=[pytest.param(each, marks=[pytest.mark.realtime] * (each in LIVE)) for each in sorted(BENCHES)])
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -81,7 +83,7 @@ def test_readings_are_monotonic_and_reproducible(bench: Bench) -> None:
         readings.append(reading)
     assert all(a.at <= b.at for a, b in pairwise(readings))
     assert readings[-1].at > readings[0].at
-    assert now - readings[-1].at <= robot.spec.lag_s + 0.2
+    assert bench.faults or now - readings[-1].at <= robot.spec.lag_s + 1e-9, "in real time, a host may stall"
 
 
 def test_it_goes_where_it_is_told(bench: Bench) -> None:
@@ -90,7 +92,7 @@ def test_it_goes_where_it_is_told(bench: Bench) -> None:
     approach(bench, bench.above)
     x, y, z = bench.above
     for goal in ((x + 0.015, y, z), (x, y - 0.015, z + 0.015)):
-        assert distance(approach(bench, goal), goal) <= bench.tolerance_m
+        until(lambda goal=goal: distance(approach(bench, goal), goal) <= bench.tolerance_m, "it to arrive", pause=0.0)  # type: ignore[misc]
 
 
 def test_the_ground_pushes_back_up(bench: Bench) -> None:
@@ -115,6 +117,7 @@ def test_non_finite_command_is_a_value_error(bench: Bench) -> None:
     assert is_finite(robot.latest(bench.tick()).position)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(("name", "fault"), FAULTS)
 def test_fault_stops_robot_with_reason(name: str, fault: str, tmp_path: Path) -> None:
     with BENCHES[name](tmp_path) as bench:

@@ -1,12 +1,11 @@
 """The computed follower: what it feels, that it stays calm whatever it is told, and that time alone decides."""
 
 from itertools import pairwise
-from math import cos, inf, nan, pi, sin
+from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
@@ -14,10 +13,8 @@ import mujoco
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weberlink.arms.contract import ArmFault
 from weberlink.arms.models import NAMES, load
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.slave.robots import followers
 from weberlink.slave.robots.mujoco_arm import MujocoArm, MujocoArmOptions
 
 TICK = 0.001
@@ -174,55 +171,10 @@ def test_same_times_give_the_same_motion() -> None:
     assert run() == run()
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_angles_that_are_not_finite_are_refused(value: float) -> None:
-    made = arm()
-    with pytest.raises(ValueError, match="mujoco_arm: expected 6 finite angles"):
-        made.follow((0.0, value, 0.0, 0.0, 0.0, 0.0), TICK)
-    assert is_finite(made.latest(TICK).angles)
-
-
-def test_it_is_read_only_while_open() -> None:
-    made = arm()
-    made.close()
-    made.close()
-    with pytest.raises(ArmFault, match="not open"):
-        made.latest(1.0)
-    made.open(2.0)
-    assert made.latest(2.0).angles == (0.0,) * 6
-
-
 def test_a_long_silence_is_skipped() -> None:
     made = arm(stiffness_nm_rad=1.0)
     made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
     assert made.latest(3600.0).angles[0] < 0.2
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"stiffness_nm_rad": (1.0, 2.0)}, "stiffness_nm_rad: expected one value, or one for each of 6 axes; got 2"),
-        ({"stiffness_nm_rad": 0.0}, "stiffness_nm_rad: expected 1e-06 to "),
-        ({"home_rad": (0.0,)}, "home_rad: expected 6 angles, got 1"),
-        ({"home_rad": (9.0, 0.0, 0.0, 0.0, 0.0, 0.0)}, "home_rad: shoulder_pan: expected -1.92 to 1.92 rad, got 9"),
-        ({"model": "no_such_file.xml"}, "model: there is no file no_such_file.xml"),
-    ],
-)
-def test_wrong_options_are_named(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message) as caught:
-        arm(**options)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("options", [{"objects": [{"kind": "cone"}]}, {"objects": [{**HARD, "time_constant_s": 0.0}]}])
-def test_wrong_objects_are_refused(options: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError):
-        MujocoArmOptions.model_validate(options)
-
-
-def test_the_table_of_followers_has_it() -> None:
-    assert followers.load("mujoco_arm") is MujocoArm  # type: ignore[comparison-overlap]
-    assert MujocoArm.NEEDS == ("mujoco", "mujoco")
 
 
 def energy(made: MujocoArm, goal: Joints, stiffness: float) -> float:

@@ -172,13 +172,6 @@ def test_non_finite_position_gives_zero_force(bad: float, axis: int) -> None:
     assert scene.force((0.0, 0.0, -0.01), TICK) == held, "the contact is as it was"
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_forces_are_reproducible(name: str) -> None:
-    first, second = scenes()[name], scenes()[name]
-    for position in wander(800):
-        assert first.force(position, TICK) == second.force(position, TICK)
-
-
 @pytest.mark.parametrize(
     ("thing", "named"),
     [

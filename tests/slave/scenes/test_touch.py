@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.slave.scenes.solids import GROUND, SHAPES, elastic, scenes, wander
+from tests.slave.scenes.solids import GROUND, SHAPES, scenes, wander
 from weberlink.geometry.vector import ZERO, add, norm, scale
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -68,13 +68,3 @@ def test_grip_is_zero_while_sliding() -> None:
     assert sliding.grip == 0.0
     assert sliding.drag == pytest.approx((-0.4 * 4.0, 0.0, 0.0))
     assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"
-
-
-@pytest.mark.parametrize("position", [(float("nan"), 0.0, 0.0), (0.0, 1e13, 0.0), (0.0, 0.0, float("-inf"))])
-def test_unusable_position_touches_nothing(position: tuple[float, float, float]) -> None:
-    scene = elastic(GROUND)
-    scene.touch((0.0, 0.0, -0.001))
-    before = scene.state
-    assert scene.touch(position) == ()
-    assert scene.rejected == 1
-    assert scene.state == before

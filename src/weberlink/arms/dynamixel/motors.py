@@ -202,8 +202,9 @@ class Motors:
         """
         count = len(self._bus.ids)
         number, self._next = self._next, (self._next + 1) % (2 * count)
-        id_ = self._bus.ids[number % count]
-        if (number + number // count) % 2:
+        turn, index = divmod(number, count)
+        id_ = self._bus.ids[index]
+        if (turn + index) % 2:
             self._check_watchdog(id_)
         else:
             self._check_torque(id_)

@@ -10,7 +10,6 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from tests.slave.robots.mjcf.models import TICK, lead
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
-from weberlink.slave.robots.mjcf.options import MujocoOptions
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "mujoco.md").read_text()
 
@@ -34,15 +33,3 @@ def test_the_file_of_one_s_own_is_felt(tmp_path: Path) -> None:
     for force in (table, box):
         assert force[2] > 3.0
         assert abs(force[0]) + abs(force[1]) < 0.1 * force[2]
-
-
-def test_page_lists_all_options() -> None:
-    table = dict(
-        re.findall(r"^\| `(\w+)` \| ([^|]*?) ?\|", PAGE.partition("## Options")[2].partition("##")[0], re.MULTILINE)
-    )
-    assert list(table) == list(MujocoOptions.model_fields)
-    for name, field in MujocoOptions.model_fields.items():
-        if isinstance(field.default, float):
-            assert float(table[name]) == field.default
-        elif isinstance(field.default, str):
-            assert table[name] == f"`{field.default}`"

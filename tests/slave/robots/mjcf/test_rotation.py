@@ -1,7 +1,5 @@
 """An end effector that is turned and feels torque, against formulas; and the shipped wrench on its valve."""
 
-import subprocess
-import sys
 from functools import cache
 from math import cos, exp, pi, radians, sin, sqrt
 from pathlib import Path
@@ -13,12 +11,11 @@ import yaml
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from tests.slave.robots.mjcf.models import SLIDES, TICK, gantry, lead, robot, wall, written
+from tests.slave.robots.mjcf.models import SLIDES, TICK, gantry, lead, robot, wall
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, norm, scale, subtract
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
-from weberlink.slave.robots.mjcf.plant import Plant
 from weberlink.slave.robots.mjcf.rotation import PoseImpedance
 
 CONFIGS = Path(__file__).parents[4] / "configs"
@@ -31,10 +28,6 @@ INERTIA = """<geom type="box" size="0.01 0.01 0.02" pos="0.01 0.02 0" mass="0.2"
 
 def turning(**options: Any) -> dict[str, Any]:
     return {"rotation": options}
-
-
-def plant_of(made: MujocoRobot) -> Plant:
-    return made._simulation._plant
 
 
 def pose_of(made: MujocoRobot) -> PoseImpedance:
@@ -96,40 +89,6 @@ def test_a_step_is_that_of_the_damped_oscillator(tmp_path: Path, ratio: float) -
         )
     else:
         assert max(angles) == pytest.approx(0.3 * (1.0 + exp(-pi / sqrt(3.0))), rel=0.01)
-
-
-def test_every_mode_has_the_damping_ratio(tmp_path: Path) -> None:
-    """A tool held far from its centre of mass: pushed and turned at once, nothing goes over by more than it should."""
-    made = robot(tmp_path, gantry(joints=BALL, tool=INERTIA, timestep=0.0002), **turning(stiffness_n_m_rad=1.0))
-    control = pose_of(made)
-    import numpy as np  # noqa: PLC0415
-
-    plant = plant_of(made)
-    mobility = plant.twist @ plant.inverse_mass() @ plant.twist.T
-    stiffness = np.diag([1000.0] * 3 + [1.0] * 3)
-    damping = control._damping
-    system = np.block([[np.zeros((6, 6)), np.eye(6)], [-mobility @ stiffness, -mobility @ damping]])
-    roots = np.linalg.eigvals(system)
-    # Critical damping makes pairs of equal roots, which rounding splits by the square root of its size.
-    assert abs((-roots.real / np.abs(roots)) - 1.0).max() < 1e-3
-    assert np.abs(roots).max() == pytest.approx(control.fastest, rel=1e-3)
-
-
-def test_rotation_is_imported_only_if_configured(tmp_path: Path) -> None:
-    path = written(tmp_path, gantry(joints=BALL))
-    words = (
-        "import sys; from pathlib import Path; from weberlink.slave.robots.mjcf.driver import MujocoRobot;"
-        f"made = MujocoRobot(MujocoRobot.Options(model=Path({str(path)!r}), rotation=ROTATION), None, 0.001);"
-        "made.open(0.0); made.point((0.6, 0.8, 0.0, 0.0), 0.0); print(made.latest(0.1).torque,"
-        "'weberlink.slave.robots.mjcf.rotation' in sys.modules)"
-    )
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", words.replace("ROTATION", rotation)], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        for rotation in ("None", "{}")
-    ]
-    assert said == ["(0.0, 0.0, 0.0) False", "(0.0, 0.0, 0.0) True"]
 
 
 # --- torque
@@ -235,7 +194,7 @@ def wrench(**rotation: Any) -> MujocoRobot:
 
 
 def valve(made: MujocoRobot) -> float:
-    plant = plant_of(made)
+    plant = made._simulation._plant
     return float(plant.data.qpos[plant.model.joint("valve").qposadr[0]])
 
 

@@ -115,15 +115,3 @@ def test_peg_goes_into_the_hole_to_its_bottom(peg: MujocoRobot) -> None:
         force = lead(peg, mouth, inside, add(inside, scale(side, 0.006))).force
         assert -2000.0 * 0.004 < dot(force, side) < -FELT * 0.004 * 0.99
         assert norm(subtract(force, scale(side, dot(force, side)))) < 0.1
-
-
-@pytest.mark.parametrize("goal", [(0.026, 0.0, 0.03), (0.026, 0.03, -0.03)])
-def test_at_rest_the_sensor_feels_what_touches(goal: Vector) -> None:
-    options = named("mujoco-peg.yaml")
-    assert options["force"] == "wrist"
-    by_sensor, by_contact = (
-        lead(MujocoRobot(MujocoRobot.Options(**options | {"force": force}), None, TICK), (0.0, *goal[1:]), goal).force
-        for force in ("wrist", "contacts")
-    )
-    assert by_sensor == pytest.approx(by_contact, abs=0.01)
-    assert by_sensor[0] < -3.0

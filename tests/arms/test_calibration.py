@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.arms.feetech.virtual import VirtualPort
+from tests.arms.virtual import VirtualPort, VirtualTime
 from weberlink.arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
 from weberlink.arms.feetech import calibration
 from weberlink.arms.feetech.arm import So101Options
@@ -19,8 +19,9 @@ FRICTION_NM = 0.09
 
 
 def scales(emulator: FeetechEmulator, axis: int) -> Scales:
-    port = VirtualPort(emulator)
-    return Scales(So101Bus(So101Options(), port, port.clock, port.pause), axis, 0.5, port.clock, port.pause)
+    time = VirtualTime()
+    bus = So101Bus(So101Options(), VirtualPort(emulator, time), time.clock, time.pause)
+    return Scales(bus, axis, 0.5, time.clock, time.pause)
 
 
 def test_weights_give_torque_of_load_and_friction() -> None:

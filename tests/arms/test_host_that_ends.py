@@ -1,4 +1,7 @@
-"""A process pushes with a follower arm on a wall, and is ended, killed or stopped: what the motors do from then on."""
+"""A process pushes with an arm, and is ended, killed or stopped: what the motors do from then on.
+
+Only a process of its own can be killed or stopped; what a bus watchdog does is in virtual time elsewhere.
+"""
 
 import json
 import signal
@@ -14,25 +17,25 @@ import pytest
 
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
+from weberlink.arms.feetech.arm import NAMES
 from weberlink.hardware.emulator import PtyDevice
-from weberlink.slave import emulators
+from weberlink.master import emulators as leader_emulators
+from weberlink.slave import emulators as follower_emulators
 
 pytestmark = pytest.mark.realtime(alone=True)
 
 WALL_RAD, GOAL_RAD, STIFFNESS_NM_RAD = 0.15, 0.55, 100.0
 AFTER_S = 1.0
-PROGRAM = "tests.slave.robots.pushing_follower"
-SERVOS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 
 
 class Family(NamedTuple):
-    """A follower.
+    """An arm.
 
     Args:
         driver: its name, which is that of its emulator.
         axis: that pushes.
-        push: torque on the wall at least, before [N m].
-        left: torque on the wall at most, after: the dry friction of the gears, and their share of what they gave way.
+        push: torque at least, before [N m].
+        left: torque at most, after: the dry friction of the gears, and their share of what they gave way.
         options: of the driver: a busy machine does not trip its watchdogs.
     """
 
@@ -42,27 +45,32 @@ class Family(NamedTuple):
     left: float
     options: dict[str, Any]
 
+    @property
+    def leads(self) -> bool:
+        return self.driver.endswith("leader")
+
 
 PATIENT = {"rate_hz": 100.0, "timeout_ms": 50.0, "bus_watchdog_ms": 500.0}
 FAMILIES = {
     "Koch, motor with a goal current": Family("koch_follower", 2, 0.3, 0.02, PATIENT),
     "Koch, XL430": Family("koch_follower", 0, 1.0, 0.2, PATIENT),
     "SO-101": Family("so101_follower", 2, 1.0, 0.2, {"gravity": False, "timeout_ms": 50.0}),
+    "SO-101 leader": Family("so101_leader", 0, 0.1, 0.0, {"reconnect_s": 5.0}),
 }
 
 
 @contextmanager
 def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
     """The process and the emulated arm, once it pushes."""
-    emulator_class: Any = emulators.load(family.driver)
-    wall = {"joint": SERVOS[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
+    emulator_class: Any = (leader_emulators if family.leads else follower_emulators).load(family.driver)
+    wall = {"joint": NAMES[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
     emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))
-    goal = list(emulator.angles)
-    goal[family.axis] = GOAL_RAD
+    values = [0.0] * 6 if family.leads else list(emulator.angles)
+    values[family.axis] = 0.3 if family.leads else GOAL_RAD
     with PtyDevice(emulator, folder / "arm") as wire:
         options = json.dumps({"port": str(wire.path), **family.options})
-        command = [sys.executable, "-m", PROGRAM, family.driver, options, json.dumps(goal)]
+        command = [sys.executable, "-m", "tests.arms.pushing", family.driver, options, json.dumps(values)]
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
         try:
             until(lambda: push(emulator, family) > family.push or process.poll() is not None, "the arm to push")
@@ -74,8 +82,8 @@ def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str
 
 
 def push(emulator: Any, family: Family) -> float:
-    """Torque on the wall [N m]."""
-    return -float(emulator.outside_nm[family.axis])
+    """Torque on the wall, or of a leader's motor [N m]."""
+    return abs(float(emulator.motor_nm[family.axis] if family.leads else min(0.0, emulator.outside_nm[family.axis])))
 
 
 def pushes_no_more(emulator: Any, family: Family) -> Callable[[], bool]:
@@ -94,15 +102,17 @@ def pushes_no_more(emulator: Any, family: Family) -> Callable[[], bool]:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP])
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path: Path) -> None:
+    """A leader is without torque, a follower does not drop."""
     with pushing(family, tmp_path) as (process, emulator):
         process.send_signal(number)
         until(pushes_no_more(emulator, family), "the push to end")
         assert (process.poll() is None) is (number == signal.SIGSTOP)
-        assert all(servo.torque_on for servo in emulator.servos), "it does not drop"
+        assert {servo.torque_on for servo in emulator.servos} == {not family.leads}
 
 
-def test_stopped_process_pushes_again_when_it_is_continued(tmp_path: Path) -> None:
-    family = FAMILIES["SO-101"]
+@pytest.mark.parametrize("name", ["SO-101", "SO-101 leader"])
+def test_stopped_process_pushes_again_when_it_is_continued(name: str, tmp_path: Path) -> None:
+    family = FAMILIES[name]
     with pushing(family, tmp_path) as (process, emulator):
         process.send_signal(signal.SIGSTOP)
         until(pushes_no_more(emulator, family), "the push to end")

@@ -1,0 +1,177 @@
+"""The vendors' own SDKs beside our requests, byte for byte, and on emulated arms behind a pseudo terminal."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.wait import until
+from weberlink.arms.dynamixel import packet as dynamixel
+from weberlink.arms.dynamixel import registers
+from weberlink.arms.dynamixel.packet import encode_packet
+from weberlink.arms.emulators.dynamixel.joint_arm import KochLeaderEmulator, KochLeaderEmulatorOptions
+from weberlink.arms.emulators.feetech import FeetechEmulator
+from weberlink.arms.feetech import packet as feetech
+from weberlink.hardware.emulator import PtyDevice
+
+scservo: Any = pytest.importorskip("scservo_sdk")
+SDK = PacketHandler(2.0)
+
+
+class Tape:
+    """What an SDK writes, in place of its port; nobody answers, and it is never busy."""
+
+    is_using = property(lambda _: False, lambda _, __: None)
+
+    def __init__(self) -> None:
+        self.written = b""
+
+    def writePort(self, data: list[int]) -> int:  # noqa: N802 - the SDKs' names, here and below
+        self.written += bytes(data)
+        return len(data)
+
+    def readPort(self, size: int) -> list[int]:  # noqa: N802
+        return []
+
+    def isPacketTimeout(self) -> bool:  # noqa: N802
+        return True
+
+    def clearPort(self) -> None: ...  # noqa: N802
+
+    def setPacketTimeout(self, size: int) -> None: ...  # noqa: N802
+
+
+@given(st.integers(0, 252), st.integers(0, 70), st.integers(1, 15), st.integers(0, 0xFFFF))
+def test_single_requests_are_those_of_feetech(id_: int, address: int, size: int, value: int) -> None:
+    tape, handler = Tape(), scservo.PacketHandler(0)
+    handler.ping(tape, id_)
+    handler.readTxRx(tape, id_, address, size)
+    handler.write2ByteTxRx(tape, id_, address, value)
+    data = value.to_bytes(2, "little")
+    assert tape.written == feetech.ping(id_) + feetech.read(id_, address, size) + feetech.write(id_, address, data)
+
+
+@given(st.lists(st.integers(0, 252), min_size=1, max_size=6, unique=True), st.integers(0, 70), st.binary(min_size=10))
+def test_sync_requests_are_those_of_feetech(ids: list[int], address: int, data: bytes) -> None:
+    tape, handler = Tape(), scservo.PacketHandler(0)
+    writer = scservo.GroupSyncWrite(tape, handler, address, 10)
+    reader = scservo.GroupSyncRead(tape, handler, address, 15)
+    for id_ in ids:
+        assert writer.addParam(id_, list(data[:10]))
+        assert reader.addParam(id_)
+    writer.txPacket()
+    reader.txPacket()
+    ours = feetech.sync_write(address, 10, [(id_, data[:10]) for id_ in ids]) + feetech.sync_read(address, 15, ids)
+    assert tape.written == ours
+
+
+@pytest.mark.parametrize(
+    ("register", "values"),
+    [
+        (registers.OPERATING_MODE, (0, 5)),
+        (registers.BUS_WATCHDOG, (4, -1)),
+        (registers.GOAL_CURRENT, (0, 100, -100, 1750, -1, 7)),
+        (registers.GOAL_POSITION, (0, 4095, -1, 2048, 1 << 18, -260)),
+    ],
+)
+def test_requests_are_those_of_robotis(register: registers.Register, values: tuple[int, ...]) -> None:
+    pairs = [(id_, register.encode(value)) for id_, value in enumerate(values, start=1)]
+    tape = Tape()
+    SDK.txPacket(tape, [0, 0, 0, 0, 3, 3, 0, 1, 0, 0])
+    SDK.readTx(tape, 6, register.address, register.size)
+    SDK.writeTxOnly(tape, 6, register.address, register.size, list(pairs[-1][1]))
+    writer = GroupSyncWrite(tape, SDK, register.address, register.size)
+    reader = GroupSyncRead(tape, SDK, register.address, register.size)
+    for id_, data in pairs:
+        writer.addParam(id_, list(data))
+        reader.addParam(id_)
+    for group in (writer, reader):
+        assert group.txPacket() == COMM_SUCCESS
+    ours = [
+        dynamixel.ping(3),
+        dynamixel.read(6, register.address, register.size),
+        dynamixel.write(6, register.address, pairs[-1][1]),
+        dynamixel.sync_write(register.address, register.size, pairs),
+        dynamixel.sync_read(register.address, register.size, [id_ for id_, _ in pairs]),
+    ]
+    assert tape.written == b"".join(map(encode_packet, ours))
+
+
+@pytest.fixture
+def leader(tmp_path: Path) -> Iterator[tuple[KochLeaderEmulator, PortHandler]]:
+    """A leader that nobody holds, on a port that the SDK opened."""
+    emulator = KochLeaderEmulator(KochLeaderEmulatorOptions(hand_n_m_rad=0.0, current_noise_ma=0.0))
+    with PtyDevice(emulator, tmp_path / "port"):
+        opened = PortHandler(str(tmp_path / "port"))
+        assert opened.openPort()
+        assert opened.setBaudRate(1_000_000)
+        yield emulator, opened
+        opened.closePort()
+
+
+def insist(ask: Callable[[], tuple[int, ...]], result_at: int = -2) -> tuple[int, ...]:
+    """The first answer that came in time: the SDK waits for some 30 ms, and this host may pause for longer."""
+    return until(lambda: ((said := ask())[result_at] == COMM_SUCCESS and said) or (), "an answer")
+
+
+def write(opened: PortHandler, id_: int, address: int, size: int, value: int) -> int:
+    """The error byte of the answer."""
+    ask = {1: SDK.write1ByteTxRx, 2: SDK.write2ByteTxRx, 4: SDK.write4ByteTxRx}[size]
+    return insist(lambda: ask(opened, id_, address, value))[1]
+
+
+def test_robotis_sdk_drives_the_emulated_leader(leader: tuple[KochLeaderEmulator, PortHandler]) -> None:
+    emulator, opened = leader
+    for id_ in range(1, 7):
+        assert insist(lambda id_=id_: SDK.ping(opened, id_)) == (1190, COMM_SUCCESS, 0)  # type: ignore[misc]
+    for address, value in ((11, 0), (9, 0), (64, 1)):
+        assert write(opened, 1, address, 1, value) == 0
+    goals = GroupSyncWrite(opened, SDK, 102, 2)
+    goals.addParam(1, [100, 0])
+    assert goals.txPacket() == COMM_SUCCESS
+    until(lambda: emulator.angles[0] > 0.3, "the motor to turn")
+    present = GroupSyncRead(opened, SDK, 126, 10)
+    for id_ in range(1, 7):
+        assert present.addParam(id_)
+    insist(lambda: (present.txRxPacket(),), -1)
+    assert present.getData(1, 132, 4) > 2048
+    assert present.getData(2, 132, 4) == 2048
+    assert write(opened, 1, 98, 1, 5) == 0
+    until(lambda: emulator.watchdog_trips == 1 and emulator.currents[0] == 0.0, "the bus watchdog")
+    assert insist(lambda: SDK.read1ByteTxRx(opened, 1, 98))[0] == 0xFF
+    assert write(opened, 1, 102, 2, 5) == dynamixel.DATA_RANGE_ERROR
+    assert write(opened, 1, 98, 1, 0) == 0
+    # Refusals, alarms, and an answer with stuffing: the SDK for Python (4.1.0) drops that of what it sends.
+    assert write(opened, 2, 102, 2, 1751) == dynamixel.DATA_LIMIT_ERROR
+    assert write(opened, 2, 132, 4, 0) == dynamixel.ACCESS_ERROR
+    emulator.servos[2].registers["goal_position"] = 0x00FDFFFF
+    assert insist(lambda: SDK.read4ByteTxRx(opened, 3, 116)) == (0x00FDFFFF, COMM_SUCCESS, 0)
+    emulator.inject("low_voltage", 1.0)
+    until(lambda: emulator.servos[1].registers["hardware_error_status"], "the alarm")
+    assert insist(lambda: SDK.read2ByteTxRx(opened, 2, 144)) == (30, COMM_SUCCESS, dynamixel.ALERT)
+
+
+@pytest.mark.realtime
+def test_feetech_sdk_drives_the_emulated_arm(tmp_path: Path) -> None:
+    with PtyDevice(FeetechEmulator(), tmp_path / "arm") as wire:
+        port, handler = scservo.PortHandler(str(wire.path)), scservo.PacketHandler(0)
+        assert port.openPort()
+        assert port.setBaudRate(1_000_000)
+        port.setPacketTimeout = lambda _size: port.setPacketTimeoutMillis(1000.0)  # the machine may stall
+        try:
+            assert [handler.ping(port, id_) for id_ in range(1, 7)] == [(777, 0, 0)] * 6
+            assert handler.write1ByteTxRx(port, 2, 40, 1) == (0, 0)
+            assert handler.write2ByteTxRx(port, 2, 42, 2300) == (0, 0)
+            assert handler.read2ByteTxRx(port, 2, 42) == (2300, 0, 0)
+            until(lambda: abs(handler.read2ByteTxRx(port, 2, 56)[0] - 2300) <= 3, "the servo to arrive")
+            reader = scservo.GroupSyncRead(port, handler, 56, 15)
+            for id_ in range(1, 7):
+                reader.addParam(id_)
+            assert reader.txRxPacket() == 0
+            assert [reader.getData(id_, 62, 1) for id_ in range(1, 7)] == [74] * 6
+        finally:
+            port.closePort()

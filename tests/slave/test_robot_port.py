@@ -1,0 +1,376 @@
+"""The port of a robot: what is commanded, and what is shown, in every state that a session may bring it into."""
+
+from itertools import pairwise
+from math import copysign, inf, nan, pi, sin
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.compiled import replaces_methods
+from tests.examples import examples
+from weberlink.control.direct import DirectSlave
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion
+from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, norm, scale
+from weberlink.slave.robot_port import RobotPort
+from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.rotation import ToolOrientation, ToolTorque
+from weberlink.slave.safety import TRIP_PAUSE, CommandGuard, PressLimit
+from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.solids import PlaneShape
+from weberlink.system.port import Port
+from weberlink.telemetry.record import RELEASED
+from weberlink.telemetry.row import Row
+
+pytestmark = replaces_methods  # `Tip` and the link stand in for compiled classes
+TICK = 1e-3
+LOW, HIGH = (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)
+SPEED, APPROACH, RAMP = 1.0, 0.1, 0.05
+TURN, TURN_APPROACH = 20.0, 1.0
+TRIP_N, MOST_N, COUPLING = 20.0, 6.0, 1000.0
+RETRACT, TRIP_RETRACT = 0.005, 0.01
+UP: Vector = (0.0, 0.0, 1.0)
+
+
+class Tip:
+    """A robot that is at its command at once, under the force and torque of a test."""
+
+    spec = RobotSpec("tip", "xyz", 1e4, COUPLING, (LOW, HIGH), 1000.0, True, torque_n_m=1.0)
+
+    def __init__(self, at: Vector) -> None:
+        self.at, self.force, self.torque = at, ZERO, ZERO
+        self.commands: list[Vector] = []
+        self.turns: list[Quaternion] = []
+        self.is_open = False
+        self.follows = True
+
+    def open(self, now: float) -> None:
+        self.is_open = True
+
+    def latest(self, now: float) -> RobotReading:
+        return RobotReading(now, self.at, self.force, torque=self.torque)
+
+    def command(self, position: Vector, now: float) -> None:
+        self.commands.append(position)
+        if self.follows:
+            self.at = position
+
+    def point(self, orientation: Quaternion, now: float) -> None:
+        self.turns.append(orientation)
+
+    def close(self) -> None:
+        self.is_open = False
+
+
+class Following:
+    """A port in virtual time, with a tool that turns.
+
+    Args:
+        at: where the robot begins [m].
+        most: of the press limit [N].
+        retract: on release [m].
+    """
+
+    def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
+        self.robot = Tip(at)
+        self.guard = CommandGuard(
+            workspace=(LOW, HIGH), speed=SPEED, approach_speed=APPROACH, ramp=RAMP, retract=retract,
+            trip_retract=TRIP_RETRACT,
+        )  # fmt: skip
+        self.tool = ToolOrientation(self.robot, speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
+        link: Any = SimpleNamespace(peer_credit=0)
+        self.port = RobotPort(
+            robot=self.robot, guard=self.guard, followers=[self.tool], control=DirectSlave(), endpoint=link,  # type: ignore[arg-type]
+            press_limit=PressLimit(most, COUPLING), trip_force=TRIP_N, by_button=True,
+        )  # fmt: skip
+        self.torque = ToolTorque(self.port, self.tool)
+        self.now, self.trips = 0.0, 0
+        self.port.open(0.0)
+
+    def tick(self, place: Vector | None, turn: Vector | None = ZERO, *, engaged: bool = True) -> Vector:
+        """Sense, then actuate; returns what the robot was commanded."""
+        self.now += TICK
+        reading = self.port.latest(self.now)
+        self.port.force.take(reading)
+        self.torque.take(reading)
+        self.trips += self.port.accept(reading)
+        self.port.actuate([place, turn], self.now, TICK, TICK, engaged=engaged)
+        self.port.account(TICK, TICK, encodes=True)
+        return self.robot.commands[-1]
+
+    def there(self, place: Vector, turn: Vector = ZERO) -> "Following":
+        """Follows, and shows all that it feels."""
+        for _ in range(10_000):
+            self.tick(place, turn)
+            if not self.port.ramping:
+                return self
+        raise AssertionError("it never arrived")
+
+    def row(self, *, is_led: bool = True) -> Row:
+        row = Row()
+        self.port.report(row, is_led=is_led)
+        return row
+
+
+def outside(place: Vector) -> float:
+    """How far from the workspace [m]."""
+    return norm(tuple(max(0.0, low - x, x - high) for low, x, high in zip(LOW, place, HIGH, strict=True)))  # type: ignore[arg-type]
+
+
+coordinates = st.floats(-0.3, 0.3) | st.sampled_from([-0.1, 0.1, -1e9, 1e9])
+places = st.tuples(coordinates, coordinates, coordinates)
+pushes = st.floats(-15.0, 15.0) | st.sampled_from([0.0, TRIP_N, -TRIP_N, 30.0])
+events = st.lists(
+    st.tuples(st.just("lead"), places, st.integers(1, 40))
+    | st.tuples(st.sampled_from(["lose", "idle", "release", "leave", "reset", "settle", "halt"]), places, st.just(2))
+    | st.tuples(st.just("push"), st.tuples(pushes, pushes, pushes), st.integers(1, 20)),
+    min_size=1, max_size=25,
+)  # fmt: skip
+CORNER: Vector = (-0.1, 0.1, -0.1)
+
+
+@given(st.sampled_from([ZERO, CORNER, (0.1, 0.1, 0.1)]), events)
+@example(CORNER, [("lead", (-1.0, 1.0, -1.0), 60), ("push", (-30.0, 30.0, -30.0), 30), ("lead", ZERO, 40)])
+@example(CORNER, [("push", (-9.0, 9.0, -9.0), 5), ("leave", ZERO, 2), ("idle", ZERO, 2), ("lead", ZERO, 9)])
+@example(ZERO, [("lead", (0.001, 0.0, 0.0), 90), ("lose", ZERO, 2), ("lead", (0.09, 0.0, 0.0), 5)])
+@example(ZERO, [("push", (0.0, 0.0, TRIP_N), 5), ("lead", (0.0, 0.0, -0.01), 200), ("settle", ZERO, 2)])
+@examples(80)
+def test_in_every_state_commands_are_slow_and_inside_and_nothing_jumps(
+    start: Vector, happens: list[tuple[str, Vector, int]]
+) -> None:
+    following = Following(start)
+    port, robot, guard = following.port, following.robot, following.guard
+    last, share = start, 0.0
+    for event, value, count in happens:
+        place: Vector | None = value if event == "lead" else None
+        match event:
+            case "push":
+                robot.force = value
+            case "release" | "leave":
+                port.release(retreat=event == "leave")
+            case "reset":
+                port.reset()
+            case "settle":
+                port.settle(following.now)
+                last = add(robot.at, scale(robot.force, -1.0 / COUPLING))
+            case "halt":
+                port.halt(following.now)
+                assert robot.commands[-1] == port.applied
+        for _ in range(count):
+            led, was_following = place is not None, guard.following
+            overloaded = norm(robot.force) > TRIP_N * (1.0 + 1e-8)
+            applied = following.tick(place, ZERO, engaged=event != "idle")
+            assert applied == port.applied
+            assert is_finite(applied)
+            assert outside(applied) <= outside(last) + 1e-12, "it never leaves the workspace"
+            speed = SPEED if was_following and led and not overloaded else APPROACH
+            assert distance(applied, last) <= speed * TICK * (1 + 1e-6) + 1e-12
+            assert guard.clipped == (guard.following and place is not None and applied != place)
+            assert port.tripped or not overloaded
+            assert port.follows is not port.tripped or overloaded
+            shown = norm(guard.shown(UP))
+            assert norm(port.shown(UP)) <= shown <= min(1.0, share + TICK / RAMP * (1 + 1e-9)), "it fades in"
+            if not guard.following:
+                assert shown <= max(0.0, share - TICK / RAMP) + 1e-9, "and out, where the robot does not follow"
+            last, share = applied, shown
+
+
+@pytest.mark.parametrize("interruption", ["lose", "idle", "release", "reset", "settle"])
+def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approached(interruption: str) -> None:
+    following = Following().there((0.01, 0.0, 0.0))
+    port = following.port
+    assert following.tick((0.0105, 0.0, 0.0)) == (0.0105, 0.0, 0.0), "it follows without delay"
+    if interruption in ("release", "reset", "settle"):
+        {"release": lambda: port.release(retreat=True), "reset": port.reset, "settle": lambda: port.settle(0.0)}[
+            interruption
+        ]()
+    held = {following.tick(None, None, engaged=interruption != "idle") for _ in range(round(RAMP / TICK) + 1)}
+    assert held == {(0.0105, 0.0, 0.0)}
+    assert port.shown(UP) == ZERO
+    assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
+
+
+def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel() -> None:
+    following = Following()
+    following.robot.force, following.robot.torque = (0.0, 0.0, 2.0), (0.0, 0.1, 0.0)
+    shown = []
+    turn = (0.0, 0.0, 0.2)
+    for _ in range(400):
+        following.tick((0.005, 0.0, 0.0), turn)
+        shown.append((following.port.force.sample()[0][2], following.torque.sample()[0][1]))
+    arrival = round(0.2 / TURN_APPROACH / TICK)  # the tool is the last
+    assert set(shown[: arrival - 1]) == {(0.0, 0.0)}
+    assert max(b[0] - a[0] for a, b in pairwise(shown)) <= 2.0 * TICK / RAMP * 1.05
+    assert shown[-1] == pytest.approx((2.0, 0.1))
+    assert following.torque.sample()[1:] == (turn, inf)
+    assert not following.port.ramping
+
+
+@pytest.mark.parametrize("way", [UP, (0.6, 0.0, -0.8)])
+def test_a_force_above_the_limit_trips_once_and_the_robot_backs_off(way: Vector) -> None:
+    following = Following().there(ZERO, (0.0, 0.0, 0.1))
+    following.robot.force = scale(way, TRIP_N)
+    following.tick(ZERO, (0.0, 0.0, 0.1))
+    assert (following.trips, following.port.tripped) == (0, False), "a reading at the limit is not above it"
+    following.robot.force = scale(way, TRIP_N * (1.0 + 1e-6))
+    turned = following.robot.turns[-1]
+    first = following.tick((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
+    assert first == pytest.approx(scale(way, APPROACH * TICK)), "at once"
+    for _ in range(50):
+        following.tick((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
+    following.robot.force = ZERO
+    for _ in range(100):
+        following.tick((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    assert following.trips == 1
+    assert following.port.applied == pytest.approx(scale(way, TRIP_RETRACT), abs=1e-6)
+    assert set(following.robot.turns[-150:]) == {turned}, "the tool holds as well"
+    assert not following.port.follows
+    for _ in range(round(TRIP_PAUSE / TICK) - 160):
+        following.tick(scale(way, 2.0 * TRIP_RETRACT))
+    assert following.port.tripped, "not before the pause is over"
+    for _ in range(20):
+        following.tick(scale(way, 0.5 * TRIP_RETRACT))
+    assert following.port.tripped, "not before it is led out"
+    following.tick(scale(way, 2.0 * TRIP_RETRACT))
+    assert following.port.follows
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("ends", ["trip", "release"])
+def test_a_retreat_ends_at_the_edge_of_the_workspace(axis: int, sign: float, ends: str) -> None:
+    edge = tuple(copysign(0.098, sign) if each == axis else 0.0 for each in range(3))
+    following = Following(edge).there(edge)  # type: ignore[arg-type]
+    push = 30.0 if ends == "trip" else 5.0
+    following.robot.force = tuple(sign * push if each == axis else 0.0 for each in range(3))  # type: ignore[assignment]
+    following.tick(None, None)
+    if ends == "release":
+        following.port.release(retreat=True)
+    for _ in range(200):
+        following.tick(None, None, engaged=False)
+    assert following.port.applied[axis] == pytest.approx(copysign(0.1, sign))
+    assert outside(following.port.applied) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("retract", "told", "ends"), [(RETRACT, True, 0.003 + RETRACT), (RETRACT, False, 0.0), (0.0, True, 0.0)]
+)
+def test_a_release_backs_off_a_contact_only_if_told(retract: float, told: bool, ends: float) -> None:
+    """From where the robot is, not from where it was commanded."""
+    following = Following(retract=retract).there(ZERO)
+    robot = following.robot
+    robot.follows, robot.at, robot.force = False, (0.0, 0.0, 0.003), (0.0, 0.0, 5.0)
+    following.tick(ZERO)
+    following.port.release(retreat=told)
+    for _ in range(200):
+        following.tick(None, None, engaged=False)
+    assert following.port.applied == pytest.approx((0.0, 0.0, ends))
+
+
+def test_the_robot_presses_with_no_more_than_the_limit() -> None:
+    following = Following(most=MOST_N).there(ZERO)
+    robot = following.robot
+    robot.follows = False
+    for tick in range(1000):
+        robot.force = (0.0, 0.0, max(0.0, -COUPLING * following.port.applied[2]))
+        following.tick((0.0, 0.0, max(-0.05, -1e-4 * tick)))
+    assert following.port.applied[2] == pytest.approx(-MOST_N / COUPLING, rel=0.02)
+    assert following.row().contact_ticks == following.port.contact_ticks > 500
+    assert following.port.led(0) == (0.0, 0.0, -0.05), "where it is led, whether it goes there or not"
+    following.tick(ZERO, engaged=False)
+    assert following.port.led(0) is None
+
+
+def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
+    following = Following().there((0.0, 0.0, 0.02))
+    following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (0.0, 0.0, 5.0)
+    following.port.settle(following.now)
+    assert following.tick(None, None, engaged=False) == pytest.approx((0.01, 0.0, -5.0 / COUPLING))
+    before = following.port.applied
+    for force in ((nan, 0.0, 0.0), (inf, 0.0, 0.0)):
+        following.robot.force = force
+        following.port.settle(following.now)
+        following.robot.force = ZERO
+        assert following.tick(None, None, engaged=False) == before, "of no use, it is not used"
+
+
+@pytest.mark.parametrize(("at", "force"), [((nan, 0.0, 0.0), ZERO), (ZERO, (0.0, inf, 0.0))])
+def test_a_reading_of_no_use_is_named_and_ends_the_opening(at: Vector, force: Vector) -> None:
+    port = Following().port
+    assert port.force.complaint(RobotReading(0.0, ZERO, ZERO)) is None
+    assert "reports" in (port.force.complaint(RobotReading(0.0, at, force)) or "")
+    port.robot.at, port.robot.force = at, force  # type: ignore[attr-defined]
+    with pytest.raises(RobotFault, match="tip reports"):
+        port.open(0.0)
+    assert not port.robot.is_open  # type: ignore[attr-defined]
+
+
+def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
+    following = Following()
+    port: Port = following.port
+    assert (port.kind, port.leads, port.at_rest, port.tripped, port.trouble) == ("robot", False, True, False, None)
+    following.there((0.01, 0.0, 0.0), (0.0, 0.0, 0.3))
+    following.tick((9.0, 0.0, 0.0), (0.0, 0.0, 0.3))
+    row = following.row()
+    assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
+    assert row.clipped
+    assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
+    assert following.row(is_led=False).ramping == RELEASED
+    following.tick(following.port.applied, (0.0, 0.0, 2.0))
+    assert following.port.clipped, "the tool is limited"
+    following.port.halt(following.now)
+    assert following.robot.turns[-1] == following.robot.turns[-2]
+    port.close()
+    assert not following.robot.is_open
+    assert following.torque.complaint(RobotReading(0.0, ZERO, ZERO, torque=(1e9, 0.0, 0.0))) is not None
+    assert following.torque.complaint(RobotReading(0.0, ZERO, ZERO, torque=(9e8, 0.0, 0.0))) is None
+
+
+@given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)), max_size=40))
+def test_the_tool_turns_no_faster_than_it_may(turns: list[Vector]) -> None:
+    following, last, there = Following(), IDENTITY, False
+    for turn in turns:
+        following.tick(ZERO, turn)
+        applied = following.robot.turns[-1]
+        assert angle_between(last, applied) <= (TURN if there else TURN_APPROACH) * TICK * (1 + 1e-6) + 1e-9
+        assert following.tool.clipped == (there and applied != quaternion(turn))
+        last, there = applied, following.tool.following
+
+
+# --- the sample of the force
+
+
+@given(
+    wall=st.sampled_from([500.0, 1e4, 1e7]),
+    mass=st.sampled_from([0.005, 0.1, 1.0]),
+    coupling=st.floats(500.0, 5000.0),
+    frequency=st.floats(1.0, 10.0),
+)
+@examples(20)
+def test_samples_of_a_moving_robot_lie_on_the_static_line_of_the_wall(
+    wall: float, mass: float, coupling: float, frequency: float
+) -> None:
+    """At any speed, they are the force of two springs in series, at a command that no lag has touched."""
+    surface = Scene([SceneObject(PlaneShape(ZERO, UP), wall)])
+    robot = SimulatedRobot(SimulatedOptions(mass_kg=mass, stiffness_n_m=coupling, force_n=1e4), surface, TICK)
+    felt, series = Following().there(ZERO).port.force, wall * coupling / (wall + coupling)
+    felt._compliance = 1.0 / coupling
+    robot.open(0.0)
+    touched, lag = 0, 0.0
+    for tick in range(1, 1001):
+        command = (0.0, 0.0, 0.02 * sin(2.0 * pi * frequency * tick * TICK))
+        robot.command(command, tick * TICK)
+        felt.take(robot.latest(tick * TICK))
+        value, rest, most = felt.sample()
+        assert most == inf
+        if value == ZERO:
+            continue
+        touched += 1
+        assert value[2] == pytest.approx(-series * rest[2], rel=1e-6, abs=1e-6 * wall * 1e-3)
+        lag = max(lag, abs(value[2] + series * command[2]))
+    assert touched > 10
+    assert lag > 0.05  # [N] off the line, if paired with the command
