@@ -5,6 +5,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -48,6 +49,7 @@ def export(path: Path, to: str, *further: object) -> str:
     return ended.output
 
 
+@cache
 def decoded(path: Path) -> Messages:
     """The messages as ROS tools read them, by topic."""
     found: Messages = defaultdict(list)
