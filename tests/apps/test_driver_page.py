@@ -2,11 +2,10 @@
 
 import os
 import re
-import subprocess
+import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from time import monotonic
@@ -17,9 +16,10 @@ import pytest
 from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
-from tests.program import PATIENT, document
+from tests.program import PATIENT, Program, document
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
@@ -149,24 +149,6 @@ def test_driver_is_listed_with_its_package(driver: Any) -> None:
 # --- the programs
 
 
-@dataclass(frozen=True)
-class Ended:
-    status: int
-    output: str
-    errors: str
-
-
-def weberlink(folder: Path, *arguments: object) -> Ended:
-    """The program as a process, with the package of the page on its path."""
-    path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
-    done = subprocess.run(
-        [sys.executable, "-m", "weberlink", *map(str, arguments)],
-        cwd=CONFIGS.parent, env={**os.environ, "PYTHONPATH": path},
-        text=True, capture_output=True, timeout=60, check=False,
-    )  # fmt: skip
-    return Ended(done.returncode, done.stdout, done.stderr)
-
-
 @pytest.fixture
 def file(folder: Path, wire: PtyDevice) -> Path:
     path = folder / "paddle.yaml"
@@ -174,17 +156,27 @@ def file(folder: Path, wire: PtyDevice) -> Path:
     return path
 
 
-def test_file_of_the_page_is_checked(folder: Path, file: Path) -> None:
-    ended = weberlink(folder, "check", file)
-    assert (ended.status, ended.errors) == (0, "")
-    assert "device paddle" in ended.output
-    ended = weberlink(folder, "check", file, "--set", "master.device.prot=x")
-    assert ended.status == 2
-    assert ended.errors == f"weberlink: {file}: master.device.prot: unknown key; did you mean port?\n"
+@pytest.fixture
+def on_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package of the page for child processes."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")])))
+
+
+@pytest.mark.usefixtures("on_path")
+def test_file_of_the_page_is_checked(file: Path) -> None:
+    with Program("check", file) as program:
+        status, output, errors = program.finish()
+    assert (status, errors, "device paddle" in output) == (0, "", True)
+    with Program("check", file, "--set", "master.device.prot=x") as program:
+        assert program.finish() == (2, "", f"weberlink: {file}: master.device.prot: unknown key; did you mean port?\n")
 
 
 @pytest.mark.realtime
+@pytest.mark.usefixtures("on_path")
 def test_session_of_the_page_feels_the_wall(folder: Path, file: Path, wire: PtyDevice) -> None:
+    """The driver waits longer for an answer than that of the page: here a thread of the test gives it."""
+    module = folder / "paddle.py"
+    module.write_text(module.read_text().replace("self.ask(command, 0.01)", "self.ask(command, 1.0)"))
     felt: list[float] = []
     emulator: Any = wire.emulator
     receive = emulator.receive
@@ -194,9 +186,9 @@ def test_session_of_the_page_feels_the_wall(folder: Path, file: Path, wire: PtyD
         felt.append(emulator.force_n(now))
 
     emulator.receive = listen
-    patient = ("--set", "master.limits.device_ms=2000", *PATIENT)
-    ended = weberlink(folder, "loopback", file, "--duration", "3", "--json", "-", *patient)
-    assert (document(ended.output)["outcome"], ended.status) == ("completed", 0)
-    assert all(line.startswith("weberlink: note: ") for line in ended.errors.splitlines())
-    assert max(felt) > 1.0, "at most 2 cm deep in a wall of 300 N/m"
-    assert felt[-1] == 0.0
+    with Program("loopback", file, "--json", "-", "--set", "master.limits.device_ms=2000", *PATIENT) as program:
+        until(lambda: max(felt, default=0.0) > 1.0, "the wall, 2 cm deep at most and of 300 N/m")
+        program.send(signal.SIGINT)
+        status, output, errors = program.finish()
+    assert (status, document(output)["outcome"], felt[-1]) == (0, "interrupted", 0.0)
+    assert all(line.startswith("weberlink: note: ") for line in errors.splitlines())

@@ -1,10 +1,9 @@
-"""Live sessions of real drivers on both sides with emulated hardware."""
+"""Live sessions of real drivers with emulated hardware: only processes have ports, kernels and signals between them."""
 
+import os
 import signal
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from time import sleep
 
 import pytest
 
@@ -12,116 +11,131 @@ from tests.apps.emulated import Emulated, norm
 from tests.program import Program, document, faults_of
 from tests.system.systems import CONFIGS
 from tests.wait import until
+from weberlink.master.devices.inverse3.device import Inverse3Device
+from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.protocol.keys import generate
 
 pytestmark = pytest.mark.realtime
+__all__ = ["Emulated", "norm"]
 
 FILE = CONFIGS / "phantom-arm.yaml"
 GROUND = "scene=[{shape: plane, point_m: [0, 0, 0.15], stiffness_n_m: 400}]"
-PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration_s: 0.5, hold_s: 2}]"
+PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration_s: 0.3, approach_s: 0.3, hold_s: 600}]"
 PATIENT = (
     *("--set", "master.limits.device_ms=500", "--set", "slave.limits.robot_ms=500", "--set", "link.silence_ms=500"),
     *("--set", "slave.robot.bus_watchdog_ms=1000"),
 )
 """This is not about a machine that stalls."""
+CHECKED = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
+POINT = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
+STILL = [0.0, 0.0, 0.0]
+INVERSE3 = f"""
+axes: xyz
+link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session, silence_ms: 500}}
+master:
+  device: {{driver: inverse3, reply_ms: 100, grip: wireless_verse_grip,
+    signs_checked: {Inverse3Device.fingerprint(Inverse3Options())}}}
+  limits: {{device_ms: 1000}}
+slave:
+  robot: {{driver: point, workspace_m: 0.3}}
+  scene: [{{shape: plane, point_m: [0, 0, 0], stiffness_n_m: 200}}]
+  limits: {{robot_ms: 500}}
+"""
 
 
-@contextmanager
-def both(folder: Path) -> Iterator[tuple[Emulated, Emulated, list[object]]]:
-    """The device, the arm, and the arguments that lead to them; the device may have force."""
-    with ExitStack() as stack:
-        made = Emulated("polhem_serial", folder, PRESS), Emulated("dynamixel", folder, GROUND)  # both start at once
-        phantom, arm = map(stack.enter_context, made)
-        checked = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
-        overrides = [
-            f"master.device.port={phantom.port}",
-            f"master.device.signs_checked={checked}",
-            f"slave.robot.port={arm.port}",
-        ]
-        yield phantom, arm, [FILE, *PATIENT, *(each for option in overrides for each in ("--set", option))]
+@pytest.fixture(scope="module")
+def hardware(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Emulated, Emulated]]:
+    """A device in a hand that presses, and an arm over the ground."""
+    folder = tmp_path_factory.mktemp("hardware")
+    made = Emulated("polhem_serial", folder, PRESS), Emulated("dynamixel", folder, GROUND)  # both start at once
+    with made[0] as phantom, made[1] as arm:
+        yield phantom, arm
 
 
-def test_phantom_feels_what_the_arm_touches(tmp_path: Path) -> None:
-    with both(tmp_path) as (phantom, arm, arguments):
-        with Program("loopback", *arguments, "--duration", 5, "--json", "-") as program:
-            strongest = touched = 0.0
-            program.engaged("slave")
-            while program.daemons():
-                strongest = max(strongest, norm(phantom.status()["force"]))
-                touched = max(touched, arm.status()["tip_force"][2])
-                sleep(0.05)
-            status, output, errors = program.finish()
-        summary = document(output)
-        assert (status, summary["outcome"]) == (0, "completed"), errors
-        assert faults_of(summary) == {"master": {}, "slave": {}}
-        assert strongest > 0.5, "felt"
-        assert touched > 0.5, "touched"
-        assert summary["force"]["packets"] > 0
-        assert summary["position"]["packets"] > 0
-        after = phantom.status()
-        assert after["force"] == [0.0, 0.0, 0.0]
-        assert after["largest_current_ma"] <= 2000.0
+def session(phantom: Emulated, *settings: str) -> Program:
+    overrides = (f"master.device.port={phantom.port}", *settings)
+    return Program("loopback", FILE, *PATIENT, *(f"--set={each}" for each in overrides), "--json", "-")
+
+
+def test_without_checked_signs_no_current_and_an_unplugged_device_ends_the_session(
+    hardware: tuple[Emulated, Emulated],
+) -> None:
+    phantom, _ = hardware
+    with session(phantom, POINT) as program:
+        master = program.engaged("master")
+        until(lambda: master.last["updates_sent"] > 0, "the handle to lead")
+        assert phantom.status()["largest_current_ma"] == 0.0
+        phantom.say("unplug")
+        status, output, errors = program.finish()
+    phantom.say("plug")
+    assert "signs not checked" in errors
+    assert (status, "device fault: polhem_serial" in document(output)["outcome"]) == (1, True)
+
+
+def test_phantom_feels_what_the_arm_touches_until_the_arm_fails(hardware: tuple[Emulated, Emulated]) -> None:
+    phantom, arm = hardware
+    with session(phantom, f"master.device.signs_checked={CHECKED}", f"slave.robot.port={arm.port}") as program:
+        program.engaged("slave")
+        until(lambda: norm(phantom.status()["force"]) > 0.5 < arm.status()["tip_force"][2], "force at both ends")
+        arm.say("overload 2")
+        status, output, _ = program.finish()
+    summary = document(output)
+    assert (status, "robot fault: dynamixel" in summary["outcome"]) == (1, True)
+    assert summary["force"]["packets"] > 0 < summary["position"]["packets"]
+    until(lambda: phantom.status()["force"] == STILL, "no force")
+    assert phantom.status()["largest_current_ma"] <= 2000.0
 
 
 @pytest.mark.parametrize(
-    ("fault", "reason"), [("unplug", "unplugged"), pytest.param("silent", "does not answer", marks=pytest.mark.hunt)]
+    "number",
+    [signal.SIGINT, *(pytest.param(each, marks=pytest.mark.hunt) for each in (signal.SIGKILL, signal.SIGSTOP))],
 )
-def test_device_fault_ends_the_session_with_reason(tmp_path: Path, fault: str, reason: str) -> None:
-    with both(tmp_path) as (phantom, arm, arguments):
-        with Program("loopback", *arguments, "--json", "-") as program:
+def test_wall_is_felt_through_a_service_until_it_or_the_session_ends(number: signal.Signals, tmp_path: Path) -> None:
+    file = tmp_path / "inverse3.yaml"
+    file.write_text(INVERSE3, encoding="utf-8")
+    with Emulated("inverse3", tmp_path, PRESS) as service:
+        with Program("loopback", file, "--set", f"master.device.port={service.port}", "--json", "-") as program:
             program.engaged("master")
-            phantom.say(fault)
-            status, output, _ = program.finish()
-        summary = document(output)
-        assert status == 1
-        assert "device fault: polhem_serial" in summary["outcome"]
-        assert reason in summary["outcome"]
-        if fault != "unplug":
-            until(lambda: phantom.status()["force"] == [0.0, 0.0, 0.0], "no force")
-        assert any(arm.status()["currents"]), "the arm is held up"
-
-
-def test_robot_fault_ends_the_session_with_reason(tmp_path: Path) -> None:
-    with both(tmp_path) as (phantom, arm, arguments):
-        with Program("loopback", *arguments, "--json", "-") as program:
-            program.engaged("slave")
-            arm.say("overload 2")
-            status, output, _ = program.finish()
-        summary = document(output)
-        assert status == 1
-        assert "robot fault: dynamixel" in summary["outcome"]
-        assert "overload" in summary["outcome"]
-        until(lambda: phantom.status()["force"] == [0.0, 0.0, 0.0], "no force")
-
-
-def test_unchecked_signs_give_no_current(tmp_path: Path) -> None:
-    with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
-        arguments = [
-            FILE,
-            *PATIENT,
-            "--set",
-            f"master.device.port={phantom.port}",
-            "--set",
-            "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}",
-        ]
-        with Program("loopback", *arguments, "--duration", 1, "--json", "-") as program:
+            until(lambda: service.status()["force"][2] > 1.0, "a push up out of the floor")
+            (program if number is signal.SIGINT else service).send(number)
             status, output, errors = program.finish()
-        assert status == 0, output
-        assert "signs not checked; run: weberlink device test polhem_serial" in errors
-        assert document(output)["position"]["packets"] > 0
-        assert phantom.status()["largest_current_ma"] == 0.0
+        summary = document(output)
+        assert status == (0 if number is signal.SIGINT else 1), errors
+        if number is signal.SIGINT:
+            assert faults_of(summary) == {"master": {}, "slave": {}}
+            assert service.status()["force"] == STILL
+        else:
+            assert "inverse3" in summary["outcome"]
 
 
 @pytest.mark.hunt
-def test_signal_during_homing_exits_0(tmp_path: Path) -> None:
-    with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
-        generate(tmp_path / "key")
-        link = ["link.slave=127.0.0.1:47999", "link.security=psk", f"link.key_file={tmp_path / 'key'}"]
-        overrides = [f"master.device.port={phantom.port}", "master.device.homing=button", *link]
-        arguments = [FILE, *(each for option in overrides for each in ("--set", option))]
-        with Program("master", *arguments, "--json", "-") as program:
-            until(lambda: phantom.status()["messages"] > 0, "the driver to wait for the button")
-            program.send(signal.SIGINT)
-            status, output, _ = program.finish()
-        assert (status, document(output)["outcome"]) == (0, "interrupted")
+@pytest.mark.realtime(alone=True)
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_stopped_master_leaves_no_force_in_contact(number: signal.Signals, tmp_path: Path) -> None:
+    file = tmp_path / "inverse3.yaml"
+    file.write_text(INVERSE3, encoding="utf-8")
+    with (
+        Emulated("inverse3", tmp_path, PRESS) as service,
+        Program("loopback", file, "--set", f"master.device.port={service.port}") as program,
+    ):
+        master = program.engaged("master").pid
+        until(lambda: service.status()["force"][2] > 1.0, "a push")
+        os.kill(master, number)
+        until(lambda: service.status()["force"] == STILL, "no force")
+        if number is signal.SIGSTOP:
+            os.kill(master, signal.SIGCONT)
+
+
+@pytest.mark.hunt
+def test_signal_during_homing_exits_0(hardware: tuple[Emulated, Emulated], tmp_path: Path) -> None:
+    phantom, _ = hardware
+    generate(tmp_path / "key")
+    link = ("link.slave=127.0.0.1:47999", "link.security=psk", f"link.key_file={tmp_path / 'key'}")
+    overrides = (f"master.device.port={phantom.port}", "master.device.homing=button", *link)
+    asked = phantom.status()["messages"]
+    with Program("master", FILE, *(f"--set={each}" for each in overrides), "--json", "-") as program:
+        until(lambda: phantom.status()["messages"] > asked, "the driver to wait for the button")
+        program.send(signal.SIGINT)
+        status, output, _ = program.finish()
+    assert (status, document(output)["outcome"]) == (0, "interrupted")

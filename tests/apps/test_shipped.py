@@ -7,19 +7,14 @@ from typing import Any
 
 import pytest
 from pydantic import BaseModel
-from typer.testing import CliRunner, Result
 
+from tests.program import weberlink
 from tests.system.systems import CONFIGS, UNUSABLE
 from weberlink.apps.shipped import HOME, OTHERS, copy, listing, needed_by
-from weberlink.cli import app
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
 SCHEMA = "weberlink.schema.json"
 SHIPPED = sorted(path for path in CONFIGS.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc"))
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["configs", *map(str, arguments)])
 
 
 def paths_in(settings: Any) -> Iterator[Path]:
@@ -104,35 +99,14 @@ def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> N
 
 def test_command_lists_and_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    listed = run()
-    assert listed.exit_code == 0
-    assert max(map(len, listed.stdout.splitlines())) <= 80
+    listed = weberlink("configs")
+    assert (listed.status, max(map(len, listed.output.splitlines())) <= 80) == (0, True)
     for name in ("delay", "configs/lan.yaml"):
-        copied = run(name)
-        assert (copied.exit_code, copied.stderr) == (0, "")
+        copied = weberlink("configs", name)
+        assert (copied.status, copied.errors) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == {"delay.yaml", "lan.yaml", SCHEMA}
-    assert run("delay", "--out", "-").stdout == (CONFIGS / "delay.yaml").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (("deley",), "did you mean delay?"),
-        (("delay", "--out", "none/delay.yaml"), "create it first"),
-        (("relay/", "--out", "-"), "is a folder"),
-        (("traces/operator.npz", "--out", "-"), "is no text"),
-        (("--out", "delay.yaml"), "--out"),
-    ],
-)
-def test_what_cannot_be_copied_is_one_line(
-    arguments: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    result = run(*arguments)
-    assert (result.exit_code, result.stdout) == (2, "")
-    (line,) = result.stderr.splitlines()
-    assert told in line
-    assert list(tmp_path.iterdir()) == []
+    printed = weberlink("configs", "delay", "--out", "-").output
+    assert printed == (CONFIGS / "delay.yaml").read_text(encoding="utf-8")
 
 
 def test_missing_file_of_a_shipped_name_says_where_that_is(tmp_path: Path) -> None:

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from tests.records import ticks as made_ticks
 from tests.system.systems import CONFIGS
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks, channels
 from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
-from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RowSource
 
@@ -22,11 +22,9 @@ BANK = ("zoh", "linear", "plane", "sphere")
 
 def records(ticks: int, *, first: int = 0, phase: float = 0.0, seed: int | None = None) -> Records:
     """Ticks of an engaged side; with a seed, everything that the felt error needs is noise."""
-    made = np.zeros(ticks, DTYPE)
-    made["tick"] = np.arange(first, first + ticks)
-    made["at"] = 10.0 + phase + made["tick"] / RATE
-    made["state"] = State.ENGAGED.value
-    made["rtt_us"] = made["one_way_us"] = made["peer_at"] = np.nan
+    tick = np.arange(first, first + ticks)
+    unknown = dict.fromkeys(("rtt_us", "one_way_us", "peer_at"), np.nan)
+    made = made_ticks(ticks, tick=tick, at=10.0 + phase + tick / RATE, state=State.ENGAGED.value, **unknown)
     if seed is not None:
         noise = np.random.default_rng(seed)
         for name in ("raw", "output", "decoded", "position"):

@@ -1,13 +1,21 @@
-"""Figures, rows and end of a watched session."""
+"""Figures, rows, events and end of a watched session, Cartesian or of arms."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.watching.sources import BANK, RATE, HandSource, description, pieces, records
+from tests.apps import arm_sessions as arms
+from tests.watching.sources import BANK, RATE, WALL_OFFSET_S, HandSource, description, pieces, records
+from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.protocol.states import State
+from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
+from weberlink.system.wording import FAULTS, INFO, STATES, Words, fault_words
 from weberlink.telemetry.fault import Fault
+from weberlink.watching.events import MOST_EVENTS, EventLog, events_message
+from weberlink.watching.rows import CARTESIAN
 from weberlink.watching.session import BACKLOG_S, WatchedSession
 
 
@@ -16,6 +24,17 @@ def both() -> tuple[HandSource, HandSource, WatchedSession]:
     session = WatchedSession("7", slave)
     session.admit(master)
     return master, slave, session
+
+
+def alone(*made: Any, file: str = "loopback.yaml", side: str = "slave") -> tuple[HandSource, WatchedSession]:
+    """A session of one side that was looked at after each of these records."""
+    source = HandSource(side)
+    source.description = description(side, file)
+    session = WatchedSession("7", source)
+    for piece in made:
+        source.put(piece)
+        session.look()
+    return source, session
 
 
 def test_figures_equal_those_of_the_launcher() -> None:
@@ -36,62 +55,87 @@ def test_figures_equal_those_of_the_launcher() -> None:
     assert told["force"]["selected"] == expected["force"]["selected"]
 
 
-def test_backlog_repeats_the_messages_of_looks() -> None:
+def test_backlog_repeats_the_messages_of_the_last_seconds() -> None:
     master, slave, session = both()
-    assert session.look() == [] and session.backlog() == []
+    assert session.look() == session.backlog() == []
     told = []
-    for piece in np.split(records(2000, seed=3), 20):
-        master.put(piece)
-        slave.put(piece)
+    for first in range(0, 12_000, 500):
+        for source in (master, slave):
+            source.put(records(500, first=first, seed=first))
         told += session.look()
-    kinds = {(message["type"], message.get("side")) for message in told}
-    assert kinds == {("samples", "master"), ("samples", "slave"), ("felt", None)}
+    kinds = {("samples", "master"), ("samples", "slave"), ("felt", None)}
+    assert {(message["type"], message.get("side")) for message in told} == kinds
     again = session.backlog()
     json.dumps(again, allow_nan=False)
+    assert [message["type"] for message in again] == ["samples", "samples", "felt"]
     for message in again:
         same = [one for one in told if (one["type"], one.get("side")) == (message["type"], message.get("side"))]
-        assert message["t"] == [t for one in same for t in one["t"]]
-    assert again[-1]["type"] == "felt"
+        assert message["t"] == [t for one in same for t in one["t"]][-len(message["t"]) :]
+        assert 11.99 - BACKLOG_S - 0.51 < message["t"][0] <= 12.0 - BACKLOG_S
 
 
-def test_backlog_covers_only_the_last_seconds() -> None:
-    master, _, session = both()
-    for first in range(0, 12_000, 500):
-        master.put(records(500, first=first))
-        session.look()
-    (message,) = session.backlog()
-    assert 11.99 - BACKLOG_S - 0.51 < message["t"][0] <= 12.0 - BACKLOG_S
-    assert message["t"][-1] == pytest.approx(11.996)
-
-
-def test_faults_are_counted_at_their_beginning() -> None:
-    _, slave, session = both()
-    made = records(100)
-    made["fault"][20:60] = Fault.SILENCE
-    made["fault"][60:70] = Fault.DEVICE
-    made["fault"][90:] = Fault.SILENCE
-    for piece in pieces(made, [10, 30, 65, 95]):
-        slave.put(piece)
-        session.look()
+def test_faults_are_counted_at_their_beginning_and_are_events_with_times() -> None:
+    made = records(5000)
+    made["fault"][1200:3450] = Fault.SILENCE
+    made["fault"][3450:3500] = Fault.DEVICE
+    made["fault"][4900:] = Fault.SILENCE
+    _, session = alone(*pieces(made, [10, 1300, 3460, 4950]))
     told = session.figures()
-    assert told["faults"] == {"master": {}, "slave": {"silence": 2, "device": 1}}
-    assert told["faults_now"] == {"master": None, "slave": "silence"}
+    assert told["faults"] == {"slave": {"silence": 2, "device": 1}}
+    assert told["faults_now"] == {"slave": "silence"}
+    shown = [(event.at, event.level, event.side) for event in session.log.events if event.level != "info"]
+    assert shown == [(at, "alarm", "slave") for at in (1.2, 4.9)]  # what lasts for 50 ms is not told beside its second
+    began = next(event for event in session.log.events if event.level == "alarm")
+    assert began.wall == pytest.approx(WALL_OFFSET_S + 11.2, abs=1e-3)
+    assert [event.at for event in session.log.events if "over after 2.25 s" in event.text] == [3.45]
 
 
-def test_session_ends_with_its_last_side() -> None:
+def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
+    made = records(1000)
+    made["ticks_missed"][500:] = 100
+    assert alone()[1].figures()["alarms"] == []
+    made["fault"][900:] = Fault.TRIPPED
+    alarms = {alarm["name"]: alarm["level"] for alarm in alone(made)[1].figures()["alarms"]}
+    assert (alarms["slave_tripped"], alarms["missed_ticks"]) == ("failed", "degraded")
+
+
+def test_every_state_and_fault_has_words() -> None:
+    assert set(STATES) == {state.name.lower() for state in State}
+    assert set(FAULTS) == {fault.name.lower() for fault in Fault if fault}
+    assert not any("{" in fault_words("slave", fault).text for fault in FAULTS)
+
+
+def test_log_keeps_the_last_events() -> None:
+    log = EventLog(1000.0, 10.0)
+    for number in range(MOST_EVENTS + 20):
+        log.note(10.0 + number, None, Words(INFO, str(number)))
+    assert [event.text for event in log.events] == [str(number) for number in range(20, MOST_EVENTS + 20)]
+    assert [event.text for event in log.since(log.count - 2)] == ["518", "519"]
+    assert (len(log.since(0)), log.since(log.count)) == (MOST_EVENTS, [])
+    assert events_message("7", log.since(log.count - 1))["events"][0]["at"] == MOST_EVENTS + 19
+
+
+@pytest.mark.parametrize(("in_order", "level"), [(True, "info"), (False, "alarm")])
+def test_session_ends_with_its_last_side(in_order: bool, level: str) -> None:
     master, slave, session = both()
     assert session.seen_from_start
     master.end(in_order=True)
     session.look()
     assert not session.ended
-    slave.end(in_order=True)
+    made = records(1500)
+    made["state"][1400:] = State.SILENT.value
+    slave.put(made)
+    slave.end(in_order=in_order)
     slave.lost = 3
     session.look()
-    assert session.ended
+    session.look()
+    *_, change, end = session.log.events
+    assert (change.at, change.level, end.level, end.side) == (1.4, "warn", level, "slave")
     told = session.figures()
-    assert told["ended"] and not told["seen_from_start"]
+    assert (session.ended, told["ended"], told["seen_from_start"]) == (True, True, False)
     session.close()
-    assert master.is_closed and slave.is_closed
+    assert master.is_closed
+    assert slave.is_closed
 
 
 def test_reported_settings_override_those_of_the_file() -> None:
@@ -103,24 +147,102 @@ def test_reported_settings_override_those_of_the_file() -> None:
     assert session.figures()["generation"] == 3
 
 
+def test_figures_name_engagement_and_button() -> None:
+    master, slave, session = both()
+    made = records(10)
+    for buttons, button in ((2, None), (2, "held"), (1, "released")):
+        made["buttons"] = buttons
+        master.put(made)
+        session.look()
+        told = session.figures()
+        assert (told["engaged"], told["button"]) == ({"master": True, "slave": False}, button)
+        for source in (slave, master):
+            assert source.description is not None
+            source.description["system"]["master"]["engage"] = {"button": 1}
+
+
+def test_changed_path_is_an_event_and_in_figures() -> None:
+    source, session = alone(side="master")
+    finding = PathFacts(route="", note="asking the mailbox")
+    found = PathFacts(0, "punched", "", "wlan0", "203.0.113.9:40112", 0)
+    relayed = PathFacts(0, "relayed", "relay.example", "usb0", "198.51.100.7:3478", 1)
+    told = []
+    for number, path in enumerate([finding, found, found, relayed]):
+        source.description = {**(source.description or {}), "paths": [path._asdict()]}
+        source.put(records(1100, first=1100 * number))
+        session.look()
+        told.append(session.figures())
+    assert [figures["finding"] for figures in told] == ["asking the mailbox", "", "", ""]
+    assert told[-1]["figures"]["paths"]["master"][0]["via"] == "relay.example"
+    assert [shown["side"] for shown in told[-1]["paths"]] == ["master"]
+    events = [(event.level, event.text) for event in session.log.events if event.text.startswith("path")]
+    assert [level for level, _ in events] == ["info", "info", "warn"]
+    for (_, text), part in zip(events, ("mailbox", "wlan0", "usb0"), strict=True):
+        assert part in text
+
+
 def test_side_without_description_has_figures() -> None:
-    source = HandSource("slave")
+    source, session = alone()
     source.description = None
-    session = WatchedSession("7", source)
     made = records(10)
     made["sent"], made["selected"] = 1, 3
+    session = WatchedSession("7", source)
     source.put(made)
     session.look()
     assert session.figures()["figures"]["force"]["selected"] == {"predictor 3": 10}
     assert session.hello()["readonly"]
 
 
-@pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
-def test_rows_include_rotation_of_6_dof_sessions(file: str) -> None:
-    source = HandSource("slave")
-    source.description = description("slave", file)
-    session = WatchedSession("7", source)
+@pytest.mark.parametrize(("file", "has_rotation"), [("loopback.yaml", False), ("rotation.yaml", True)])
+def test_rows_include_rotation_of_6_dof_sessions(file: str, has_rotation: bool) -> None:
+    source, session = alone(file=file)
     source.put(records(10))
     (told,) = session.look()
-    assert ("rotation_raw" in told["columns"]) is (file == "rotation.yaml")
-    assert ("torque" in session.figures()["figures"]) is (file == "rotation.yaml")
+    assert ("rotation_raw" in told["columns"]) is ("torque" in session.figures()["figures"]) is has_rotation
+
+
+def test_arms_are_told_by_axis_and_channel() -> None:
+    made = {side: arms.records(side, 2000) for side in ("master", "slave")}
+    sources = {side: HandSource(side) for side in made}
+    for side, source in sources.items():
+        source.description = {"side": side, "system": arms.SYSTEM, "bank": ["zoh"], "changes": ["weber"]}
+        source.put(made[side])
+    session = WatchedSession("7", sources["slave"])
+    session.admit(sources["master"])
+    told = {(each["type"], each.get("side")): each for each in session.look()}
+    hello = session.hello()
+    assert (hello["axes"], hello["settings"]["weber"], hello["scene"]) == ([*arms.NAMES, "gripper"], 0.13, [])
+    assert WatchedSession("8", HandSource("slave")).hello()["axes"] is None
+
+    places = list(arms.PLACES)
+    for side in made:
+        rows = told["samples", side]
+        json.dumps(rows, allow_nan=False)
+        ticks = np.rint(np.array(rows["t"]) * arms.RATE).astype(int)
+        assert {0, arms.SENT_EVERY, arms.GRIPPER_SENT_EVERY} <= set(ticks.tolist())
+        assert not set(CARTESIAN) & set(rows["columns"])
+        for name in ("joint_position", "joint_raw", "joint_output"):
+            shown = np.array(rows["columns"][name]).T
+            np.testing.assert_allclose(shown, made[side][name][ticks][:, places], atol=1e-6)
+    columns = told["samples", "slave"]["columns"]
+    bound = np.maximum(0.13 * np.abs(columns["joint_raw"]), 0.02)
+    np.testing.assert_allclose(columns["joint_bound"], bound, atol=1e-6)
+
+    felt = told["felt", None]
+    ticks = np.rint(np.array(felt["t"]) * arms.RATE).astype(int)
+    actual = made["slave"]["joint_raw"][ticks][:, places].astype(float)
+    error = np.abs(made["master"]["joint_output"][ticks][:, places] - actual)
+    worst = (error / np.maximum(0.13 * np.abs(actual), 0.02)).max(axis=1)
+    assert worst.max() > 0.1
+    np.testing.assert_allclose(felt["deadbands"], worst, atol=1e-3)
+
+    figures, score = session.figures(), SessionScore(arms.RATE, ("zoh",), arm=arm_in(arms.SYSTEM))
+    score.add(made["master"], made["slave"])
+    every = {"joint_torque": arms.SENT_EVERY, "joint_angle": arms.SENT_EVERY}
+    every |= {"gripper_torque": arms.GRIPPER_SENT_EVERY, "gripper_angle": arms.GRIPPER_SENT_EVERY}
+    assert set(figures["packets_per_s_now"]) == set(every)
+    for channel, ticks_between in every.items():
+        assert figures["packets_per_s_now"][channel] == pytest.approx(arms.RATE / ticks_between, rel=0.03)
+        assert figures["reduction_now"][channel] == pytest.approx(1.0 - 1.0 / ticks_between, abs=0.002)
+        for name in ("packets", "error_rms", "violation_fraction"):
+            assert figures["figures"][channel][name] == score.summary()[channel][name], name

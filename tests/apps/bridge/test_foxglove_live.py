@@ -2,27 +2,16 @@
 
 import os
 import signal
-import socket
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.apps.monitor.monitors import Monitor
 from tests.program import PATIENT, Program, document, faults_of
 from tests.wait import until
-from weberlink.cli import app
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path
-
-
-def test_a_port_in_use_is_one_line() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
-        result = CliRunner().invoke(app, ["bridge", "foxglove", "--port", port])
-    assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (1, "", 1)
-    assert f"--port {port}" in result.stderr
 
 
 @pytest.mark.realtime

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import pytest
 
@@ -36,22 +35,6 @@ def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
     thread.start()
     thread.join()
     assert done == ["main", "other thread"]
-
-
-@pytest.mark.parametrize(
-    ("name", "file", "override", "words"),
-    [
-        ("phantom", None, None, "phantom: "),
-        ("operator", None, "foce_n=1", "operator.foce_n: unknown key; did you mean force_n?"),
-        ("operator", None, "force_n=0", "operator.force_n: "),
-        ("replay", FILE, None, "master.device.driver: is operator, not replay"),
-        ("operator", CONFIGS / "none.yaml", None, "no such file"),
-        ("replay", None, None, "replay.trace: is missing"),
-        ("koch_leader", None, None, "koch_leader: "),
-    ],
-)
-def test_wrong_names_and_options_are_one_line(name: str, file: Path | None, override: str | None, words: str) -> None:
-    assert words in complaint(name, file=file, overrides=[] if override is None else [override])
 
 
 def test_overrides_take_precedence_over_the_file() -> None:

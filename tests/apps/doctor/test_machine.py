@@ -1,4 +1,4 @@
-"""Reading the machine: files and system calls."""
+"""Reading this machine: files, system calls, tools, and the trials in child processes."""
 
 import os
 import sys
@@ -7,18 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from tests.apps.doctor.machines import machine
+from tests.apps.doctor.machines import GRANTS, machine
 from weberlink.apps.doctor import Machine
 from weberlink.apps.doctor import machine as real
 from weberlink.apps.doctor.machine import Unreadable
+from weberlink.apps.doctor.trial import PAIRS, host_trial, measure, run_host_trial, run_rights_trial
 
 
-def test_unreadable_file_gives_the_reason(tmp_path: Path) -> None:
-    host = machine(tmp_path, {"proc/here": " 17\n", "proc/text": "much"})
-    assert (host.read("/proc/here"), host.number("proc/here")) == ("17", 17)
-    for path, words in (("/proc/none", "no such file"), ("/proc", "Is a directory"), ("/proc/text", "no number")):
-        with pytest.raises(Unreadable, match=words):
+def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:
+    host = machine(tmp_path, {"proc/here": " 17\n", "proc/text": "much", **{f"sys/cpu{n}/x": "" for n in (10, 2, 1)}})
+    assert (host.read("/proc/here"), host.number("proc/here"), host.in_container) == ("17", 17, False)
+    assert host.find("/sys/cpu[0-9]*/x") == ["/sys/cpu1/x", "/sys/cpu2/x", "/sys/cpu10/x"]
+    for path in ("/proc/none", "/proc", "/proc/text"):
+        with pytest.raises(Unreadable):
             host.number(path)
+    assert machine(tmp_path, {"run/.containerenv": ""}).in_container
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
@@ -29,29 +32,15 @@ def test_file_of_root_is_unreadable_with_reason(tmp_path: Path) -> None:
         host.read("/proc/secret")
 
 
-def test_paths_are_in_natural_order(tmp_path: Path) -> None:
-    host = machine(tmp_path, {f"sys/cpu{number}/x": "" for number in (10, 2, 1)})
-    assert host.find("/sys/cpu[0-9]*/x") == ["/sys/cpu1/x", "/sys/cpu2/x", "/sys/cpu10/x"]
-
-
-def test_container_is_detected_by_its_file(tmp_path: Path) -> None:
-    assert not machine(tmp_path).in_container
-    assert machine(tmp_path, {"run/.containerenv": ""}).in_container
-
-
 def test_missing_or_hanging_tool_is_unreadable(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Machine().run(sys.executable, "-c", "print('seen'); raise SystemExit(3)") == (3, "seen\n")
-    with pytest.raises(Unreadable, match="cannot be run"):
-        Machine().run("no-such-tool-of-ours")
     monkeypatch.setattr(real, "TOOL_LIMIT_S", 0.2)
-    with pytest.raises(Unreadable, match="timed out"):
-        Machine().run(sys.executable, "-c", "import time; time.sleep(60)")
-
-
-def test_hanging_name_service_is_unreadable(monkeypatch: pytest.MonkeyPatch) -> None:
+    for tool in (("no-such-tool-of-ours",), (sys.executable, "-c", "import time; time.sleep(60)")):
+        with pytest.raises(Unreadable):
+            Machine().run(*tool)
     monkeypatch.setattr(real, "LOOK_UP_LIMIT_S", 0.05)
     monkeypatch.setattr(real.socket, "getaddrinfo", lambda *_, **__: time.sleep(0.2))
-    with pytest.raises(Unreadable, match="does not answer within"):
+    with pytest.raises(Unreadable):
         Machine().resolve("robot")
 
 
@@ -62,5 +51,35 @@ def test_defaults_read_this_machine() -> None:
     assert isinstance(host.clock_is_synchronised(), bool)
     total, free = host.space(Path("/"))
     assert 0 <= free <= total
-    assert host.resolve("127.0.0.1") == ["127.0.0.1"]
-    assert host.route("127.0.0.1") == "127.0.0.1"
+    assert (host.resolve("127.0.0.1"), host.route("127.0.0.1")) == (["127.0.0.1"], "127.0.0.1")
+
+
+def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
+    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
+    trial = run_rights_trial(priority=1, lock_memory=True, wakeful=False, cpu=None, rate_hz=200.0)
+    assert (trial.failure, set(trial.grants), trial.grants["cpu"]["granted"]) == (None, set(GRANTS), False)
+    assert trial.memory_bytes > 10_000_000
+    assert 0.0 <= trial.lateness_us["p50"] <= trial.lateness_us["p99"]
+    result = run_host_trial(priority=1, processors=sorted(os.sched_getaffinity(0)), rate_hz=1000.0)
+    assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+    if result.failure is not None:
+        assert "SCHED_FIFO 1 not permitted" in result.failure
+        return
+    assert (len(result.asleep), len(result.awake)) == (PAIRS, 0 if result.not_awake else PAIRS)
+    for each in [*result.asleep, *result.awake]:
+        assert (each["p99_us"] or 0.0) > 0.0
+        assert 0.0 <= (each["missed"] or 0.0) < 1.0
+        assert 0.0 <= (each["steal"] or 0.0) <= 1.0
+
+
+def test_every_deadline_is_a_wake_up_or_missed() -> None:
+    lateness, missed = measure(200.0)
+    assert 0 < len(lateness) <= 100 <= len(lateness) + missed
+
+
+def test_failure_of_the_child_is_reported() -> None:
+    with pytest.raises(ValueError, match="priority"):
+        host_trial(1000, [0], 1000.0)
+    rights = run_rights_trial(priority=1000, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
+    for failure in (run_host_trial(priority=1000, processors=[0], rate_hz=1000.0).failure, rights.failure):
+        assert "priority must be" in str(failure)

@@ -2,55 +2,33 @@
 
 import io
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from typer.testing import CliRunner
 
 from tests.apps.doctor.machines import FILES, HOST, machine
 from tests.examples import examples
+from tests.program import document, weberlink
 from tests.system.systems import CONFIGS
 from weberlink.apps.doctor import CHECKS, Check, DoctorReport, Finding, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.machine import Unreadable
-from weberlink.cli import app
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import load
 
 READ = [row for row in CHECKS if row.area not in ("rights", "host", "devices")]
 """Checks that start no process and ask no library of devices."""
+LAN = CONFIGS / "lan.yaml"
+OK, ADVICE, PROBLEM, UNKNOWN = Grade.OK, Grade.ADVICE, Grade.PROBLEM, Grade.UNKNOWN
 
 
 def shown(found: DoctorReport) -> list[str]:
     stream = io.StringIO()
     found.show(Console(file=stream, width=80))
     return stream.getvalue().splitlines()
-
-
-def test_ideal_machine_has_no_findings_to_fix(tmp_path: Path) -> None:
-    found = examine(Needs(), machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None))
-    assert [each for each in found.findings if each.grade is not Grade.OK] == []
-
-
-def test_missing_files_are_unknown_with_a_reason(tmp_path: Path) -> None:
-    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), READ)
-    dark = {each.check: each.found for each in found.findings if each.grade is Grade.UNKNOWN}
-    assert {"clock source", "throttling", "receive buffer"} <= set(dark)
-    assert all("no such file" in words or "cannot be read" in words for words in dark.values())
-
-
-@examples(25)
-@given(st.dictionaries(st.sampled_from(sorted(FILES)), st.text(max_size=60), max_size=len(FILES)))
-def test_arbitrary_files_never_raise(tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]) -> None:
-    host = machine(tmp_path_factory.mktemp("machine"), {name: text.replace("\0", "") for name, text in files.items()})
-    needs = Needs(listen=("0.0.0.0", 47000), slave=("robot", 47000), cpus=(0, 1))
-    for each in examine(needs, host, READ).findings:
-        assert (each.fix is None) == (each.grade is Grade.OK) or each.grade is Grade.UNKNOWN
 
 
 def row(*findings: Finding | Exception, fix: str | None = None) -> Check:
@@ -65,81 +43,85 @@ def row(*findings: Finding | Exception, fix: str | None = None) -> Check:
     return Check("area", "clock", judge, fix)
 
 
-def test_failing_check_becomes_a_finding(tmp_path: Path) -> None:
+def test_ideal_machine_has_no_findings_to_fix(tmp_path: Path) -> None:
+    found = examine(Needs(), machine(tmp_path, which=lambda name: name if name in ("cyclictest", "sockperf") else None))
+    assert [each for each in found.findings if each.grade is not OK] == []
+
+
+def test_missing_files_are_unknown(tmp_path: Path) -> None:
+    found = examine(Needs(), machine(tmp_path, dict.fromkeys(FILES)), READ)
+    dark = {each.check for each in found.findings if each.grade is UNKNOWN}
+    assert {"clock source", "throttling", "receive buffer"} <= dark
+
+
+@examples(25)
+@given(st.dictionaries(st.sampled_from(sorted(FILES)), st.text(max_size=60), max_size=len(FILES)))
+def test_arbitrary_files_never_raise(tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]) -> None:
+    host = machine(tmp_path_factory.mktemp("machine"), {name: text.replace("\0", "") for name, text in files.items()})
+    needs = Needs(listen=("0.0.0.0", 47000), slave=("robot", 47000), cpus=(0, 1))
+    for each in examine(needs, host, READ).findings:
+        assert (each.fix is None) == (each.grade is OK) or each.grade is UNKNOWN
+
+
+def test_failing_check_becomes_a_finding_and_the_fix_of_a_row_is_for_those_that_need_one(tmp_path: Path) -> None:
     rows = [
-        row(Finding(Grade.OK, "seen"), ZeroDivisionError("no\nclock")),
+        row(
+            Finding(OK, "a"),
+            Finding(ADVICE, "b"),
+            Finding(PROBLEM, "c", "own"),
+            ZeroDivisionError("no\nclock"),
+            fix="x",
+        ),
         row(Unreadable("/x cannot be read without root")),
     ]
-    assert examine(Needs(), machine(tmp_path), rows).findings == [
-        Finding(Grade.OK, "seen", None, "clock", "area"),
-        Finding(Grade.UNKNOWN, "clock: ZeroDivisionError: no clock", None, "clock", "area"),
-        Finding(Grade.UNKNOWN, "clock: /x cannot be read without root", None, "clock", "area"),
-    ]
+    found = examine(Needs(), machine(tmp_path), rows).findings
+    assert [(each.grade, each.fix) for each in found] == [
+        (OK, None), (ADVICE, "x"), (PROBLEM, "own"), (UNKNOWN, None), (UNKNOWN, None)
+    ]  # fmt: skip
+    assert {(each.check, each.area) for each in found} == {("clock", "area")}
+    assert ("no clock" in found[3].found, "/x" in found[4].found) == (True, True)
 
 
-def test_fix_of_the_row_is_for_findings_that_need_one(tmp_path: Path) -> None:
-    found = [Finding(Grade.OK, "a"), Finding(Grade.ADVICE, "b"), Finding(Grade.PROBLEM, "c", "own")]
-    report = examine(Needs(), machine(tmp_path), [row(*found, fix="common")])
-    assert [each.fix for each in report.findings] == [None, "common", "own"]
-
-
-def test_fix_is_printed_on_one_unbroken_line(tmp_path: Path) -> None:
+def test_findings_are_wrapped_at_words_and_a_fix_is_one_unbroken_line(tmp_path: Path) -> None:
     fix = "echo " + "long " * 40 + "| sudo tee /x"
-    lines = shown(examine(Needs(), machine(tmp_path), [row(Finding(Grade.PROBLEM, "it is so", fix))]))
-    assert lines == ["area", "  problem it is so", f"          -> {fix}", "1 problem, 0 advice, 0 unknown"]
-
-
-def test_long_finding_is_wrapped_at_words(tmp_path: Path) -> None:
-    lines = shown(examine(Needs(), machine(tmp_path), [row(Finding(Grade.OK, "word " * 20))]))
-    assert lines[1].startswith("  ok      word ")
-    assert lines[2].startswith(" " * 10 + "word")
-    assert max(map(len, lines)) <= 80
+    rows = [row(Finding(OK, "word " * 20), Finding(PROBLEM, "it is so", fix))]
+    _, first, second, _, told, last = shown(examine(Needs(), machine(tmp_path), rows))
+    assert (len(first) <= 80, second.startswith(" " * 10 + "word"), told) == (True, True, f"          -> {fix}")
+    assert last.startswith("1 problem, 0 advice, 0 unknown")
 
 
 @pytest.fixture
-def soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
+def _soon_seen_host(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trial of the host takes seconds; its own tests make a real one."""
     monkeypatch.setattr(Machine, "host_trial", lambda _machine, **_request: HOST)
 
 
-@pytest.mark.usefixtures("soon_seen_host")
-def test_report_of_this_machine_fits_80_columns(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("_soon_seen_host")
+def test_command_reports_of_this_machine_and_fails_on_problems(tmp_path: Path) -> None:
     generate(tmp_path / "weberlink.key")
-    found = examine(Needs.of(load(CONFIGS / "lan.yaml", [f"link.key_file={tmp_path / 'weberlink.key'}"])), Machine())
+    found = examine(Needs.of(load(LAN, [f"link.key_file={tmp_path / 'weberlink.key'}"])), Machine())
     checks = {each.check for each in found.findings}
     assert {"clock source", "scheduling", "memory lock", "punctuality", "host", "port", "key file", "Python"} <= checks
     for line in shown(found):
         assert len(line) <= 80 or line.startswith(" " * 10 + "-> ") or str(tmp_path) in line, line
-
-
-@pytest.mark.usefixtures("soon_seen_host")
-def test_command_writes_json_and_fails_on_problems(tmp_path: Path) -> None:
     out = tmp_path / "doctor.json"
-    ended = CliRunner().invoke(app, ["doctor", str(CONFIGS / "lan.yaml"), "--side", "master", "--json", str(out)])
-    document: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
-    problems = [each for each in document["findings"] if each["grade"] == "problem"]
-    assert {"slave address", "key file"} <= {each["check"] for each in problems}  # the file is an example
-    assert all(each["fix"] for each in problems)
-    assert ended.exit_code == 1
-    assert document["counts"]["problem"] == len(problems)
-    assert document["needs"]["sides"] == ["master"]
-    assert document["needs"]["drivers"] == {"master": "operator"}
-    assert re.search(rf"^{len(problems)} problem", ended.output, re.M)
+    ended = weberlink("doctor", LAN, "--side", "master", "--json", out)
+    told = document(out.read_text(encoding="utf-8"))
+    problems = {each["check"]: each["fix"] for each in told["findings"] if each["grade"] == "problem"}
+    assert {"slave address", "key file"} <= set(problems)  # the file is an example
+    assert (all(problems.values()), ended.status, told["counts"]["problem"]) == (True, 1, len(problems))
+    assert (told["needs"]["sides"], told["needs"]["drivers"]) == (["master"], {"master": "operator"})
+    assert f"\n{len(problems)} problem" in ended.output
+    alone = weberlink("doctor", "--json", "-")
+    told = json.loads(alone.output)
+    assert (told["needs"]["file"], alone.status) == (None, int(told["counts"]["problem"] > 0))
 
 
-@pytest.mark.usefixtures("soon_seen_host")
-def test_json_is_alone_on_standard_output() -> None:
-    ended = CliRunner().invoke(app, ["doctor", "--json", "-"])
-    document = json.loads(ended.stdout)
-    assert document["needs"]["file"] is None
-    assert ended.exit_code == (1 if document["counts"]["problem"] else 0)
-
-
-def test_needs_follow_the_configuration(tmp_path: Path) -> None:
+def test_needs_follow_the_configuration() -> None:
     overrides = ["rate_hz=500", "realtime.cpus=[0, 1]", "realtime.priority=7", "link.slave=robot:5"]
-    needs = Needs.of(load(CONFIGS / "lan.yaml", overrides), ["slave"])
+    needs = Needs.of(load(LAN, overrides), ["slave"])
     assert (needs.rate_hz, needs.pinned, needs.priority) == (500.0, {"slave": 1}, 7)
     assert (needs.listen, needs.slave) == (("0.0.0.0", 47000), None)  # the slave calls nobody
-    assert Needs.of(load(CONFIGS / "lan.yaml", overrides), ["master"]).slave == ("robot", 5)
+    assert Needs.of(load(LAN, overrides), ["master"]).slave == ("robot", 5)
     loopback = Needs.of(load(CONFIGS / "loopback.yaml"))
     assert (loopback.listen, loopback.slave, loopback.key_file) == (None, None, None)  # any port that is free

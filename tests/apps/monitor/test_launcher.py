@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.wait import PATIENCE
 from weberlink.apps.monitor.launcher import SessionLauncher, TryOrder
 from weberlink.system.scenes import SceneChoice
 
@@ -67,6 +68,12 @@ class Told:
         return self.started[-1][0]
 
     @property
+    def ended(self) -> tuple[int, dict[str, Any] | None]:
+        """Status and report of the last session."""
+        assert self.launcher.last is not None
+        return self.launcher.last.status, self.launcher.last.report
+
+    @property
     def states(self) -> list[tuple[str, str | None]]:
         return [(message["state"], message["scene"]) for message in self.messages]
 
@@ -80,7 +87,7 @@ def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signa
 
     async def run() -> Told:
         told, interrupted = Told(folder / "notes", order), asyncio.Event()
-        async with asyncio.timeout(30.0):
+        async with asyncio.timeout(PATIENCE):
             visit = asyncio.get_running_loop().create_task(told.launcher.run(interrupted))
             number = await act(told)
             if number is not None:
@@ -92,8 +99,7 @@ def conduct(folder: Path, order: TryOrder, act: Callable[[Told], Awaitable[Signa
     return asyncio.run(run())
 
 
-async def nothing(_told: Told) -> None:
-    pass
+async def nothing(_told: Told) -> None: ...
 
 
 def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
@@ -104,19 +110,23 @@ def test_interrupted_visit_ends_with_the_report(tmp_path: Path) -> None:
     told = conduct(tmp_path, order("a=1"), interrupt)
     ((pid, group, arguments),) = told.started
     assert arguments == ["loopback", "try.yaml", "--json", "-", "--set", "a=1"]
-    assert pid == group  # Ctrl-C does not reach it
-    assert told.launcher.last is not None and told.launcher.last.report == {"outcome": "interrupted", "ticks": 7}
-    assert told.launcher.last.status == 0
+    assert pid == group, "Ctrl-C does not reach it"
+    assert told.ended == (0, {"outcome": "interrupted", "ticks": 7})
     assert told.states == [("starting", "dome"), ("running", "dome"), ("idle", "dome")]
     assert told.lines == []
 
 
-def test_another_scene_is_another_session(tmp_path: Path) -> None:
+def test_another_scene_is_another_session_and_one_is_started_at_a_time(tmp_path: Path) -> None:
     async def change(told: Told) -> Signals:
         await told.until_begun(1)
+        assert not told.launcher.request_start("sea")["accepted"]
         assert told.launcher.request_start("box") == {"accepted": True}
+        await asyncio.sleep(0)
+        assert not told.launcher.request_start("box")["accepted"], "under way"
         await told.until_begun(2)
         assert told.launcher.rooms["scene"] == "box"
+        told.launcher.signal(SIGINT)
+        assert not told.launcher.request_start("box")["accepted"], "it ends"
         return SIGINT
 
     told = conduct(tmp_path, order(), change)
@@ -138,39 +148,17 @@ def test_stopped_session_can_be_started_again(tmp_path: Path) -> None:
         return SIGINT
 
     told = conduct(tmp_path, order(), stop)
-    assert len(told.started) == 2 and len(told.inherited) == 1
-    assert told.launcher.rooms["scene"] == "dome"
+    assert (len(told.started), len(told.inherited), told.launcher.rooms["scene"]) == (2, 1, "dome")
 
 
 def test_first_session_that_does_not_begin_ends_the_visit(tmp_path: Path) -> None:
     told = conduct(tmp_path, order("wrong=1"), nothing)
-    assert told.launcher.message == {
-        "type": "launcher",
-        "state": "failed",
-        "scene": "dome",
-        "why": "wrong: no such key",
-    }
-    assert told.launcher.last is not None and told.launcher.last.report is None and told.launcher.last.status == 1
+    message = {"type": "launcher", "state": "failed", "scene": "dome", "why": "wrong: no such key"}
+    assert (told.launcher.message, told.ended) == (message, (1, None))
 
 
 @pytest.mark.parametrize(("overrides", "status"), [((), 0), (("failing=1",), 1)])
 def test_limited_visit_ends_with_its_session(tmp_path: Path, overrides: tuple[str, ...], status: int) -> None:
     told = conduct(tmp_path, order(*overrides, duration_s=0.2), nothing)
-    assert told.started[0][2][-2:] == ["--duration", "1.000"]  # the shortest
-    assert told.launcher.last is not None and told.launcher.last.status == status
-    assert told.launcher.last.report == {"outcome": "completed", "ticks": 7}
-
-
-def test_unknown_scene_and_second_start_are_refused(tmp_path: Path) -> None:
-    async def ask(told: Told) -> Signals:
-        await told.until_begun(1)
-        assert "no such scene; there are dome, box" in told.launcher.request_start("sea")["why"]
-        told.launcher.request_start("box")
-        await asyncio.sleep(0)
-        assert "under way" in told.launcher.request_start("box")["why"]
-        await told.until_begun(2)
-        told.launcher.signal(SIGINT)
-        assert "ends" in told.launcher.request_start("box")["why"]
-        return SIGINT
-
-    conduct(tmp_path, order(), ask)
+    assert told.started[0][2][-2:] == ["--duration", "1.000"], "the shortest"
+    assert told.ended == (status, {"outcome": "completed", "ticks": 7})

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+from collections.abc import Awaitable, Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -27,84 +29,76 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
     return messages
 
 
-def test_page_sees_the_end_that_comes_after_the_last_records() -> None:
-    async def run() -> None:
-        source = HandSource("slave")
-        watch = SessionWatcher(Path("/nonexistent"), None, print)
-        watch.put(WatchedSession("7", source))
-        viewer = Viewer(None, may_change=True)
-        watch.join(viewer)
-        source.put(records(20))
-        watch.look(0.0)
-        source.end(in_order=True)
-        watch.look(1.0)
-        assert told(viewer)[-1]["ended"]
+def in_a_loop(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """Run a test in an event loop, in which the watcher asks daemons for their settings."""
 
-    asyncio.run(run())
+    @wraps(test)
+    def run(**arguments: Any) -> None:
+        asyncio.run(test(**arguments))  # type: ignore[arg-type]
+
+    return run
 
 
-def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
+def a_watch(*names: str) -> tuple[SessionWatcher, dict[str, HandSource]]:
+    """Sessions of one side."""
+    watch, sources = SessionWatcher(Path("/nonexistent"), None, lambda _: None), {}
+    for name in names:
+        sources[name] = HandSource("slave")
+        watch.put(WatchedSession(name, sources[name]))
+    return watch, sources
+
+
+@in_a_loop
+async def test_page_follows_to_the_next_session_and_sees_each_end(tmp_path: Path) -> None:
     said: list[str] = []
+    watch, viewer = SessionWatcher(tmp_path, None, said.append), Viewer(None, may_change=True)
+    watch.join(viewer)
+    watch.look(0.0)
+    (greeting,) = told(viewer)
+    assert (greeting["session"], greeting["token"], watch.newest) == (None, watch.requests.token, None)
+    first = ring(tmp_path, 7, "slave")
+    write(first, records(20))
+    watch.look(1.0)
+    assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "events", "figures"]
+    other = ring(tmp_path, 7, "master")
+    write(other, records(20))
+    write(first, records(20, first=20))
+    watch.look(2.0)
+    hello, *messages = told(viewer)
+    assert (hello["type"], hello["present"]) == ("hello", ["master", "slave"])
+    assert {message["side"] for message in messages if message["type"] == "samples"} == {"master", "slave"}
+    second = ring(tmp_path, 8, "master")
+    first.close()
+    other.close()
+    watch.look(3.0)
+    messages = told(viewer)
+    named = [(message["type"], message["session"]) for message in messages if "session" in message]
+    assert named == [("figures", "7"), ("hello", "8"), ("figures", "8")]
+    assert (messages[0]["ended"], messages[0]["figures"]["ticks"]["slave"]["count"]) == (True, 40)
+    assert [of["session"] for of in watch.overview()] == ["8", "7"]
+    second.close()
+    watch.look(4.0)
+    assert (told(viewer)[-1]["ended"], said[-1].startswith("session 8")) == (True, True)
+    for session in watch.sessions.values():
+        session.close()
 
-    async def run() -> None:
-        watch = SessionWatcher(tmp_path, None, said.append)
-        viewer = Viewer(None, may_change=True)
+
+@in_a_loop
+async def test_pinned_page_stays_with_its_session_and_others_go_to_one_that_runs() -> None:
+    watch, sources = a_watch("1", "2")
+    pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
+    for viewer in (pinned, free):
         watch.join(viewer)
-        watch.look(0.0)
-        (greeting,) = told(viewer)
-        assert greeting["session"] is None and greeting["token"] == watch.requests.token and watch.newest is None
-        first = ring(tmp_path, 7, "slave")
-        write(first, records(20, first=0))
-        watch.look(1.0)
-        assert [message["type"] for message in told(viewer)] == ["hello", "handle", "samples", "events", "figures"]
-        other = ring(tmp_path, 7, "master")
-        write(other, records(20, first=0))
-        write(first, records(20, first=20))
-        watch.look(2.0)
-        messages = told(viewer)
-        assert messages[0]["type"] == "hello" and messages[0]["present"] == ["master", "slave"]
-        assert {message["side"] for message in messages if message["type"] == "samples"} == {"master", "slave"}
-        second = ring(tmp_path, 8, "master")
-        first.close()
-        other.close()
-        watch.look(3.0)
-        messages = told(viewer)
-        assert [(message["type"], message["session"]) for message in messages if "session" in message] == [
-            ("figures", "7"), ("hello", "8"), ("figures", "8")
-        ]  # fmt: skip
-        assert messages[0]["ended"] and messages[0]["figures"]["ticks"]["slave"]["count"] == 40
-        assert [of["session"] for of in watch.overview()] == ["8", "7"]
-        second.close()
-        watch.look(4.0)
-        assert told(viewer)[-1]["ended"]
-        for session in watch.sessions.values():
-            session.close()
-
-    asyncio.run(run())
-    assert said[-1] == "session 8: over"
-
-
-def test_pinned_page_stays_with_its_session(tmp_path: Path) -> None:
-    async def run() -> None:
-        watch = SessionWatcher(tmp_path, None, lambda _: None)
-        sources = {name: HandSource("slave") for name in ("1", "2")}
-        for name, source in sources.items():
-            watch.put(WatchedSession(name, source))
-        pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
-        for viewer in (pinned, free):
-            watch.join(viewer)
-        for source in sources.values():
-            source.put(records(40))
-        watch.look(0.0)
-        assert {message.get("session", "1") for message in told(pinned)} == {"1"}
-        assert {message.get("session", "2") for message in told(free)} == {"2"}
-        watch.leave(pinned)
-        sources["2"].end(in_order=True)
-        watch.look(1.0)
-        messages = told(free)
-        assert messages[0]["ended"] and messages[1]["session"] == "1"  # which still runs
-
-    asyncio.run(run())
+    for source in sources.values():
+        source.put(records(40))
+    watch.look(0.0)
+    assert {message.get("session", "1") for message in told(pinned)} == {"1"}
+    assert {message.get("session", "2") for message in told(free)} == {"2"}
+    watch.leave(pinned)
+    sources["2"].end(in_order=True)
+    watch.look(1.0)
+    ended, greeting, *_ = told(free)
+    assert (ended["ended"], greeting["session"]) == (True, "1")
 
 
 def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
@@ -116,16 +110,12 @@ def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
 
 
 def test_ended_sessions_are_forgotten() -> None:
-    watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
-    sources = []
-    for number in range(ENDED_KEPT + 3):
-        source = HandSource("slave")
+    watch, sources = a_watch(*map(str, range(ENDED_KEPT + 3)))
+    for source in sources.values():
         source.end(in_order=True)
-        sources.append(source)
-        watch.put(WatchedSession(str(number), source))
     watch.look(0.0)
-    assert list(watch.sessions) == [str(number) for number in range(3, ENDED_KEPT + 3)]
-    assert [source.is_closed for source in sources] == [True] * 3 + [False] * ENDED_KEPT
+    assert list(watch.sessions) == list(sources)[3:]
+    assert [source.is_closed for source in sources.values()] == [True] * 3 + [False] * ENDED_KEPT
 
 
 async def asked(watch: SessionWatcher, viewer: Viewer, request: object) -> Any:
@@ -172,19 +162,12 @@ def test_invalid_request_is_refused_with_the_reason(request_: object, why: str) 
 
 
 def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
-    for name in (
-        "weberlink-7-master.ring",
-        "weberlink-7-slave.ring",
-        "weberlink-7-slave.json",
-        "weberlink-12-slave.ring",
-        "weberlink-12-slave.ring.x8d2",
-        "weberlink-x-slave.ring",
-        "weberlink-9-other.ring",
-        "another.ring",
-    ):
-        (tmp_path / name).touch()
+    ours = ("7-master.ring", "7-slave.ring", "12-slave.ring")
+    for name in (*ours, "7-slave.json", "12-slave.ring.x8d2", "x-slave.ring", "9-other.ring"):
+        (tmp_path / f"weberlink-{name}").touch()
+    (tmp_path / "another.ring").touch()
     found = find_rings(tmp_path)
-    assert {name: sorted(rings) for name, rings in found.items()} == {"7": ["master", "slave"], "12": ["slave"]}
-    assert found["12"]["slave"].path == tmp_path / "weberlink-12-slave.ring"
-    assert found["12"]["slave"].inode == (tmp_path / "weberlink-12-slave.ring").stat().st_ino
+    assert [(name, sorted(rings)) for name, rings in found.items()] == [("7", ["master", "slave"]), ("12", ["slave"])]
+    path = tmp_path / "weberlink-12-slave.ring"
+    assert (found["12"]["slave"].path, found["12"]["slave"].inode) == (path, path.stat().st_ino)
     assert find_rings(tmp_path / "missing") == {}

@@ -1,0 +1,249 @@
+"""What only processes show of the commands: signals, missing packages, ports and sessions of others, imports."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.program import PATIENT, ROOT, Ended, Program, document, free_port
+from tests.system.packages import install
+from tests.system.systems import CONFIGS
+from tests.wait import PATIENCE, until
+from weberlink.installation import install_line
+from weberlink.protocol.keys import generate
+from weberlink.telemetry.recording.reader import read_recording
+
+LOOPBACK, LAN = CONFIGS / "loopback.yaml", CONFIGS / "lan.yaml"
+TRACE = CONFIGS / "traces" / "operator.npz"
+
+
+def python(*arguments: object, **environment: str) -> Ended:
+    """A process of Python, to its end."""
+    command = [sys.executable, *map(str, arguments)]
+    ended = subprocess.run(
+        command, cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+    return Ended(ended.returncode, ended.stdout, ended.stderr)
+
+
+def paths(folder: Path) -> str:
+    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
+
+
+# --- packages
+
+HIDDEN = """
+import json, sys
+sys.modules.update(dict.fromkeys(["aiohttp", "matplotlib", "mcap", "mujoco", "scipy"]))
+from tests.program import weberlink
+json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
+"""
+EVALUATE = ["study", "evaluate", TRACE, "--predictor", "zoh", "--workers", "1"]
+WITHOUT = [
+    # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
+    (["try"], 2, install_line("monitor")),
+    ([*EVALUATE, "--plots", "plots"], 2, install_line("studies")),
+    (EVALUATE, 0, ""),
+    (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
+    (["loopback", "--record", "a.mcap"], 2, install_line("recording")),
+    (["record", "info", "none.mcap"], 2, "none.mcap"),
+    (["record", "export", "none.mcap", "--to", "csv"], 2, "none.mcap"),
+    (["study", "evaluate", "none.mcap"], 2, "none.mcap"),
+    (["study", "ratings", "none"], 2, "none"),
+]
+
+
+def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
+    lines = [[str(word) for word in line] for line, _, _ in WITHOUT]
+    ended = python("-c", HIDDEN, json.dumps(lines))
+    assert ended.status == 0, ended.errors
+    for (line, status, part), found in zip(WITHOUT, json.loads(ended.output), strict=True):
+        assert (found[0], len(found[2].splitlines())) == (status, int(status != 0)), (line, found)
+        assert part in found[2]
+
+
+ENTRY_POINTS = """
+[weberlink.devices]
+slow = slow_import:Slow
+[weberlink.commands]
+rate = slow_command:rate
+"""
+IMPORTS = """
+import os
+class Now:
+    # Python 3.11 makes a RuntimeError of what is raised here.
+    def __set_name__(self, owner, name):
+        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
+        for _ in range(1000):
+            pass
+class Slow:
+    now = Now()
+"""
+COMMAND = """
+import os, typer
+from weberlink.cli.arguments import File
+from weberlink.system.configuration import load
+def end():
+    os.kill(os.getpid(), int(os.environ["SIGNAL"]))
+    return int
+def rate(file: File, many: "end()" = 1) -> None:
+    typer.echo(f"{load(file).system.rate_hz:g} Hz")
+"""
+"""Its annotation is read when the program puts its commands together."""
+
+
+def extended(folder: Path, number: int, command: str, *arguments: object) -> Ended:
+    """A program with a command and a device of another distribution."""
+    install(folder, "slow", {"slow_import": IMPORTS, "slow_command": command}, ENTRY_POINTS)
+    return python("-m", "weberlink", *arguments, SIGNAL=str(number), PYTHONPATH=paths(folder))
+
+
+def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
+    assert extended(tmp_path, 0, COMMAND, "rate", LOOPBACK) == (0, "1000 Hz\n", "")
+
+
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [
+        ("check", signal.SIGINT),
+        ("simulate", signal.SIGTERM),
+        ("loopback", signal.SIGINT),
+        ("master", signal.SIGTERM),
+    ],
+)
+def test_signal_while_a_driver_is_imported_is_one_line(command: str, number: signal.Signals, tmp_path: Path) -> None:
+    driver = ("--set", "master.device.driver=slow", "--set", "link.security=session")
+    ended = extended(tmp_path, number, "rate = None", command, LOOPBACK, *driver)
+    assert (ended.status, ended.output) == (130, "")
+    assert [line.split()[1] for line in ended.errors.splitlines() if "rate" not in line] == ["interrupted;"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_before_a_command_begins_ends_in_silence(number: signal.Signals, tmp_path: Path) -> None:
+    assert extended(tmp_path, number, COMMAND, "--version") == (-number, "", "")
+
+
+# --- imports: they take most of the time to the first line of a command, or to its daemons
+
+IMPORTED = """
+import contextlib, io, json, os, subprocess, sys
+def tell(line=(), **_):
+    json.dump(sorted(sys.modules), sys.__stdout__)
+    sys.__stdout__.flush()
+    os._exit(0)
+subprocess.Popen = tell
+from weberlink.cli import main
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    main(sys.argv[1:])
+tell()
+"""
+"""Ends with the modules that are there when a command is done, or starts its first process."""
+SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
+"""Packages that take long to import."""
+LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "system.report", "system.daemon")}
+
+
+@pytest.mark.parametrize(
+    ("command", "there", "absent"),
+    [
+        ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.system.configuration", "weberlink.protocol"}),
+        ("loopback", "weberlink.system.launcher", LATE | {"weberlink.system.recorder", "weberlink.system.journal"}),
+    ],
+)
+def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: str, absent: set[str]) -> None:
+    ended = python("-c", IMPORTED, command, FORCE_COLOR="1")  # a status line would be shown
+    assert (ended.status, ended.errors) == (0, "")
+    modules = set(json.loads(ended.output))
+    assert there in modules
+    assert not modules & (SLOW | absent)
+    assert not [name for name in modules if name.startswith(("weberlink.studies", "weberlink.apps"))]
+
+
+def test_completion_knows_commands() -> None:
+    asked = {"_WEBERLINK_COMPLETE": "complete_bash", "COMP_WORDS": "weberlink lo", "COMP_CWORD": "1"}
+    ended = python("-c", "from weberlink.cli import main; main()", **asked)
+    assert (ended.output.split(), ended.errors) == (["loopback"], "")
+
+
+# --- live: how a session ends that does not begin, or is ended
+
+
+def told(ended: Ended) -> str:
+    """What a command that failed says, without notes; no traceback."""
+    assert ended.status == 1, ended
+    assert "Traceback" not in ended.errors
+    return " ".join((ended.output + ended.errors).split())
+
+
+@pytest.mark.realtime
+def test_a_master_of_another_file_or_key_is_told_which(tmp_path: Path) -> None:
+    port = free_port()
+    for key in "ab":
+        generate(tmp_path / key)
+
+    def arguments(key: str, *further: str) -> list[str]:
+        settings = (f"link.listen=127.0.0.1:{port}", f"link.slave=127.0.0.1:{port}", f"link.key_file={tmp_path / key}")
+        return [f"--set={each}" for each in (*settings, *further)]
+
+    with Program("slave", LAN, *arguments("a")) as slave:
+        slave.telemetry("slave")
+        with Program("slave", LAN, *arguments("a")) as other:
+            assert f"127.0.0.1:{port} is in use" in told(Ended(*other.finish()))
+        for key, further, part in (("a", ["codec.force.weber=0.2"], "codec.force.weber"), ("b", [], "keys")):
+            with Program("master", LAN, *arguments(key, *further), "--duration", 3) as master:
+                assert part in told(Ended(*master.finish(3.0)))
+
+
+@pytest.mark.realtime
+def test_device_that_is_not_plugged_in_is_told() -> None:
+    robot = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
+    port = "master.device.port=/dev/ttyACM77"
+    with Program("loopback", CONFIGS / "phantom-arm.yaml", "--set", port, "--set", robot) as program:
+        assert "/dev/ttyACM77" in told(Ended(*program.finish()))
+
+
+@pytest.mark.realtime
+def test_sessions_do_not_disturb_each_other_and_end_by_ctrl_c_with_what_they_have(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Program("loopback", *PATIENT, "--record", path) as first:
+        first.engaged("slave")
+        with Program("loopback", *PATIENT, "--json", "-") as second:
+            second.engaged("slave")
+            for _ in range(2):  # the second one while it ends
+                second.send(signal.SIGINT)
+            status, output, _ = second.finish()
+            assert (status, document(output)["outcome"], second.rings()) == (0, "interrupted", [])
+        assert len(first.daemons()) >= 2, "the first one goes on"
+        first.send(signal.SIGINT)
+        status, _, errors = first.finish()
+        assert (status, errors, first.rings()) == (0, "", [])
+    assert read_recording(path).complete
+
+
+@pytest.mark.realtime
+def test_a_full_disk_ends_the_recording_alone(small_disk: Path) -> None:
+    with Program("loopback", *PATIENT, "--record", small_disk / "a.mcap") as program:
+        telemetry = program.engaged("slave")
+        while "recording stopped" not in (line := program.next_error()):
+            assert line, "the command ended without the line"
+        at = telemetry.last["tick"]
+        until(lambda: telemetry.last["tick"] > at, "the session to go on")
+        program.send(signal.SIGINT)
+        assert "No space left" in line + told(Ended(*program.finish()))
+    recording = read_recording(small_disk / "a.mcap")
+    assert (recording.complete, len(recording.records["master"]) > 100) == (False, True)
+
+
+def test_interrupted_simulation_keeps_report_and_recording(tmp_path: Path) -> None:
+    path, out = tmp_path / "a.mcap", tmp_path / "out.json"
+    with Program("simulate", LOOPBACK, "--duration", 3600, "--record", path, "--json", out) as program:
+        until(lambda: path.exists() and path.stat().st_size > 50_000, "the first records")
+        program.send(signal.SIGINT)
+        assert program.finish()[0] == 130
+    summary, recording = document(out.read_text()), read_recording(path)
+    assert (summary["interrupted"], summary["outcome"], recording.complete) == (True, "interrupted", True)
+    assert len(recording.records["master"]) == round(1e3 * summary["duration_s"])
