@@ -106,7 +106,7 @@ def armed(name: str, **options: Any) -> Device:
 def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> Iterator[Bench]:
     """A device on the wire of its emulator, which is served there."""
     with wire:
-        device = make()
+        device: Any = make()
         wrong: WireFaults = emulator.faults
 
         def displayed() -> float:
@@ -120,6 +120,7 @@ def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> 
             "late": lambda: setattr(wrong, "late_s", 0.2),
             "garbled": lambda: setattr(wrong, "garble", 1_000_000),
             "restart": lambda: emulator.inject("restart", 1.0),
+            "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
         }
         try:
             yield Bench(device, real_time(), displayed, faults)
@@ -231,6 +232,7 @@ ON_A_WIRE = ("force_dimension", "haply_2diy", "inverse3", "polhem_hid", "polhem_
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "inverse3", "polhem_serial") for fault in SERIAL_FAULTS),
+    *((name, "guardian") for name in ("haply_2diy", "inverse3")),
     *(("polhem_hid", fault) for fault in HID_FAULTS),
     *(("force_dimension", fault) for fault in DHD_FAULTS),
     *(("touch", fault) for fault in ("unplug", "silent", "killed", "stopped")),
