@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import hypot
 from pathlib import Path
 from time import monotonic
 
@@ -10,7 +9,7 @@ import pytest
 
 from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, Bench
 from tests.wait import PATIENCE
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.contract import DeviceFault, TorqueDevice
 
@@ -95,12 +94,15 @@ def test_force_that_is_not_finite_raises(bench: Bench) -> None:
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
 def test_motors_follow_commands_within_limit_until_close(bench: Bench) -> None:
-    device, displayed = bench.device, bench.displayed
+    device, felt, displayed = bench.device, bench.felt, bench.displayed
     assert displayed is not None
     device.open(bench.tick())
     for force in FORCES:
-        along = hypot(*[part for axis, part in zip("xyz", force, strict=True) if axis in device.spec.axes])
-        wait(bench, force, lambda expected=along: displayed() == pytest.approx(expected, rel=0.1, abs=0.02))
+        x, y, z = (part if axis in device.spec.axes else 0.0 for axis, part in zip("xyz", force, strict=True))
+        if felt is not None:
+            wait(bench, force, lambda felt=felt, along=(x, y, z): distance(felt(), along) < 0.05)
+        else:
+            wait(bench, force, lambda along=(x, y, z): abs(displayed() - norm(along)) < 0.05)
     forces: list[float] = []
 
     def is_at_the_limit() -> bool:
@@ -112,6 +114,16 @@ def test_motors_follow_commands_within_limit_until_close(bench: Bench) -> None:
     assert max(forces) <= device.spec.force_n * 1.1 + 0.02
     device.close()
     assert displayed() == 0.0
+
+
+@pytest.mark.parametrize("name", ON_A_WIRE)
+def test_without_checked_signs_the_motors_stay_off(name: str, tmp_path: Path) -> None:
+    with BENCHES[name](tmp_path, checked=False) as bench:
+        bench.device.open(bench.tick())
+        assert bench.felt is not None
+        for now in bench.hold((1.0, -1.0, 1.0), 100):
+            bench.device.latest(now)
+            assert bench.felt() == ZERO
 
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
