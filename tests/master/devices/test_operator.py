@@ -88,20 +88,3 @@ def test_a_circle_is_round() -> None:
     for position, _ in steps[1400::100]:
         assert hypot(position[0] - 0.01, position[1]) == pytest.approx(0.02, abs=5e-4)
     assert {position[1] > 0.0 for position, _ in steps[1400:]} == {True, False}
-
-
-@pytest.mark.parametrize(
-    ("script", "named"),
-    [
-        ([], "script"),
-        ([{"motion": "dance"}], "motion"),
-        ([{"motion": "reach", "to_m": [0.2, 0, 0]}], "script.0: expected motion within the workspace"),
-        ([{"motion": "rest"}, {"motion": "press", "at_m": [0, 0, 0], "depth_m": 0.1}], "script.1"),
-        ([{"motion": "reach", "to_m": [0, 0, 0], "duration_s": 0}], "duration_s"),
-        ([{"motion": "slide", "points_m": [[0, 0, 0]]}], "points_m"),
-        ([{"motion": "tap", "at_m": [0, 0, 0], "speed": 1}], "speed"),
-    ],
-)
-def test_a_wrong_script_is_refused_by_name(script: list[dict[str, Any]], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        OperatorOptions(script=script)

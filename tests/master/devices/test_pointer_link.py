@@ -6,12 +6,9 @@ from collections.abc import Iterator
 from math import nan
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.strangers import as_stranger, ask_socket, needs_root
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.pointer_link import (
     LAYOUT,
     MARK,
@@ -20,43 +17,9 @@ from weberlink.master.devices.pointer_link import (
     TargetSocket,
     pack,
     socket_path,
-    unpack,
 )
 
-COORDINATE = st.floats(allow_nan=False, allow_infinity=False)
-TURN = st.floats(-3.6, 3.6)
 HERE = (0.01, -0.02, 0.03)
-
-
-@examples(100)
-@given(st.tuples(COORDINATE, COORDINATE, COORDINATE), st.booleans(), st.integers(0, 2**64 - 1), st.tuples(*[TURN] * 3))
-def test_packed_target_is_unpacked(target: Vector, held: bool, number: int, rotation: Vector) -> None:
-    assert unpack(pack(target, held, number, rotation)) == (target, held, number, rotation)
-
-
-@examples(100)
-@given(st.binary(max_size=80) | st.binary(min_size=LAYOUT.size, max_size=LAYOUT.size).map(lambda b: MARK + b[4:]))
-def test_any_bytes_are_a_finite_target_or_refused(data: bytes) -> None:
-    try:
-        found = unpack(data)
-    except ValueError:
-        return
-    assert unpack(pack(*found)) == found
-
-
-@pytest.mark.parametrize(
-    ("target", "number", "rotation"),
-    [
-        ((nan, 0.0, 0.0), 1, ZERO),
-        (HERE, -1, ZERO),
-        (HERE, 2**64, ZERO),
-        (HERE, 1, (nan, 0.0, 0.0)),
-        (HERE, 1, (0.0, 6.3, 0.0)),
-    ],
-)
-def test_target_that_cannot_be_said_is_refused(target: Vector, number: int, rotation: Vector) -> None:
-    with pytest.raises(ValueError, match="target"):
-        pack(target, True, number, rotation)
 
 
 @pytest.fixture

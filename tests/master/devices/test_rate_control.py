@@ -25,7 +25,6 @@ from weberlink.master.devices.rate_control import (
 )
 
 TICK = 0.001
-DOWN: Vector = (0.0, 0.0, -1.0)
 share = st.floats(-1.0, 1.0)
 
 
@@ -196,8 +195,3 @@ def test_speed_does_not_depend_on_the_rate(rate_hz: float, exchange: Pushed) -> 
     device.close()
     speeds = [(b.position[1] - a.position[1]) / (b.at - a.at) for a, b in pairwise(readings)]
     assert median(speeds) == pytest.approx(options.speed_m_s)
-
-
-def test_home_outside_workspace_is_refused() -> None:
-    with pytest.raises(ValueError, match="home_m: expected a point within"):
-        RateOptions(home_m=(0.0, 0.0, 0.07))

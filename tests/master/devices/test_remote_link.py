@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.strangers import as_stranger, needs_root, read_file
-from weberlink.hardware.slot import CHECK
 from weberlink.master.devices.remote_link import (
     SIZE,
-    TARGET_AT,
     LeaderTarget,
     TargetInUseError,
     TargetMemory,
@@ -63,23 +61,6 @@ def test_target_that_cannot_be_meant_is_refused(memory: TargetMemory, angles: tu
     with TargetWriter(os.getpid()) as writer, pytest.raises(ValueError, match="expected 3 finite angles"):
         writer.write(angles)
     assert memory.newest() is None
-
-
-def test_partly_written_target_is_not_read(memory: TargetMemory) -> None:
-    """However many of its bytes are there, a target counts once they all are."""
-    with TargetWriter(os.getpid()) as writer:
-        writer.write(HERE)
-        before = bytes(writer._map)
-        assert memory.newest() is not None
-        writer.write((0.7, 0.8, 0.9))
-        after = bytes(writer._map)
-        changed = [at for at in range(TARGET_AT, SIZE) if before[at] != after[at]]
-        assert changed[-1] >= SIZE - CHECK.size, "the checksum differs too"
-        for written in changed[1:]:
-            writer._map[:SIZE] = after[:written] + before[written:]
-            assert memory.newest() is None, written
-        writer._map[:SIZE] = after
-        assert memory.newest() == LeaderTarget((0.7, 0.8, 0.9), True)
 
 
 def test_one_program_leads_at_a_time(memory: TargetMemory) -> None:

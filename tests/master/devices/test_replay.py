@@ -67,19 +67,3 @@ def test_axes_are_taken_as_named(recording: Path) -> None:
     steps = run(recording, 3.0, axes="-y+z+x", center_m=(0.0, 0.0, 0.0))
     x, y, z = swing(1.5)
     assert steps[2499][0] == pytest.approx((-(y - 0.02), z, x - 0.01), abs=2e-4)
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        ({"axes": "+x+y"}, "axes"),
-        ({"axes": "+x+y+y"}, "axes"),
-        ({"scale": 0.0}, "scale"),
-        ({"scale": 100.0}, "trace: .* beyond the workspace"),
-        ({"center_m": None}, "trace: .* beyond the workspace"),
-        ({"trace": "nowhere.csv"}, "nowhere.csv: not found"),
-    ],
-)
-def test_what_cannot_be_replayed_is_refused_by_name(recording: Path, options: dict[str, Any], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        run(recording, 0.001, **options)

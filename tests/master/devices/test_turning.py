@@ -172,26 +172,3 @@ def test_closing_ends_torque_and_resets_orientation() -> None:
 
 
 # --- the loop
-
-
-WRONG = [
-    ({"wrist": {"stiffness_n_m_rad": 0}}, "stiffness_n_m_rad"),
-    ({"wrist": {"inertia_kg_m2": -1}}, "inertia_kg_m2"),
-    ({"wrist": {"colour": "red"}}, "colour"),
-    ({"torque_n_m": 0.0}, "torque_n_m"),
-    ({"wrist": {}, "script": [{"motion": "turn", "turn_deg": [0, 150, 150]}]}, "at most half a turn"),
-    (
-        {"wrist": None, "script": [{"motion": "turn", "turn_deg": [0, 0, 9]}]},
-        r"script\.0\.turn_deg: only a hand with a",
-    ),
-    (
-        {"wrist": None, "script": [{"motion": "rest"}, {"motion": "reach", "to_m": [0, 0, 0], "turn_deg": [0, 0, 9]}]},
-        r"script\.1\.turn_deg: only a hand with a wrist",
-    ),
-]
-
-
-@pytest.mark.parametrize(("options", "named"), WRONG)
-def test_wrong_options_are_refused_by_name(options: dict[str, Any], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        OperatorOptions(**options)

@@ -96,19 +96,6 @@ def there(tmp_path: Path) -> Iterator[Bench]:
         yield at
 
 
-def patiently(deed: Callable[[float], object], otherwise: Callable[[float], object] = lambda now: None) -> None:
-    """Again, if this machine stalls."""
-    until = monotonic() + PATIENCE_S
-    while True:
-        try:
-            deed(monotonic())
-        except DeviceFault:
-            assert monotonic() < until
-            otherwise(monotonic())
-        else:
-            return
-
-
 @pytest.mark.parametrize("version", sorted(VERSIONS))
 def test_the_position_is_that_of_the_hand(tmp_path: Path, version: str) -> None:
     with bench(tmp_path, at_home=True, version=version) as at:
@@ -119,12 +106,6 @@ def test_the_position_is_that_of_the_hand(tmp_path: Path, version: str) -> None:
             lower, upper = at.device.spec.workspace_m
             assert all(a <= p <= b for a, p, b in zip(lower, at.position, upper, strict=True))
             assert at.position[2] == 0.0
-
-
-def test_force_on_hand_is_the_commanded_one(there: Bench) -> None:
-    for force in ((0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (-0.5, 0.4, 3.0)):
-        there.run(lambda force=force: distance(there.emulator.force, (*force[:2], 0.0)) < 0.01, force)  # type: ignore[misc]
-    there.run(lambda: there.emulator.force == ZERO)
 
 
 def test_limited_torque_keeps_the_force_direction(tmp_path: Path) -> None:
@@ -142,33 +123,6 @@ def test_limited_torque_keeps_the_force_direction(tmp_path: Path) -> None:
         assert max(hypot(*force) for force in pushes) > 0.5
         assert all(y / x == pytest.approx(8.0 / 6.0, rel=0.01) for x, y, _ in pushes)
         assert at.emulator.most_torque <= 0.1 * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize("checked", [None, "00000000"])
-def test_no_sign_check_no_torque(tmp_path: Path, checked: str | None) -> None:
-    with bench(tmp_path, signs=False, signs_checked=checked) as at:
-        assert not at.device.spec.force_feedback
-        assert at.device.spec.force_n == 0.0
-        assert at.device.spec.note.startswith("no force: signs not checked; run: weberlink device test haply_2diy")
-        at.device.open(monotonic())
-        at.emulator.handle.carry((0.0, 0.01, 0.0))
-        at.run(lambda: distance(at.position, (0.0, 0.01, 0.0)) < COUNT_M, (1.0, 1.0, 0.0))
-        assert at.emulator.most_torque == 0.0
-
-
-def test_fingerprint_covers_all_sign_settings() -> None:
-    plain = HaplyOptions()
-    others = [
-        HaplyOptions(version="v2"),
-        HaplyOptions(motor_directions=("cw", "ccw")),
-        HaplyOptions(encoder_directions=("ccw", "cw")),
-        HaplyOptions(home_deg=(167.0, 12.0)),
-    ]
-    prints = {HaplyDevice.fingerprint(options) for options in (plain, *others)}
-    assert len(prints) == 5
-    assert all(len(each) == 8 and int(each, 16) >= 0 for each in prints)
-    same = HaplyOptions(port="/dev/null", force_n=1.0, motor_directions=("ccw", "ccw"), signs_checked="x")
-    assert HaplyDevice.fingerprint(same) == HaplyDevice.fingerprint(plain)
 
 
 def test_torque_of_a_dead_host_is_removed_first(there: Bench) -> None:

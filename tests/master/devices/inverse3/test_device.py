@@ -12,7 +12,7 @@ from tests.hardware.scripted import wait_for
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.inverse3.device import NO_FORCE, Inverse3Device
+from weberlink.master.devices.inverse3.device import Inverse3Device
 from weberlink.master.devices.inverse3.http_requests import service_devices, service_version
 from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
@@ -100,17 +100,6 @@ def test_origin_and_session_settings_are_those_of_the_file() -> None:
         (session,) = at.emulator.sessions
         assert (session.profile, session.preset, session.gate) == ("weberlink:master", "led_front", 0.7)
         assert at.device._dialogue.settings.filters == "force gate 0.7, damping 0"
-
-
-def test_without_checked_signs_there_is_no_force() -> None:
-    with bench(signs=False) as at:
-        assert (at.device.spec.force_n, at.device.spec.note, at.device.guarded) == (0.0, NO_FORCE, False)
-        at.device.open(monotonic())
-        seen = at.emulator.messages
-        at.run(lambda: at.emulator.messages > seen + 20, PULL)
-        assert at.emulator.most_force_n == 0.0
-    first, second = (Inverse3Options(preset=preset) for preset in ("led_front", None))
-    assert Inverse3Device.fingerprint(first) != Inverse3Device.fingerprint(second), "the preset turns the axes"
 
 
 @pytest.mark.parametrize(("grip", "held"), [("wireless_verse_grip", 0b101), ("verse_grip", 0b1)])

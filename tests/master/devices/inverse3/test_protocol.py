@@ -21,7 +21,7 @@ from tests.master.devices.inverse3.published import (
     VERSION,
 )
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.inverse3.filters import ALTERED_MOST, ForceComparison, ServiceSettings, settings_of
 from weberlink.master.devices.inverse3.protocol import (
     FARTHEST_M,
@@ -143,12 +143,6 @@ def test_choice_of_the_device_is_one_line() -> None:
 def test_settings_that_turn_or_stretch_axes_raise(config: dict[str, Any], said: str) -> None:
     with pytest.raises(HardwareFault, match=said):
         settings_of({"config": config}).check()
-
-
-@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"7", b"\xff\xfe", b"[" * 100_000])
-def test_what_is_no_message_is_a_bad_reply(data: bytes) -> None:
-    with pytest.raises(BadReply, match="malformed"):
-        decode(data)
 
 
 @given(documents, st.sampled_from(["inverse3", "device", "state", "position", "x", "grip", "status", "config"]))

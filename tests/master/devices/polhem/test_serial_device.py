@@ -69,27 +69,6 @@ def press_until(device: PolhemSerialDevice, force: Vector, condition: Callable[[
     wait_for(pressed)
 
 
-def test_force_ramps_up_and_ends_with_commands(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    force = (1.0, -2.0, 0.5)
-    expected = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
-    press_until(device, force, lambda: teensy(board).currents[-1] == expected)
-    sent = [sum(map(abs, currents)) for currents in teensy(board).currents]
-    assert sent[0] == 0
-    assert max(sent) == sum(map(abs, expected))
-    wait_for(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
-
-
-def test_no_sign_check_gives_positions_without_current(device_of: Make, board: PtyDevice) -> None:
-    device = device_of(signs_checked="a0000000")
-    device.open(monotonic())
-    count = len(teensy(board).currents)
-    press_until(device, (5.0, 5.0, 5.0), lambda: len(teensy(board).currents) > count + 80)
-    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
-    assert set(teensy(board).currents) == {(0, 0, 0)}
-
-
 @pytest.mark.parametrize(
     ("settings", "model", "complaint"),
     [

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.hardware.scripted import wait_for
-from tests.master.devices.touch.fake_hd import FORCE_OUTPUT, Board, library, plugged
+from tests.master.devices.touch.fake_hd import Board, library, plugged
 from weberlink.geometry.rotation import turned, unit_quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
@@ -70,16 +70,6 @@ def ours(vector: Vector) -> Vector:
     return (z, x, y)
 
 
-def test_axes_of_position_force_and_buttons(board: Board) -> None:
-    board.centre[:], board.radius, board.buttons = (10.0, 20.0, 30.0), 0.0, 2
-    with opened() as touch:
-        reading = touch.latest(monotonic())
-        assert reading.position == pytest.approx((0.03, 0.01, 0.02))
-        assert reading.orientation == (1.0, 0.0, 0.0, 0.0)
-        assert reading.buttons == 2
-        push(touch, (0.3, 0.1, 0.2), until=lambda: tuple(board.force) == pytest.approx((0.1, 0.2, 0.3)))
-
-
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01))
 def test_orientation_turns_handle_axes_as_transform_does(parts: Quaternion) -> None:
     unit = unit_quaternion(parts)
@@ -108,15 +98,6 @@ def test_frames_without_valid_pose_repeat_the_last_reading(board: Board) -> None
         sleep(0.01)
         assert touch.latest(monotonic()).at == last.at >= reading.at
         assert touch.trouble == "the library gives a transform that cannot be"
-
-
-def test_device_without_checked_signs_keeps_motors_off(board: Board) -> None:
-    with opened(armed=False) as touch:
-        assert (touch.spec.force_n, touch.spec.force_feedback) == (0.0, False)
-        assert touch.spec.note == "no force: signs not checked; run: weberlink device test touch"
-        push(touch, (1.0, 0.0, 0.0), 0.1)
-        assert not board.enabled & FORCE_OUTPUT
-        assert board.logged == 0
 
 
 def test_limit_of_the_device_holds_where_lower(board: Board) -> None:
