@@ -123,6 +123,8 @@ def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> 
 
         faults: dict[str, Callable[[], None]] = {
             "unplug": wire.unplug,
+            "plug": wire.plug,
+            "flicker": lambda: setattr(wrong, "garble", 3),
             "silent": lambda: setattr(wrong, "silent", True),
             "late": lambda: setattr(wrong, "late_s", 0.2),
             "garbled": lambda: setattr(wrong, "garble", 1_000_000),
@@ -136,14 +138,15 @@ def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> 
 
 
 @contextmanager
-def force_dimension(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
+def force_dimension(folder: Path, *, checked: bool = True, **options: Any) -> Iterator[Bench]:
     """A real library file, compiled, in place of the maker's."""
     fake = FakeDhd(folder / "devices")
     handle = fake[0].plug()
     handle["swing_m"] = 0.05
-    device = armed("force_dimension", checked=checked, library=str(fake.library))
+    device = armed("force_dimension", checked=checked, library=str(fake.library), **options)
     faults: dict[str, Callable[[], None]] = {
         "unplug": lambda: handle.__setitem__("present", 0),
+        "plug": lambda: handle.plug() and None,
         "silent": lambda: handle.__setitem__("fails", 7),
         "garbled": lambda: handle.__setitem__("not_a_number", 1),
         "restart": lambda: handle.__setitem__("reset", 1),
@@ -236,6 +239,7 @@ BENCHES: dict[str, Callable[..., AbstractContextManager[Bench]]] = {
     "touch": touch,
 }
 ON_A_WIRE = ("force_dimension", "haply_2diy", "inverse3", "polhem_hid", "polhem_serial", "touch")
+RECONNECTS = ("force_dimension", "haply_2diy", "inverse3", "polhem_serial")
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "inverse3", "polhem_serial") for fault in SERIAL_FAULTS),

@@ -7,11 +7,11 @@ from time import monotonic
 
 import pytest
 
-from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, Bench
+from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, RECONNECTS, Bench
 from tests.wait import PATIENCE
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import BUILT_IN
-from weberlink.master.devices.contract import DeviceFault, TorqueDevice
+from weberlink.master.devices.contract import DeviceFault, ReportsTrouble, TorqueDevice
 
 FORCES: list[Vector] = [(0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3)]
 
@@ -162,6 +162,38 @@ def test_fault_ends_session_with_reason_without_force(name: str, fault: str, ben
         device.command((0.0, 1.0, 0.0), bench.tick())
     with pytest.raises(DeviceFault):
         device.latest(bench.tick())
+
+
+@pytest.mark.parametrize("name", [name for name, fault in FAULTS if fault == "garbled" and name != "force_dimension"])
+def test_passing_garbled_answers_interrupt_the_force(bench: Bench) -> None:
+    device, displayed = bench.device, bench.displayed
+    assert displayed is not None
+    device.open(bench.tick())
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+    bench.faults["flicker"]()
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() == 0.0)
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+
+
+@pytest.mark.parametrize("name", RECONNECTS)
+def test_replugged_device_goes_on_and_its_force_ramps_from_zero(name: str, tmp_path: Path) -> None:
+    with BENCHES[name](tmp_path, reconnect_s=PATIENCE) as bench:
+        device, displayed, forces = bench.device, bench.displayed, [0.0]
+        assert displayed is not None
+        device.open(bench.tick())
+        wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+        bench.faults["unplug"]()
+        # Behind a cut wire nothing hears of it; the reading stays as it was.
+        wait(bench, ZERO, lambda: isinstance(device, ReportsTrouble) and device.trouble is not None)
+        bench.faults["plug"]()
+        wait(bench, (0.0, 1.0, 0.0), lambda: displayed() == 0.0)
+
+        def is_back() -> bool:
+            forces.append(displayed())
+            return forces[-1] > 0.9
+
+        wait(bench, (0.0, 1.0, 0.0), is_back)
+        assert any(0.05 < force < 0.7 for force in forces), "on the way up"
 
 
 @pytest.mark.parametrize("name", RATE_CONTROLLED)
