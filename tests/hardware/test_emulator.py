@@ -10,7 +10,7 @@ from time import monotonic
 
 import pytest
 
-from tests.hardware.scripted import descriptors
+from tests.hardware.descriptors import descriptors
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
 from weberlink.hardware.emulator import PtyDevice, WireFaults, serve

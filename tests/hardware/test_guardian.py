@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import descriptors
+from tests.hardware.descriptors import descriptors
 from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import LEASE_S, Guardian, HoldingGuardian

@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import wait_for
+from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
-from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
 from weberlink.master.devices.force_dimension.library import PROTOTYPES, DhdLibrary, find
 from weberlink.master.devices.force_dimension.models import MODELS
@@ -48,30 +47,12 @@ def make(devices: Devices) -> Iterator[Make]:
         device.close()
 
 
-def hold(device: ForceDimensionDevice, until: Callable[[], bool], force: Vector = PUSH) -> None:
-    """Command a force tick by tick until something is so."""
-
-    def so() -> bool:
-        now = monotonic()
-        device.latest(now)
-        device.command(force, now)
-        return until()
-
-    wait_for(so)
-
-
-def refusal(device: ForceDimensionDevice) -> str:
-    with pytest.raises(DeviceFault) as raised:
-        device.open(monotonic())
-    assert "\n" not in str(raised.value)
-    return str(raised.value)
-
-
 def ends(device: ForceDimensionDevice) -> str:
-    """The fault that ends the session."""
-    with pytest.raises(DeviceFault) as raised:
-        hold(device, lambda: False)
-    return str(raised.value)
+    return fault_of(device, PUSH)
+
+
+def hold(device: ForceDimensionDevice, is_so: Callable[[], object]) -> None:
+    drive(device, is_so, PUSH)
 
 
 # --- force

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import wait_for
+from tests.master.devices.driving import drive, fault_of
+from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
@@ -34,22 +35,11 @@ class Bench:
     wire: WebSocketDevice
     device: Inverse3Device
 
-    def run(self, until: Callable[[], bool], force: Vector = ZERO) -> None:
-        """Tick until something is so."""
-        patience = monotonic() + PATIENCE_S
-        while not until():
-            assert monotonic() < patience, "it did not come to be so"
-            now = monotonic()
-            self.device.latest(now)
-            self.device.command(force, now)
-            sleep(TICK)
+    def run(self, is_so: Callable[[], object], force: Vector = ZERO) -> None:
+        drive(self.device, is_so, force)
 
     def fault(self) -> str:
-        """The fault that ends the session."""
-        with pytest.raises(DeviceFault) as caught:
-            self.run(lambda: False, PULL)
-        assert "\n" not in str(caught.value)
-        return str(caught.value)
+        return fault_of(self.device, PULL)
 
 
 class Unnamed(Inverse3Emulator):
@@ -130,7 +120,7 @@ def test_altered_force_is_named_while_it_lasts(fault: str, said: str) -> None:
 def test_device_in_use_is_refused_unless_shared() -> None:
     with bench() as at:
         at.emulator.inject("push", 0.5)
-        wait_for(lambda: norm(at.emulator.force) > 0.0)
+        until(lambda: norm(at.emulator.force) > 0.0, "the service")
         with pytest.raises(DeviceFault, match="another program uses device 049D, and forces add"):
             at.device.open(monotonic())
     with bench(shared=True) as at:
@@ -147,21 +137,9 @@ def test_device_that_cannot_be_used_is_a_fault(fault: str, said: str) -> None:
         at.device.open(monotonic())
         at.emulator.inject(fault, 1.0)
         assert said in at.fault()
-        wait_for(lambda: at.emulator.force == ZERO)
+        until(lambda: at.emulator.force == ZERO, "the service")
         with pytest.raises(DeviceFault, match=r"049D|lists no Inverse3"):
             at.device.open(monotonic())
-
-
-def test_restarted_service_is_found_again_and_force_ramps() -> None:
-    with bench(reconnect_s=10.0) as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
-        at.emulator.inject("restart", 1.0)
-        at.run(lambda: at.emulator.force == ZERO, PULL)
-        at.wire.unplug()
-        sleep(0.1)
-        at.wire.plug()
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
 
 
 def test_late_answers_are_never_taken_for_others() -> None:
@@ -173,19 +151,10 @@ def test_late_answers_are_never_taken_for_others() -> None:
         at.emulator.faults.late_s = 0.0
         at.run(lambda: at.device.trouble is None)
         at.emulator.handle.carry(PLACE)
-        wait_for(lambda: at.emulator.handle.arrived)
+        until(lambda: at.emulator.handle.arrived, "the service")
         seen = at.emulator.messages
         at.run(lambda: at.emulator.messages > seen + 3)
         assert distance(at.device.latest(monotonic()).position, PLACE) < 1e-9
-
-
-def test_garbled_answers_take_the_force_off_and_are_survived() -> None:
-    with bench() as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
-        at.emulator.faults.garble = 3
-        at.run(lambda: at.emulator.force == ZERO, PULL)
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
 
 
 def test_absent_service_is_one_line_with_advice() -> None:
@@ -223,12 +192,6 @@ def test_version_and_devices_are_asked_by_http() -> None:
         at.wire.unplug()
         assert service_version(at.wire.address) is None
         assert service_devices(at.wire.address) == ()
-
-
-@pytest.mark.parametrize("port", ["http://localhost:10001", "ws://localhost:10001/x", "ws://a b#", "wss://h", ""])
-def test_address_that_is_none_is_refused_by_options(port: str) -> None:
-    with pytest.raises(ValueError, match="port"):
-        Inverse3Options(port=port)
 
 
 def test_examination_says_time_out_and_filters() -> None:
