@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.rate_control import (
     LIVE_S,
     LONGEST_STEP,
@@ -156,12 +155,6 @@ def test_force_resists_and_reaches_the_exchange(device: RateDevice, exchange: Pu
     assert device.spec.push_n == 3.0
 
 
-def test_fault_of_the_device_ends_readings(device: RateDevice, exchange: Pushed) -> None:
-    exchange.fault = HardwareFault("/dev/stick: unplugged")
-    with pytest.raises(DeviceFault, match=r"^stick: /dev/stick: unplugged$"):
-        run(device, 5.0)
-
-
 def test_hanging_device_makes_readings_old(device: RateDevice, exchange: Pushed) -> None:
     exchange.deflection = Deflection((0.0, 1.0, 0.0))
     run(device, 0.05)
@@ -182,7 +175,7 @@ def test_long_gap_pauses_without_a_jump(device: RateDevice, exchange: Pushed) ->
     assert device.latest(monotonic()).position[0] - before <= 0.08 * LONGEST_STEP * 1.001
 
 
-@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [20.0, 1000.0])
 def test_speed_does_not_depend_on_the_rate(rate_hz: float, exchange: Pushed) -> None:
     options = RateOptions(workspace_m=1.0)
     device = RateDevice("stick", options, exchange, 1.0 / rate_hz, buttons=2)

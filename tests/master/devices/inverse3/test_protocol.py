@@ -146,7 +146,7 @@ def test_settings_that_turn_or_stretch_axes_raise(config: dict[str, Any], said: 
 
 
 @given(documents, st.sampled_from(["inverse3", "device", "state", "position", "x", "grip", "status", "config"]))
-@examples(80)
+@examples(40)
 def test_any_json_is_read_or_refused_in_one_line(document: Any, place: str) -> None:
     """Anything may stand at any place of a message."""
     message: dict[str, Any] = {**deepcopy(INVENTORY), "wireless_verse_grip": [deepcopy(GRIP)]}
