@@ -1,6 +1,5 @@
 """What leaves the operator's port, in every state of a session: the force and torque on the hand, and the command."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 from math import dist
 from types import SimpleNamespace
@@ -353,9 +352,11 @@ def test_the_record_has_what_the_hand_felt() -> None:
 def test_the_port_is_its_device() -> None:
     desk = Desk()
     assert (desk.port.name, desk.port.kind, desk.port.leads, desk.port.fault) == ("handle", "device", True, DeviceFault)
+    port = desk.port
+    assert (port.buttons, port.ended, port.unfounded, port.slew_ticks, port.clipped) == (0, False, False, 0, False)
+    assert port.at_rest
     desk.port.open(0.0)
     desk.port.close()
     assert desk.handle.calls == ["open", "close"]
     desk.handle.trouble = "out of order"
     assert (desk.port.trouble, desk.port.tripped) == ("out of order", False)
-    assert isinstance(desk.port.displays, Sequence)

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,14 @@ def test_invalid_trace_is_refused_in_one_line(tmp_path: Path, text: str | bytes 
     assert expected in message
     assert "bad.csv" in message
     assert "\n" not in message
+
+
+def test_a_recording_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match=r"none\.mcap: cannot be read: .*; expected a recording"):
+        read_trace(tmp_path / "none.mcap")
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(TraceError, match="is no regular file"):
+        read_trace(tmp_path / "pipe.csv")
 
 
 def arrays(rows: int = 3) -> dict[str, object]:
