@@ -6,6 +6,7 @@ import sys
 import tty
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from threading import Thread
 from time import monotonic
 from typing import Any
 
@@ -16,6 +17,7 @@ from tests.program import ROOT
 from tests.strangers import NOBODY, needs_root
 from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.hid_port import HidPort
 from weberlink.hardware.serial_port import SerialPort
 
@@ -79,6 +81,7 @@ def test_bytes_go_both_ways_unchanged(wire: Wire, port: SerialPort) -> None:
         (SerialPort, "", "Is a directory"),
         (HidPort, "none", "there is no such device"),
         (HidPort, "", "Is a directory"),
+        (HidPort, "file", r"\S"),
     ],
 )
 def test_what_is_no_port_is_said_and_leaves_no_descriptor(kind: Any, name: str, says: str, tmp_path: Path) -> None:
@@ -115,6 +118,18 @@ def test_port_belongs_to_one_process_until_closed(wire: Wire) -> None:
     port.close()
     with pytest.raises(HardwareFault):
         SerialPort(wire.path, -1)
+    SerialPort(wire.path).close()
+
+
+def test_a_guardian_that_does_not_start_leaves_the_port_free(wire: Wire) -> None:
+    class Refusing(Guardian):
+        def watch(self, descriptor: int) -> None:
+            raise HardwareFault("its guardian process does not start")
+
+    files = descriptors()
+    with pytest.raises(HardwareFault, match="does not start"):
+        SerialPort(wire.path, guardian=Refusing(b"zero"))
+    assert descriptors() == files
     SerialPort(wire.path).close()
 
 
@@ -161,6 +176,15 @@ class ScriptedHidapi:
     def __init__(self, waiting: Sequence[bytes] = (), later: Sequence[bytes] = ()) -> None:
         self._waiting, self._later = list(waiting), list(later)
         self.timeouts: list[int] = []
+        self.done: list[Any] = []
+        self.takes = True
+
+    def write(self, message: bytes, /) -> int:
+        self.done.append(message)
+        return len(message) if self.takes else -1
+
+    def close(self) -> None:
+        self.done.append("closed")
 
     def read(self, size: int, timeout_ms: int = 0, /) -> list[int]:
         if timeout_ms:
@@ -172,7 +196,7 @@ class ScriptedHidapi:
 
 def port_on(device: ScriptedHidapi) -> HidPort:
     port = HidPort.__new__(HidPort)
-    port.path, port._device = "/dev/hidraw9", device
+    port.path, port._device, port._guardian = "/dev/hidraw9", device, None
     return port
 
 
@@ -194,3 +218,66 @@ def test_elapsed_time_limit_never_waits_for_ever() -> None:
     assert device.timeouts == [1]
     assert port_on(device).read_all(0.0) == []
     assert device.timeouts == [1]
+
+
+class Noting(Guardian):
+    """A guardian without a process: takes down what the port tells it."""
+
+    def __init__(self, done: list[Any]) -> None:
+        super().__init__(b"\0zero")
+        self._done = done
+
+    def watch(self, descriptor: int) -> None:
+        os.fstat(descriptor)
+        self._done.append("watches")
+
+    def before(self, data: bytes) -> None:
+        self._done.append(("before", data))
+
+    def after(self, data: bytes) -> None:
+        self._done.append(("after", data))
+
+    def stop(self) -> None:
+        self._done.append("stopped")
+
+
+def test_guardian_of_reports_is_told_before_and_after_each(tmp_path: Path) -> None:
+    device = ScriptedHidapi()
+    port = port_on(device)
+    with pytest.raises(HardwareFault, match="no guardian can write to it"):
+        port.guard(Noting(device.done))
+    port.path = str(tmp_path / "node")
+    Path(port.path).touch()
+    port.guard(Noting(device.done))
+    port.write(b"force", 3)
+    port.close()
+    message = b"\3force"
+    assert device.done == ["watches", ("before", message), message, ("after", message), "stopped", "closed"]
+    device.takes = False
+    device.done.clear()
+    with pytest.raises(HardwareFault, match="unplugged"):
+        port.write(b"force")
+    assert device.done == [("before", b"\0force"), b"\0force"], "what was not written carries no force"
+
+
+def test_long_messages_go_in_parts_where_no_guardian_may_write_between(wire: Wire) -> None:
+    heard, most = bytearray(), 300_000
+
+    def listen() -> None:
+        while len(heard) < most:
+            heard.extend(os.read(wire.near, 1000))
+
+    listener = Thread(target=listen)
+    listener.start()
+    port = SerialPort(wire.path)
+    port.write(b"x" * most)
+    listener.join()
+    port.close()
+    guarded = SerialPort(wire.path, guardian=Noting([]))
+    began = monotonic()
+    with pytest.raises(HardwareFault, match="takes no more data"):
+        guarded.write(b"x" * most)
+    assert monotonic() - began < PATIENCE
+    os.set_blocking(wire.near, False)
+    assert 0 < len(os.read(wire.near, most)) < most
+    guarded.close()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Thread
 from time import monotonic
+from typing import Any
 
 import pytest
 from aiohttp import ClientSession, WSMsgType, web
@@ -13,6 +14,7 @@ from aiohttp import ClientSession, WSMsgType, web
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.hardware.websocket_port import WebSocketPort, text_frame
 
@@ -83,6 +85,38 @@ def test_both_our_ends_talk_and_part() -> None:
             assert heard(port, 4) == [b"hello", b"ONE", b"ZERO", b"TWO"]
             assert port.receive(monotonic()) is None
         until(lambda: service.left == 1, "the session to end")
+
+
+class Noting(Guardian):
+    """A guardian without a process: takes down what the port tells it."""
+
+    def __init__(self) -> None:
+        super().__init__(text_frame("zero"))
+        self.done: list[Any] = []
+
+    def watch(self, descriptor: int) -> None:
+        self.done.append("watches")
+
+    def before(self, data: bytes) -> None:
+        self.done.append(("before", len(data)))
+
+    def after(self, data: bytes) -> None:
+        self.done.append("rests" if data == self.zero else ("after", len(data)))
+
+    def stop(self) -> None:
+        self.done.append("stopped")
+
+
+def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
+    with WebSocketDevice(Echo()) as wire:
+        guardian = Noting()
+        with port_to(wire.address) as port:
+            port.guard(guardian)
+            port.send("rest", rest=True)
+            port.send("force", rest=False)
+            assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
+        size = len(text_frame("force"))
+        assert guardian.done == ["watches", "rests", ("before", size), ("after", size), "stopped"]
 
 
 def test_device_serves_a_client_of_aiohttp() -> None:

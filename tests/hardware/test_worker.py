@@ -131,7 +131,9 @@ def rig(make: Callable[..., Rig]) -> Rig:
 
 
 def test_force_ramps_from_rest_and_sample_and_times_return(rig: Rig) -> None:
+    worker = rig.worker
     assert rig.calls == ["open", REST]
+    assert (worker.round_trip, worker.bad_count, worker.fault, worker.trouble) == (0.0, 0, None, None)
     assert (rig.worker.newest, rig.worker.connected_at) == ((100, 100.0), 100.0)
     forces = [rig.step(1.0, PUSH) for _ in range(RAMP_TICKS + 2)]
     assert forces == [STEP * min(step, RAMP_TICKS) for step in range(1, RAMP_TICKS + 3)]

@@ -72,6 +72,8 @@ def test_slew_holds_back_beyond_the_rate_alone(change: float, held: bool) -> Non
     assert slew.place((0.0, 0.0, 5.0)) == (0.0, 0.0, 5.0)
     assert slew.limit((0.0, 0.0, 5.0 + change), TICK) == pytest.approx((0.0, 0.0, 5.0 + change), abs=1e-8)
     assert slew.limited is held
+    slew.place((0.0, 0.0, 9.0))
+    assert not slew.limited, "behind a closed gate nothing is held back"
 
 
 def test_gate_is_open_to_the_beginning_of_the_fade_and_ramps_tell_so() -> None:

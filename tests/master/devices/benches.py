@@ -227,8 +227,8 @@ def touch(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
 BENCHES: dict[str, Callable[..., AbstractContextManager[Bench]]] = {
     "force_dimension": force_dimension,
     "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
-    "haply_2diy": lambda folder, **how: on_a_pty("haply_2diy", folder, **how),
-    "inverse3": lambda folder, **how: on_a_websocket("inverse3", grip="wireless_verse_grip", **how),
+    "haply_2diy": lambda folder, **how: on_a_pty("haply_2diy", folder, reply_ms=30.0, **how),
+    "inverse3": lambda folder, **how: on_a_websocket("inverse3", grip="wireless_verse_grip", reply_ms=30.0, **how),
     "operator": operator,
     "pointer": pointer,
     "polhem_hid": polhem_hid,

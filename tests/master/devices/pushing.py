@@ -159,7 +159,9 @@ def haply(folder: Path) -> Iterator[Pushed]:
     board, log = logged("haply_2diy", "receive", handle={**STILL, "home_m": ZERO})
     home = degrees(VERSIONS["v3"].bar.angles(VERSIONS["v3"].center))
     with PtyDevice(board, folder / "tty") as port:
-        yield Pushed("haply_2diy", {"port": str(port.path), "home_deg": home}, 0.8, lambda: list(log))
+        yield Pushed(
+            "haply_2diy", {"port": str(port.path), "home_deg": home, "reply_ms": 100.0}, 0.8, lambda: list(log)
+        )
 
 
 @contextmanager

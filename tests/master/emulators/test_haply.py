@@ -104,6 +104,13 @@ def test_injected_stuck_encoder_keeps_its_angle(which: int) -> None:
     assert abs(BOARD.angles(answers(device, zero, 0.5))[which - 1] - BOARD.home_deg[which - 1]) > 10.0
 
 
+def test_injected_slips_lose_a_byte_each() -> None:
+    device, zero = emulator(), BOARD.torques(0.0, 0.0)
+    answers(device, BOARD.setup)
+    device.inject("slip", 2)
+    assert [len(answers(device, zero, now)) for now in (0.5, 0.6, 0.7)] == [8, 8, 9]
+
+
 @every_version
 def test_the_script_stays_within_reach(version: str) -> None:
     """The tip is where the hand is, all the way."""
