@@ -276,6 +276,18 @@ def test_a_session_begins_afresh(rig: Rig) -> None:
     rig.worker.check(KeyError)
 
 
+def test_a_command_before_the_first_exchange_ramps_too(rig: Rig) -> None:
+    rig.push()
+    rig.outcomes.append(GONE)
+    assert rig.step() == "close"
+    rig.worker.start()
+    rig.worker.command(PUSH, rig.now)
+    rig.calls.clear()
+    rig._await()
+    assert [rig.calls[-1], rig.step(1.0, PUSH)] in ([0.0, STEP], [STEP, 2 * STEP], [REST, REST])
+    assert max(rig.calls) <= 2 * STEP
+
+
 def test_the_guardian_is_told_the_time_of_each_command(make: Callable[..., Rig]) -> None:
     rig, given = make(), list[tuple[float, float]]()
     assert not rig.worker.guarded

@@ -259,19 +259,20 @@ def test_halt_is_zero_at_once_and_not_a_tick_later() -> None:
 # --- a force without a contact
 
 
-def test_a_force_that_nothing_founds_ends_and_the_scheme_is_told_once() -> None:
+@pytest.mark.parametrize("push", [(8.0, 0.0, 0.0), (0.0, -8.0, 0.0), (2.0, 2.0, 6.0)])
+def test_a_force_that_nothing_founds_ends_and_the_scheme_is_told_once(push: Vector) -> None:
     desk = Desk(contact=True)
     limit, fade, grace = (round(seconds / TICK) for seconds in (RTT + PATIENCE, FADE, GRACE))
-    shown = desk.go(PUSH, limit + fade + grace)
-    assert max(shown) == norm(PUSH)
+    shown = desk.go(push, limit + fade + grace)
+    assert max(shown) == pytest.approx(norm(push))
     assert max(shown[limit + 1 :]) <= FREE_FORCE
     assert max(shown[limit + fade + 1 :]) == 0.0
     assert desk.scheme.told == ["refute", ("resume", 5)]
     assert (desk.requests, desk.port.unfounded) == (1, True)
-    desk.state(PUSH)
-    desk.go(PUSH, 1)
+    desk.state(push)
+    desk.go(push, 1)
     assert not desk.port.unfounded
-    assert desk.go(PUSH, 60)[-1] == norm(PUSH), "a stated contact brings it back"
+    assert desk.go(push, 60)[-1] == pytest.approx(norm(push)), "a stated contact brings it back"
     assert (desk.requests, len(desk.scheme.told)) == (1, 2)
 
 
