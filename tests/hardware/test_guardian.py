@@ -147,6 +147,10 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
     while not heard.endswith(ZERO):
         heard += wire.heard(PATIENCE)
     assert heard.startswith(FORCE + ZERO)
+    with pytest.raises(HardwareFault, match="guardian process died"):
+        wire.guardian.before(FORCE)
+    wire.guardian.before(ZERO)
+    assert not wire.guardian.has_written(), "nobody writes any more"
 
 
 def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:

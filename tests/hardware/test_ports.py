@@ -177,11 +177,11 @@ class ScriptedHidapi:
         self._waiting, self._later = list(waiting), list(later)
         self.timeouts: list[int] = []
         self.done: list[Any] = []
-        self.takes = True
+        self.takes: int | None = None
 
     def write(self, message: bytes, /) -> int:
         self.done.append(message)
-        return len(message) if self.takes else -1
+        return len(message) if self.takes is None else self.takes
 
     def close(self) -> None:
         self.done.append("closed")
@@ -253,7 +253,9 @@ def test_guardian_of_reports_is_told_before_and_after_each(tmp_path: Path) -> No
     port.close()
     message = b"\3force"
     assert device.done == ["watches", ("before", message), message, ("after", message), "stopped", "closed"]
-    device.takes = False
+    device.takes = 0
+    port.write(b"zero")
+    device.takes = -1
     device.done.clear()
     with pytest.raises(HardwareFault, match="unplugged"):
         port.write(b"force")
