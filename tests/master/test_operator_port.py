@@ -256,6 +256,13 @@ def test_halt_is_zero_at_once_and_not_a_tick_later() -> None:
     assert (desk.handle.forces[shown:], desk.handle.torques[shown:]) == ([ZERO], [ZERO])
 
 
+def test_what_the_device_cannot_display_is_computed_and_not_felt() -> None:
+    torque = Display(ForceLimiter(MOST_TORQUE), SlewLimiter(TORQUE_SLEW), None)
+    assert not torque.show((0.0, 0.0, 9.0), 1.0, None, 0.0)
+    assert (torque.decoded, torque.output, torque.asked) == ((0.0, 0.0, 9.0), (0.0, 0.0, MOST_TORQUE), MOST_TORQUE)
+    torque.halt(0.0)
+
+
 # --- a force without a contact
 
 

@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.wait import PATIENCE
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
+from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.rate_control import (
     LIVE_S,
     LONGEST_STEP,
@@ -153,6 +155,15 @@ def test_force_resists_and_reaches_the_exchange(device: RateDevice, exchange: Pu
     assert (0.0, -3.0, 0.0) in exchange.felt
     device.close()
     assert device.spec.push_n == 3.0
+
+
+def test_fault_of_the_device_ends_readings(device: RateDevice, exchange: Pushed) -> None:
+    exchange.fault = HardwareFault("/dev/stick: unplugged")
+    with pytest.raises(DeviceFault, match=r"^stick: /dev/stick: unplugged$"):
+        run(device, PATIENCE)
+    device.close()
+    with pytest.raises(DeviceFault, match="not open"):
+        device.latest(monotonic())
 
 
 def test_hanging_device_makes_readings_old(device: RateDevice, exchange: Pushed) -> None:
