@@ -59,7 +59,7 @@ lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, b
 	$(LEROBOT)/bin/python -m trials.lerobot
 
 isaaclab: $(ISAACLAB)/.made  ## Isaac Lab's client of the Haply Inverse Service at the emulated one; installs torch
-	$(ISAACLAB)/bin/python -m trials.isaaclab
+	$(ISAACLAB)/bin/python -m trials.devices.isaaclab
 
 foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against the live view of running sessions; needs node and npm
 	$(BIN)/python -m trials.foxglove

@@ -9,6 +9,7 @@ from weberlink.hardware.discovery import (
     PluggedDevice,
     UsbId,
     hid_devices,
+    input_devices,
     only,
     serial_ports,
     usb_devices,
@@ -76,6 +77,19 @@ def test_usb_device_is_listed_by_its_node(tmp_path: Path) -> None:
     assert found.problem is not None
     assert found.problem.startswith("no permission to open /dev/bus/usb/001/024; ")
     assert usb_devices([UsbId(0x1451, 0x0403)], tmp_path) == usb_devices([UsbId(0x1451)], tmp_path / "none") == []
+
+
+KEY = 0x130
+
+
+def test_input_devices_are_found_by_their_keys(tmp_path: Path) -> None:
+    for number, bits in ((3, f"{1 << KEY % 64:x} 0 0 0 0"), (1, "1 0"), (2, "")):
+        device = tmp_path / f"event{number}" / "device"
+        (device / "capabilities").mkdir(parents=True)
+        (device / "name").write_text("A Pad\n")
+        (device / "capabilities" / "key").write_text(bits + "\n")
+    assert [(each.path, each.name) for each in input_devices(KEY, tmp_path)] == [("/dev/input/event3", "A Pad")]
+    assert input_devices(KEY + 1, tmp_path) == []
 
 
 def test_named_port_is_taken_whatever_is_plugged_in() -> None:

@@ -10,7 +10,8 @@ from time import monotonic
 
 import pytest
 
-from tests.hardware.scripted import descriptors, wait_for
+from tests.hardware.descriptors import descriptors
+from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
 from weberlink.hardware.emulator import PtyDevice, WireFaults, serve
 from weberlink.hardware.fault import HardwareFault
@@ -50,7 +51,7 @@ def served(emulator: Echo) -> Iterator[socket.socket]:
     """The host's end."""
     host, device = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     device.setblocking(False)
-    host.settimeout(10.0)
+    host.settimeout(PATIENCE)
     stopping = threading.Event()
     thread = threading.Thread(target=serve, args=(emulator, device.fileno(), stopping.is_set))
     thread.start()
@@ -58,7 +59,7 @@ def served(emulator: Echo) -> Iterator[socket.socket]:
         yield host
     finally:
         stopping.set()
-        thread.join(10.0)
+        thread.join(PATIENCE)
         assert not thread.is_alive()
         host.close()
         device.close()
@@ -69,37 +70,20 @@ def asked(host: socket.socket, question: bytes) -> bytes:
     return host.recv(100)
 
 
-def test_bytes_go_in_and_messages_come_out() -> None:
+def test_bytes_go_in_and_messages_come_out_garbled_and_late_where_asked() -> None:
     echo = Echo()
     with served(echo) as host:
-        assert asked(host, b"one") == b"ONE"
-        assert asked(host, b"two") == b"TWO"
-    assert echo.heard == [b"one", b"two"]
-    assert echo.advances == sorted(echo.advances), "time does not go back"
-
-
-def test_requested_number_of_replies_is_garbled() -> None:
-    echo = Echo()
-    with served(echo) as host:
+        assert [asked(host, b"one"), asked(host, b"two")] == [b"ONE", b"TWO"]
+        assert echo.heard == [b"one", b"two"]
         echo.faults.garble = 2
         torn = [asked(host, b"question") for _ in range(4)]
         assert [sum(a != b for a, b in zip(each, b"QUESTION", strict=True)) for each in torn] == [1, 1, 0, 0]
         assert echo.faults.garble == 0
-
-
-def test_late_replies_come_late_and_no_later() -> None:
-    echo = Echo()
-    with served(echo) as host:
         echo.faults.late_s = 0.5 * PAUSE_S
-
-        def is_prompt() -> bool:
-            began = monotonic()
-            assert asked(host, b"one") == b"ONE"
-            elapsed = monotonic() - began
-            assert elapsed >= 0.5 * PAUSE_S
-            return elapsed < PAUSE_S
-
-        wait_for(is_prompt)
+        began = monotonic()
+        assert asked(host, b"one") == b"ONE"
+        assert monotonic() - began >= 0.5 * PAUSE_S
+    assert echo.advances == sorted(echo.advances), "time does not go back"
 
 
 def test_unread_replies_do_not_stop_the_device() -> None:
@@ -108,9 +92,9 @@ def test_unread_replies_do_not_stop_the_device() -> None:
     with served(echo) as host:
         for number in range(asked_for):
             host.send(b"%04d" % number * 50)
-        wait_for(lambda: len(echo.heard) == asked_for)
+        until(lambda: len(echo.heard) == asked_for, "all questions")
         turns = len(echo.advances)
-        wait_for(lambda: len(echo.advances) > turns + 1)
+        until(lambda: len(echo.advances) > turns + 1, "a turn")
         host.setblocking(False)
         came: list[bytes] = []
         with suppress(BlockingIOError):
@@ -119,7 +103,7 @@ def test_unread_replies_do_not_stop_the_device() -> None:
         numbers = [int(each[:4]) for each in came]
         assert numbers == sorted(numbers)
         assert 0 < len(numbers) < asked_for
-        host.settimeout(10.0)
+        host.settimeout(PATIENCE)
         assert asked(host, b"again") == b"AGAIN"
 
 
@@ -130,10 +114,10 @@ def test_closed_host_does_not_end_serving() -> None:
     os.set_blocking(near, False)
     thread = threading.Thread(target=serve, args=(echo, near, stopping.is_set))
     thread.start()
-    wait_for(lambda: len(echo.advances) > 3)
+    until(lambda: len(echo.advances) > 3, "turns")
     assert thread.is_alive()
     stopping.set()
-    thread.join(10.0)
+    thread.join(PATIENCE)
     assert not thread.is_alive()
     os.close(near)
 
@@ -146,12 +130,12 @@ def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
             assert (device.plugged, device.serving) == (True, True)
             port = SerialPort(str(path))
             port.write(b"hello")
-            assert port.read(monotonic() + 10.0) == b"HELLO"
+            assert port.read(monotonic() + PATIENCE) == b"HELLO"
             device.unplug()
             assert (device.plugged, device.serving) == (False, False)
             assert not path.is_symlink()
             with pytest.raises(HardwareFault, match="unplugged"):
-                port.read(monotonic() + 10.0)
+                port.read(monotonic() + PATIENCE)
             with pytest.raises(HardwareFault, match="there is no such port"):
                 SerialPort(str(path))
             port.close()

@@ -1,23 +1,29 @@
-"""The process that takes the force off: when it writes, when it does not, and what is refused without it."""
+"""The process that takes the force off: when it writes, when it does not, and what is refused without it.
+
+Live: the guardian is a process, and its messages come through a pseudo terminal. A lease is a least time; nothing here
+measures how soon after it a message comes.
+"""
 
 import os
 import signal
 import tty
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from select import select
 from time import monotonic, sleep
+from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import PATIENCE_S, descriptors, wait_for
+from tests.hardware.descriptors import descriptors
+from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import LEASE_S, Guardian, HoldingGuardian
-from weberlink.hardware.guardian_process import SLOT_SIZE
+from weberlink.hardware.guardian_process import LENGTH_SIZE, SLOT_SIZE
 from weberlink.hardware.serial_port import SerialPort
 
-ZERO, OTHER_ZERO, FORCE = b"zero\n", b"nothing\n", b"force\n"
+ZERO, OTHER_ZERO, FORCE, HERE = b"zero\n", b"nothing\n", b"force\n", b"here\n"
 LONG_S = 60.0
 """A command of this age is still good, and its lease twice as long: this machine may stall."""
 WHILE_S = 0.12
@@ -27,7 +33,7 @@ WHILE_S = 0.12
 class Wire:
     """A port with a guardian, and the device's end of it."""
 
-    guardian: Guardian
+    guardian: Any
     port: SerialPort
     near: int
 
@@ -39,12 +45,11 @@ class Wire:
         self.port.write(FORCE)
 
 
-@pytest.fixture
-def wire() -> Iterator[Wire]:
+@contextmanager
+def guarded(guardian: Guardian) -> Iterator[Wire]:
     before = descriptors()
     near, far = os.openpty()
     tty.setraw(far)
-    guardian = Guardian(ZERO, (OTHER_ZERO,))
     port = SerialPort(os.ttyname(far), guardian=guardian)
     yield Wire(guardian, port, near)
     port.close()
@@ -54,45 +59,49 @@ def wire() -> Iterator[Wire]:
     assert descriptors() == before
 
 
-def test_unrenewed_force_is_taken_off(wire: Wire) -> None:
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    with guarded(Guardian(ZERO, (OTHER_ZERO,))) as wire:
+        yield wire
+
+
+@pytest.fixture
+def arm() -> Iterator[Wire]:
+    """Of an arm, which would drop without its torque."""
+    with guarded(HoldingGuardian(LEASE_S)) as wire:
+        yield wire
+
+
+def test_unrenewed_force_is_taken_off_again_and_again(wire: Wire) -> None:
     began = monotonic()
     wire.push(LEASE_S / 2.0)
-    assert wire.heard(PATIENCE_S) == FORCE
-    assert wire.heard(PATIENCE_S).startswith(ZERO)
+    assert wire.heard(PATIENCE) == FORCE
+    assert wire.heard(PATIENCE).startswith(ZERO)
     assert monotonic() - began >= LEASE_S
-    assert wire.heard(PATIENCE_S).startswith(ZERO), "again"
+    assert wire.heard(PATIENCE).startswith(ZERO), "again"
     assert wire.guardian.has_written()
-
-
-def test_nothing_is_written_while_the_lease_lasts(wire: Wire) -> None:
-    wire.push()
-    assert wire.heard(PATIENCE_S) == FORCE
-    assert wire.heard(WHILE_S) == b""
-    assert not wire.guardian.has_written()
-
-
-@pytest.mark.parametrize("rest", [ZERO, OTHER_ZERO])
-def test_nothing_is_written_where_there_is_no_force(wire: Wire, rest: bytes) -> None:
-    assert wire.heard(WHILE_S) == b""
-    wire.push()
-    wire.port.write(rest)
-    wire.guardian.given(monotonic() - 2.0 * LONG_S, LONG_S)
-    wait_for(lambda: select((wire.near,), (), (), 0.0)[0] != [])
-    sleep(0.01)
-    assert wire.heard() == FORCE + rest
-    assert wire.heard(WHILE_S) == b""
-
-
-def test_a_parent_that_is_back_is_left_alone(wire: Wire) -> None:
-    wire.push(LEASE_S / 2.0)
-    wait_for(wire.guardian.has_written)
     wire.port.write(ZERO)
     sleep(WHILE_S)
     wire.heard()
-    assert wire.heard(WHILE_S) == b""
+    assert wire.heard(WHILE_S) == b"", "a parent that is back is left alone"
     wire.push(LEASE_S / 2.0)
-    assert wire.heard(PATIENCE_S) == FORCE
-    assert wire.heard(PATIENCE_S).startswith(ZERO), "and watched again"
+    assert wire.heard(PATIENCE) == FORCE
+    assert wire.heard(PATIENCE).startswith(ZERO), "and watched again"
+
+
+def test_nothing_is_written_while_the_lease_lasts_nor_where_there_is_no_force(wire: Wire) -> None:
+    assert wire.heard(WHILE_S) == b""
+    for rest in (None, ZERO, OTHER_ZERO):
+        wire.push()
+        if rest is not None:
+            wire.port.write(rest)
+            wire.guardian.given(monotonic() - 2.0 * LONG_S, LONG_S)
+        came, expected = b"", FORCE + (rest or b"")
+        while len(came) < len(expected):
+            came += wire.heard(PATIENCE)
+        assert came == expected
+        assert wire.heard(WHILE_S) == b""
+        assert not wire.guardian.has_written()
 
 
 def test_stale_force_is_not_written(wire: Wire) -> None:
@@ -100,46 +109,35 @@ def test_stale_force_is_not_written(wire: Wire) -> None:
     with pytest.raises(BadReply, match=r"held up for \d+ ms"):
         wire.port.write(FORCE)
     wire.port.write(ZERO)
-    assert wire.heard(PATIENCE_S) == ZERO
+    assert wire.heard(PATIENCE) == ZERO
 
 
-def test_a_guardian_that_died_means_no_force(wire: Wire) -> None:
+@pytest.mark.parametrize(
+    ("number", "says"), [(signal.SIGKILL, "guardian process died"), (signal.SIGSTOP, r"process \d+ has not run")]
+)
+def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signals, says: str) -> None:
     assert wire.guardian.pid is not None
     wire.push()
-    os.kill(wire.guardian.pid, signal.SIGKILL)
-
-    def is_refused() -> bool:
-        try:
+    os.kill(wire.guardian.pid, number)
+    gives_up = monotonic() + PATIENCE
+    with pytest.raises(HardwareFault, match=says) as caught:
+        while monotonic() < gives_up:
             wire.push()
-        except HardwareFault as fault:
-            return "guardian process died" in str(fault)
-        return False
-
-    wait_for(is_refused)
+            sleep(0.01)
+    assert not isinstance(caught.value, BadReply)
     wire.heard()
     with suppress(HardwareFault):
         wire.port.write(ZERO)
-    assert wire.heard(PATIENCE_S) == ZERO, "which is written all the same"
-
-
-def test_stopped_guardian_means_no_force(wire: Wire) -> None:
-    assert wire.guardian.pid is not None
-    os.kill(wire.guardian.pid, signal.SIGSTOP)
-    until = monotonic() + PATIENCE_S
-    with pytest.raises(HardwareFault, match=r"guardian process \d+ has not run"):
-        while monotonic() < until:
-            wire.push()
-            sleep(0.01)
+    assert wire.heard(PATIENCE) == ZERO, "which is written all the same"
 
 
 def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
     pid = wire.guardian.pid
-    assert pid is not None
     assert os.getsid(pid) == os.getpgid(pid) == pid
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(pid, number)
     wire.push(LEASE_S / 2.0)
-    wait_for(wire.guardian.has_written)
+    until(wire.guardian.has_written, "the zero")
 
 
 def test_closing_takes_remaining_force_off(wire: Wire) -> None:
@@ -147,8 +145,12 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
     wire.port.close()
     heard = b""
     while not heard.endswith(ZERO):
-        heard += wire.heard(PATIENCE_S)
+        heard += wire.heard(PATIENCE)
     assert heard.startswith(FORCE + ZERO)
+    with pytest.raises(HardwareFault, match="guardian process died"):
+        wire.guardian.before(FORCE)
+    wire.guardian.before(ZERO)
+    assert not wire.guardian.has_written(), "nobody writes any more"
 
 
 def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
@@ -160,7 +162,7 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
     wire.guardian.given(monotonic(), LEASE_S / 2.0)
     with pytest.raises(HardwareFault):
         wire.port.write(FORCE)
-    wait_for(wire.guardian.has_written)
+    until(wire.guardian.has_written, "the zero")
     heard = b""
     while part := wire.heard(WHILE_S):
         heard += part
@@ -169,77 +171,49 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
 
 # --- what leaves an arm that must not lose its torque
 
-HOLDS_S = 0.05
 
-
-@pytest.fixture
-def arm() -> Iterator[tuple[HoldingGuardian, SerialPort, int]]:
-    """A guardian, its port, and the arm's end of it."""
-    before = descriptors()
-    near, far = os.openpty()
-    tty.setraw(far)
-    guardian = HoldingGuardian(HOLDS_S)
-    port = SerialPort(os.ttyname(far), guardian=guardian)
-    yield guardian, port, near
-    port.close()
-    os.close(near)
-    os.close(far)
-    assert descriptors() == before
-
-
-def heard(near: int, wait: float = 0.0) -> bytes:
-    return os.read(near, 1000) if select((near,), (), (), wait)[0] else b""
-
-
-def test_last_message_is_written_when_the_cycles_end(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
-    guardian, port, near = arm
+def test_last_message_is_written_when_the_cycles_end(arm: Wire) -> None:
     for number in range(50):
-        guardian.hold(b"here %d\n" % number)
-        port.write(b"there\n")
-    expected = b"there\n" * 50 + b"here 49\n"
-    written = b""
-    while len(written) < len(expected) and (more := heard(near, PATIENCE_S)):  # the kernel hands it over in parts
+        arm.guardian.hold(b"here %d\n" % number)
+        arm.port.write(b"there\n")
+    expected, written = b"there\n" * 50 + b"here 49\n", b""
+    while len(written) < len(expected) and (more := arm.heard(PATIENCE)):  # the kernel hands it over in parts
         written += more
     assert written.startswith(expected)
 
 
-def test_arm_that_is_safe_is_left_alone(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
-    guardian, port, near = arm
-    guardian.hold(b"here\n")
-    guardian.end()
-    assert heard(near, HOLDS_S + WHILE_S) == b""
-    port.close()
-    assert heard(near, WHILE_S) == b""
+def test_arm_that_is_safe_is_left_alone_and_one_within_a_cycle_is_made_safe(arm: Wire) -> None:
+    arm.guardian.hold(HERE)
+    arm.guardian.end()
+    assert arm.heard(LEASE_S + WHILE_S) == b""
+    arm.guardian.hold(HERE)
+    arm.port.close()
+    assert arm.heard(PATIENCE).startswith(HERE)
 
 
-def test_closing_within_a_cycle_leaves_the_arm_safe(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
-    guardian, port, near = arm
-    guardian.hold(b"here\n")
-    port.close()
-    assert heard(near, PATIENCE_S).startswith(b"here\n")
-
-
-def test_guardian_that_died_is_told_and_messages_still_pass(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
-    guardian, port, near = arm
-    assert guardian.pid is not None
-    os.kill(guardian.pid, signal.SIGKILL)
+def test_guardian_that_died_is_told_and_messages_still_pass(arm: Wire) -> None:
+    assert arm.guardian.pid is not None
+    os.kill(arm.guardian.pid, signal.SIGKILL)
 
     def is_told() -> bool:
         try:
-            guardian.hold(b"here\n")
+            arm.guardian.hold(HERE)
         except HardwareFault as fault:
             return "guardian process died" in str(fault)
         return False
 
-    wait_for(is_told)
-    heard(near)
-    port.write(b"there\n")
-    assert heard(near, PATIENCE_S) == b"there\n"
+    until(is_told, "the news of its death")
+    arm.heard()
+    arm.port.write(b"there\n")
+    assert arm.heard(PATIENCE) == b"there\n"
 
 
-def test_message_that_has_no_room_is_refused(arm: tuple[HoldingGuardian, SerialPort, int]) -> None:
-    guardian, _, near = arm
-    guardian.hold(b"here\n")
+def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire) -> None:
+    most = b"x" * (SLOT_SIZE - LENGTH_SIZE)
+    arm.guardian.hold(most)
     with pytest.raises(ValueError, match="too long"):
-        guardian.hold(b"x" * SLOT_SIZE)
-    assert heard(near, PATIENCE_S).startswith(b"here\n")
+        arm.guardian.hold(most + b"x")
+    heard = b""
+    while len(heard) < len(most):
+        heard += arm.heard(PATIENCE)
+    assert heard.startswith(most)

@@ -2,21 +2,21 @@
 
 import asyncio
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Thread
 from time import monotonic
+from typing import Any
 
 import pytest
 from aiohttp import ClientSession, WSMsgType, web
 
-from tests.hardware.scripted import wait_for
+from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.hardware.websocket_port import WebSocketPort, text_frame
-
-PATIENCE_S = 5.0
 
 
 class EchoSession:
@@ -62,22 +62,61 @@ class Echo:
         return drops
 
 
-def soon() -> float:
-    return monotonic() + PATIENCE_S
+@contextmanager
+def port_to(address: str) -> Iterator[WebSocketPort]:
+    port = WebSocketPort(address, PATIENCE)
+    yield port
+    port.close()
+    port.close()
+
+
+def heard(port: WebSocketPort, count: int) -> list[bytes | None]:
+    return [port.receive(monotonic() + PATIENCE) for _ in range(count)]
 
 
 def test_both_our_ends_talk_and_part() -> None:
+    """Beside the port a guardian writes on the same connection."""
     service = Echo()
     with WebSocketDevice(service) as wire:
-        port = WebSocketPort(wire.address, PATIENCE_S)
-        assert port.receive(soon()) == b"hello"
-        port.send("one", rest=True)
-        port.send("two", rest=False)
-        assert [port.receive(soon()), port.receive(soon())] == [b"ONE", b"TWO"]
-        assert port.receive(monotonic()) is None
-        port.close()
-        port.close()
-        wait_for(lambda: service.left == 1)
+        with port_to(wire.address) as port:
+            port.send("one", rest=True)
+            port._socket.send(text_frame("zero"))
+            port.send("two", rest=False)
+            assert heard(port, 4) == [b"hello", b"ONE", b"ZERO", b"TWO"]
+            assert port.receive(monotonic()) is None
+        until(lambda: service.left == 1, "the session to end")
+
+
+class Noting(Guardian):
+    """A guardian without a process: takes down what the port tells it."""
+
+    def __init__(self) -> None:
+        super().__init__(text_frame("zero"))
+        self.done: list[Any] = []
+
+    def watch(self, descriptor: int) -> None:
+        self.done.append("watches")
+
+    def before(self, data: bytes) -> None:
+        self.done.append(("before", len(data)))
+
+    def after(self, data: bytes) -> None:
+        self.done.append("rests" if data == self.zero else ("after", len(data)))
+
+    def stop(self) -> None:
+        self.done.append("stopped")
+
+
+def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
+    with WebSocketDevice(Echo()) as wire:
+        guardian = Noting()
+        with port_to(wire.address) as port:
+            port.guard(guardian)
+            port.send("rest", rest=True)
+            port.send("force", rest=False)
+            assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
+        size = len(text_frame("force"))
+        assert guardian.done == ["watches", "rests", ("before", size), ("after", size), "stopped"]
 
 
 def test_device_serves_a_client_of_aiohttp() -> None:
@@ -85,10 +124,9 @@ def test_device_serves_a_client_of_aiohttp() -> None:
         async with ClientSession() as session, session.ws_connect(address) as line:
             await line.send_str("one")
             await line.ping()
-            heard = [(await line.receive_str()), (await line.receive_str())]
+            found = [(await line.receive_str()), (await line.receive_str())]
             async with session.get(address.replace("ws:", "http:") + "/version") as answer:
-                heard.append(await answer.text())
-        return heard
+                return [*found, await answer.text()]
 
     with WebSocketDevice(Echo()) as wire:
         assert asyncio.run(talk(wire.address)) == ["hello", "ONE", '{"version": 1}']
@@ -110,8 +148,7 @@ def aiohttp_server() -> Iterator[str]:
         await line.close()
         return line
 
-    loop = asyncio.new_event_loop()
-    sock = socket.create_server(("127.0.0.1", 0))
+    loop, sock = asyncio.new_event_loop(), socket.create_server(("127.0.0.1", 0))
     application = web.Application()
     application.router.add_get("/", echo)
     runner = web.AppRunner(application)
@@ -133,59 +170,46 @@ def aiohttp_server() -> Iterator[str]:
 
 
 def test_port_talks_to_a_server_of_aiohttp() -> None:
-    with aiohttp_server() as address:
-        port = WebSocketPort(address, PATIENCE_S)
-        assert port.receive(soon()) == b"hello"
-        long = "x" * 100_000
+    long = "x" * 100_000
+    with aiohttp_server() as address, port_to(address) as port:
         port.send(long, rest=True)
-        assert port.receive(soon()) == long.upper().encode()
+        assert heard(port, 2) == [b"hello", long.upper().encode()]
         port.send("bye", rest=True)
-        with pytest.raises(HardwareFault, match="closed the connection"):
-            port.receive(soon())
-        with pytest.raises(HardwareFault, match="closed the connection"):
-            port.send("more", rest=True)
-        port.close()
-
-
-def test_frame_written_beside_the_port_is_understood() -> None:
-    """As a guardian process writes it, on its own descriptor of the same connection."""
-    with WebSocketDevice(Echo()) as wire:
-        port = WebSocketPort(wire.address, PATIENCE_S)
-        frame = text_frame("zero")
-        port.send("one", rest=True)
-        port._socket.send(frame)
-        port.send("two", rest=True)
-        assert [port.receive(soon()) for _ in range(4)] == [b"hello", b"ONE", b"ZERO", b"TWO"]
-        port.close()
+        for use in (lambda: port.receive(monotonic() + PATIENCE), lambda: port.send("more", rest=True)):
+            with pytest.raises(HardwareFault, match="closed the connection"):
+                use()
 
 
 def test_closed_connections_are_faults_and_a_port_stays_the_same() -> None:
     service = Echo()
     with WebSocketDevice(service) as wire:
         address = wire.address
-        for disconnect in (lambda: setattr(service, "drops", True), wire.unplug):
-            port = WebSocketPort(address, PATIENCE_S)
-            disconnect()
-            with pytest.raises(HardwareFault, match=f"{address}: closed the connection"):
-                while True:
-                    assert port.receive(soon()) is not None
-            port.close()
+        disconnects: tuple[Callable[[], None], ...] = (lambda: setattr(service, "drops", True), wire.unplug)
+        for disconnect in disconnects:
+            with port_to(address) as port:
+                disconnect()
+                with pytest.raises(HardwareFault, match=f"{address}: closed the connection"):
+                    while port.receive(monotonic() + PATIENCE) is not None:
+                        pass
         with pytest.raises(HardwareFault, match="nothing listens there"):
-            WebSocketPort(address, PATIENCE_S)
+            WebSocketPort(address, PATIENCE)
         wire.plug()
-        assert wire.address == address
-        WebSocketPort(address, PATIENCE_S).close()
+        with port_to(wire.address):
+            assert wire.address == address
+
+
+NO_WEBSOCKET = "answers, but not as a WebSocket"
 
 
 @pytest.mark.parametrize(
-    ("answer", "said"),
+    ("answer", "says"),
     [
-        (b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", "answers, but not as a WebSocket"),
-        (b"SSH-2.0-OpenSSH_9.2\r\n", "answers, but not as a WebSocket"),
+        (b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", NO_WEBSOCKET),
+        (b"SSH-2.0-OpenSSH_9.2\r\n", NO_WEBSOCKET),
         (b"", "accepts the connection, but does not answer"),
     ],
 )
-def test_what_is_no_websocket_is_named(answer: bytes, said: str) -> None:
+def test_what_is_no_websocket_is_named(answer: bytes, says: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"ws://127.0.0.1:{server.getsockname()[1]}"
 
@@ -198,12 +222,8 @@ def test_what_is_no_websocket_is_named(answer: bytes, said: str) -> None:
 
         thread = Thread(target=serve)
         thread.start()
-        with pytest.raises(HardwareFault, match=said) as caught:
-            WebSocketPort(address, 0.2)
-        assert str(caught.value).startswith(address)
+        with pytest.raises(HardwareFault, match=f"^{address}: {says}"):
+            WebSocketPort(address, PATIENCE if answer else 0.2)
         thread.join()
-
-
-def test_address_that_is_none_is_a_fault() -> None:
     with pytest.raises(HardwareFault, match="expected ws://HOST:PORT"):
         WebSocketPort("http://localhost:1", 0.1)

@@ -3,301 +3,350 @@
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from itertools import count, pairwise
-from pathlib import Path
-from time import monotonic, sleep
+from itertools import count
+from time import monotonic
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import REST, Scripted, command_until, descriptors, gone, wait_for
+from tests.hardware.descriptors import descriptors
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.worker import Worker
 
-ROOT = Path(__file__).parents[2]
+TICK = 2.0**-7
+"""Binary fractions, so that a time is exactly at a limit."""
+RAMP_TICKS, STALE_TICKS, BAD_REPLIES = 4, 8, 3
+REST, PUSH = 0.0, 2.0
+STEP = PUSH / RAMP_TICKS
+BAD, GONE = BadReply("torn"), HardwareFault("gone")
 
 
-class Pushed:
-    """An exchange of forces."""
+class Rig:
+    """A worker in virtual time, and its exchange, in which it waits for the next step of the test.
 
-    def __init__(self) -> None:
-        self.pushed: list[float] = []
+    Attributes:
+        calls: "open", "close", and every command.
+        outcomes: of the next exchanges; afterwards samples count on from 100.
+        openings: of the next openings; a callable is called.
+        closing: what `close` raises.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self.now = 100.0
+        self.calls: list[Any] = []
+        self.threads: set[int] = set()
+        self.outcomes: deque[Any] = deque()
+        self.openings: deque[Any] = deque()
+        self.closing: Exception | None = None
+        self.guardian: Any = None
+        self._samples = count(101)
+        self._inside, self._go = False, threading.Semaphore(0)
+        self.runs_free = False
+        given = {"period": TICK, "on_command": True, "stale": STALE_TICKS * TICK, "bad_replies": BAD_REPLIES}
+        given |= {"scale": lambda force, share: force * share, "ramp": RAMP_TICKS * TICK, "clock": lambda: self.now}
+        self.worker: Worker[float, int] = Worker(self, rest=REST, **(given | options))
 
     def open(self) -> int:
-        return 0
+        self.calls.append("open")
+        return self._done(self.openings.popleft() if self.openings else 100)
 
-    def exchange(self, force: float) -> int:
-        self.pushed.append(force)
-        return 0
+    def exchange(self, command: float) -> int:
+        self.calls.append(command)
+        self.threads.add(threading.get_ident())
+        if not self.runs_free:
+            self._inside = True
+            assert self._go.acquire(timeout=PATIENCE)
+        return self._done(self.outcomes.popleft() if self.outcomes else next(self._samples))
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        self.calls.append("close")
+        self.threads.add(threading.get_ident())
+        if self.closing is not None:
+            raise self.closing
 
-
-@contextmanager
-def working(exchange: Scripted, **options: Any) -> Iterator[Worker[str, int]]:
-    """A worker that has been started; what it leaves behind is looked for."""
-    files, threads = descriptors(), threading.active_count()
-    worker = worker_of(exchange, **options)
-    try:
-        worker.start()
-        yield worker
-    finally:
-        worker.stop()
-        assert not exchange.is_open
-        assert descriptors() == files
-        assert threading.active_count() == threads
-
-
-def worker_of(exchange: Scripted, **options: Any) -> Worker[str, int]:
-    given = {"period": 0.001, "on_command": True, "stale": 60.0, "bad_replies": 3, **options}
-    return Worker(exchange, rest=REST, **given)
-
-
-def in_turn(*outcomes: Exception | int) -> Callable[[str], int]:
-    """One after the other; the last one for ever."""
-    turn = iter(outcomes)
-
-    def deed(command: str) -> int:
-        outcome = next(turn, outcomes[-1])
-        if isinstance(outcome, Exception):
+    @staticmethod
+    def _done(outcome: Any) -> int:
+        outcome = outcome() if callable(outcome) else outcome
+        if isinstance(outcome, BaseException):
             raise outcome
-        return outcome
+        return int(outcome)
 
-    return deed
+    def start(self) -> None:
+        self.worker.start()
+        self._await()
 
+    def step(self, ticks: float = 1.0, command: float | None = None) -> Any:
+        """Let the exchange return after a time, in which a command came if one is given; gives the next call."""
+        self.now += ticks * TICK
+        if command is not None:
+            self.worker.command(command, self.now)
+        self._inside = False
+        self._go.release()
+        self._await()
+        return self.calls[-1]
 
-def test_command_arrives_and_sample_returns() -> None:
-    exchange, before = Scripted(), monotonic()
-    with working(exchange) as worker:
-        assert before <= worker.connected_at <= worker.newest[1]
-        began = monotonic()
-        command_until(worker, "push", lambda: "push" in exchange.commands)
-        wait_for(lambda: worker.newest[0] > 100)
-        wait_for(lambda: worker.newest[1] >= began)
-        assert worker.fault is None
-        assert worker.round_trip > 0.0
-    assert exchange.calls[0] == "open"
-    assert exchange.calls[-1] == "close"
+    def _await(self) -> None:
+        def is_over() -> bool:
+            return self.worker.fault is not None and self.calls[-1] == "close"
 
+        until(lambda: self._inside or is_over(), "an exchange or the end", pause=1e-4)
 
-def test_a_command_starts_an_exchange_at_once() -> None:
-    """With pauses of a minute in between, nothing would come of it otherwise."""
-    exchange = Scripted()
-    with working(exchange, period=60.0) as worker:
-        for number in range(5):
-            worker.command(f"push {number}", monotonic())
-            wait_for(lambda number=number: f"push {number}" in exchange.commands)  # type: ignore[misc]
+    def push(self) -> None:
+        """To the full force."""
+        while self.step(1.0, PUSH) != PUSH:
+            pass
 
-
-def test_a_command_that_nobody_renews_does_not_last() -> None:
-    exchange = Scripted()
-    with working(exchange, stale=0.02) as worker:
-        command_until(worker, "push", lambda: "push" in exchange.commands)
-        wait_for(lambda: exchange.commands[-1] == REST)
-        command_until(worker, "push", lambda: exchange.commands[-1] == "push")
+    def let_go(self) -> None:
+        self.runs_free = True
+        self._go.release()
 
 
-def test_after_a_pause_of_the_commands_the_output_rests_and_rises_anew() -> None:
+@pytest.fixture
+def make() -> Iterator[Callable[..., Rig]]:
+    """Makes rigs; what their workers leave behind is looked for."""
+    files, threads, made = descriptors(), threading.active_count(), list[Rig]()
+
+    def of(**options: Any) -> Rig:
+        made.append(Rig(**options))
+        return made[-1]
+
+    yield of
+    for rig in made:
+        rig.let_go()
+        rig.worker.stop()
+        assert len(rig.threads) <= 1 + rig.calls.count("open"), "one thread a session, and who closes at a failure"
+    assert (descriptors(), threading.active_count()) == (files, threads)
+
+
+@pytest.fixture
+def rig(make: Callable[..., Rig]) -> Rig:
+    made = make()
+    made.start()
+    return made
+
+
+def test_force_ramps_from_rest_and_sample_and_times_return(rig: Rig) -> None:
+    worker = rig.worker
+    assert rig.calls == ["open", REST]
+    assert (worker.round_trip, worker.bad_count, worker.fault, worker.trouble) == (0.0, 0, None, None)
+    assert (rig.worker.newest, rig.worker.connected_at) == ((100, 100.0), 100.0)
+    forces = [rig.step(1.0, PUSH) for _ in range(RAMP_TICKS + 2)]
+    assert forces == [STEP * min(step, RAMP_TICKS) for step in range(1, RAMP_TICKS + 3)]
+    assert rig.worker.newest == (106, rig.now)
+    rig.step(0.5)
+    assert (rig.worker.round_trip, rig.worker.fault, rig.worker.trouble) == (0.5 * TICK, None, None)
+
+
+def test_a_slow_exchange_takes_no_larger_step_of_the_ramp(rig: Rig) -> None:
+    assert [rig.step(ticks, PUSH) for ticks in (STALE_TICKS, 0.5)] == [STEP, 1.5 * STEP]
+
+
+@pytest.mark.parametrize(("ticks", "is_old"), [(STALE_TICKS, False), (STALE_TICKS + 2.0**-10, True)])
+def test_a_command_lasts_until_it_is_stale(rig: Rig, ticks: float, is_old: bool) -> None:
+    rig.push()
+    assert rig.step(ticks) == (REST if is_old else PUSH)
+    assert rig.step(0.0, PUSH) == (REST if is_old else PUSH), "the first command after a gap is for rest"
+    assert rig.step(1.0, PUSH) == (STEP if is_old else PUSH)
+
+
+@pytest.mark.parametrize(("ticks", "is_gap"), [(STALE_TICKS, False), (STALE_TICKS + 2.0**-10, True)])
+def test_after_a_gap_a_fresh_command_rests_and_rises_anew(rig: Rig, ticks: float, is_gap: bool) -> None:
     """A host that stood still goes on with a fresh command; the device must not get all of it at once."""
-    now, forces = 0.0, Pushed()
-    worker = Worker(forces, rest=0.0, period=0.01, on_command=True, stale=0.05, bad_replies=3,
-                    scale=lambda force, share: force * share, ramp=0.05, clock=lambda: now)  # fmt: skip
-    worker.start()
-    try:
-
-        def pushed(elapsed: float) -> float:
-            nonlocal now
-            now += elapsed
-            done = len(forces.pushed)
-            worker.command(2.0, now)
-            wait_for(lambda: len(forces.pushed) > done)
-            return forces.pushed[-1]
-
-        assert [pushed(0.01) for _ in range(8)][-1] == 2.0
-        assert pushed(0.06) == 0.0
-        rise = [pushed(0.01) for _ in range(6)]
-        assert all(b - a <= 2.0 * 0.01 / 0.05 + 1e-9 for a, b in pairwise([0.0, *rise]))
-        assert rise[-1] == 2.0
-    finally:
-        worker.stop()
+    rig.push()
+    forces = [rig.step(ticks, PUSH), *(rig.step(1.0, PUSH) for _ in range(RAMP_TICKS))]
+    assert forces == ([STEP * step for step in range(RAMP_TICKS + 1)] if is_gap else [PUSH] * (RAMP_TICKS + 1))
 
 
-def test_a_command_of_the_last_session_is_forgotten() -> None:
-    exchange = Scripted()
-    with working(exchange) as worker:
-        command_until(worker, "push", lambda: "push" in exchange.commands)
-        worker.stop()
-        worker.command("late", monotonic())
-        exchange.calls.clear()
-        worker.start()
-        wait_for(lambda: len(exchange.commands) > 5)
-        assert set(exchange.commands) == {REST}
+def test_without_a_ramp_commands_are_whole_and_a_command_starts_an_exchange_at_once(make: Callable[..., Rig]) -> None:
+    rig = make(scale=None, period=60.0)
+    rig.worker.start()
+    rig.worker.command(PUSH, rig.now)  # else there were a minute until the first exchange
+    until(lambda: rig.calls[-1] == PUSH, "the command")
+    assert rig.step(1.0, -PUSH) == -PUSH
+    assert rig.step(STALE_TICKS + 1, PUSH) == REST
 
 
-def test_bad_reply_rests_until_a_good_one() -> None:
-    exchange = Scripted()
-    with working(exchange) as worker:
-        command_until(worker, "push", lambda: "push" in exchange.commands)
-        exchange.deed = in_turn(BadReply("torn"), BadReply("torn"), 7)
-        command_until(worker, "push", lambda: worker.newest[0] == 7 and exchange.calls[-1] == "push")
-        first = exchange.calls.index(REST, exchange.calls.index("push"))
-        assert exchange.calls[first - 1 : first + 3] == ["push", REST, REST, "push"]
-        assert worker.bad_count == 2
-        assert worker.fault is None
-        assert "close" not in exchange.calls
+@pytest.mark.parametrize("bad", [1, BAD_REPLIES - 1])
+def test_bad_reply_rests_until_a_good_one_and_ramps(rig: Rig, bad: int) -> None:
+    rig.push()
+    for turn in (1, 2):  # a good one in between, and they are no longer in a row
+        rig.outcomes.extend([BAD] * bad)
+        assert [rig.step(1.0, PUSH) for _ in range(bad)] == [REST] * bad
+        assert rig.worker.trouble == "torn"
+        assert [rig.step(1.0, PUSH) for _ in range(RAMP_TICKS)][:2] == [STEP, 2 * STEP]
+        assert (rig.worker.bad_count, rig.worker.trouble, rig.worker.fault) == (turn * bad, None, None)
+    assert "close" not in rig.calls
 
 
-def test_bad_replies_in_a_row_close_with_fault() -> None:
-    exchange = Scripted(in_turn(1, BadReply("torn 1"), BadReply("torn 2"), 2, BadReply("torn 3")))
-    with working(exchange) as worker:
-        command_until(worker, "push", lambda: worker.fault is not None)
-        wait_for(lambda: exchange.calls[-2:] == ["close", "close"])
-        assert worker.fault == "torn 3"
-        assert worker.bad_count == 5
-        assert worker.newest[0] == 2
-        assert exchange.commands[-2:] == [REST, REST]
-        done = len(exchange.calls)
-        worker.command("push", monotonic())
-        sleep(0.01)
-        assert len(exchange.calls) == done, "nothing more is asked of it"
+@pytest.mark.parametrize("outcomes", [[BAD] * BAD_REPLIES, [GONE], [BAD, GONE]], ids=["bad", "gone", "bad, gone"])
+def test_a_device_that_is_lost_is_closed_with_its_fault(rig: Rig, outcomes: list[Exception]) -> None:
+    rig.push()
+    sample = rig.worker.newest[0]
+    rig.outcomes.extend(outcomes)
+    done = [rig.step(1.0, PUSH) for _ in outcomes]
+    assert done == [*[REST] * (len(outcomes) - 1), "close"]
+    assert rig.worker.fault == str(outcomes[-1])
+    assert rig.worker.newest[0] == sample
+    with pytest.raises(KeyError, match=str(outcomes[-1])):
+        rig.worker.check(KeyError)
+    rig.worker.command(PUSH, rig.now)
+    rig.worker.stop()
+    assert rig.calls[-2:] == ["close", "close"], "nothing more is asked of it"
+    assert "open" not in rig.calls[1:]
 
 
-def test_gone_device_is_a_fault_at_once() -> None:
-    exchange = Scripted(gone)
-    with working(exchange) as worker:
-        wait_for(lambda: worker.fault == "gone")
-        assert len(exchange.commands) == 1
-        wait_for(lambda: not exchange.is_open)
-        assert exchange.calls.count("open") == 1
+def test_device_back_in_time_continues_from_rest(make: Callable[..., Rig]) -> None:
+    rig = make(reconnect=10 * TICK)
+    rig.start()
+    rig.push()
+
+    def later() -> Exception:
+        rig.now += 5 * TICK - TICK  # one tick before the end, after two of them
+        return HardwareFault("not there yet")
+
+    rig.outcomes.append(GONE)
+    rig.openings.extend([later, later, 42])
+    lost = len(rig.calls)
+    assert rig.step(0.0, PUSH) == REST
+    assert rig.calls[lost:] == ["close", "open", "open", "open", REST]
+    assert (rig.worker.newest, rig.worker.connected_at) == ((42, rig.now), rig.now)
+    assert [rig.step(1.0, PUSH) for _ in range(3)] == [REST, STEP, 2 * STEP], "after so long a gap"
+    assert rig.worker.fault is None
 
 
-def test_device_back_in_time_continues_from_rest() -> None:
-    def opening(number: int) -> int:
-        if 0 < number < 3:
-            raise HardwareFault(f"not there yet: {number}")
-        return number
+@pytest.mark.parametrize("answers", [False, True], ids=["does not open", "opens and is mute"])
+def test_reconnection_ends_in_time_with_the_last_fault(make: Callable[..., Rig], answers: bool) -> None:
+    """Which counts from the last good reply, not from the last time that the port opened."""
+    rig = make(reconnect=10 * TICK)
+    rig.start()
 
-    exchange = Scripted(in_turn(1, HardwareFault("gone"), 2), opening)
-    with working(exchange, reconnect=60.0) as worker:
-        connected = worker.connected_at
-        command_until(worker, "push", lambda: exchange.calls[-1] == "push" and worker.connected_at > connected)
-        assert worker.fault is None
-        back = exchange.calls.index("open", exchange.calls.index("close"))
-        assert exchange.calls[back : back + 3] == ["open"] * 3
-        assert exchange.calls[back + 3] == REST
+    def later() -> Exception | int:
+        rig.now += 5 * TICK
+        return 1 if answers else HardwareFault("still away")
 
-
-def test_reconnection_ends_when_device_never_answers() -> None:
-    """Patience counts from the last good reply, not from the last time that the port opened."""
-    exchange = Scripted(in_turn(1, HardwareFault("mute")))
-    with working(exchange, reconnect=0.2) as worker:
-        wait_for(lambda: worker.fault is not None)
-        assert worker.fault == "mute"
-        assert exchange.calls.count("open") > 1
-        assert set(exchange.commands) == {REST}
+    rig.outcomes.extend([GONE, HardwareFault("mute"), HardwareFault("mute")])
+    rig.openings.extend([later] * 9)
+    called = [rig.step(0.0) for _ in range(3 if answers else 1)]
+    assert called == ([REST, REST, "close"] if answers else ["close"])
+    assert rig.worker.fault == ("mute" if answers else "still away")
+    assert rig.calls.count("open") == 3
+    assert set(rig.calls) == {"open", "close", REST}
 
 
 @pytest.mark.parametrize("mistake", [KeyError("oops"), SystemExit(3)])
-def test_exception_in_the_thread_is_a_fault(mistake: BaseException) -> None:
-    def deed(command: str) -> int:
-        raise mistake
-
-    exchange = Scripted(deed)
-    with working(exchange) as worker:
-        wait_for(lambda: worker.fault is not None)
-        assert worker.fault == f"internal error: {mistake!r}"
-        wait_for(lambda: not exchange.is_open)
-        # An error of the exchange's code comes with its trace; what would end the program is a fault like another one.
-        with pytest.raises(type(mistake) if isinstance(mistake, Exception) else HardwareFault) as caught:
-            worker.check(HardwareFault)
-        assert caught.value is mistake or str(caught.value) == worker.fault
+def test_exception_in_the_thread_is_a_fault(rig: Rig, mistake: BaseException) -> None:
+    """An error of the exchange's code comes with its trace; what would end the program is a fault like another one."""
+    rig.outcomes.append(mistake)
+    assert rig.step() == "close"
+    assert rig.worker.fault == f"internal error: {mistake!r}"
+    with pytest.raises(type(mistake) if isinstance(mistake, Exception) else HardwareFault) as caught:
+        rig.worker.check(HardwareFault)
+    assert caught.value is mistake or str(caught.value) == rig.worker.fault
 
 
-def test_failed_open_leaves_nothing_behind() -> None:
-    def opening(number: int) -> int:
-        if number == 0:
-            raise HardwareFault("taken")
-        if number == 1:
-            raise ZeroDivisionError
-        return 42
+@pytest.mark.parametrize(("first", "fault"), [(None, "internal error: OSError('motors')"), (GONE, "gone")])
+def test_a_close_that_fails_says_why_unless_there_was_a_fault(rig: Rig, first: Exception | None, fault: str) -> None:
+    rig.closing = OSError("motors")
+    if first is not None:
+        rig.outcomes.append(first)
+    rig.let_go()
+    if first is None:
+        rig.worker.stop()
+    until(lambda: rig.worker.fault == fault, "the fault of the close")
+    rig.worker.stop()
+    with pytest.raises(KeyError, match="motors" if first is None else "gone"):
+        rig.worker.check(KeyError)
 
-    exchange = Scripted(None, opening)
-    files, threads = descriptors(), threading.active_count()
-    worker = worker_of(exchange)
-    with pytest.raises(HardwareFault, match="taken"):
-        worker.start()
-    with pytest.raises(ZeroDivisionError):
-        worker.start()
-    assert exchange.calls == ["open", "close", "open", "close"]
-    assert (descriptors(), threading.active_count()) == (files, threads)
-    worker.command("push", monotonic())
-    worker.stop()
-    assert exchange.commands == []
-    exchange.deed = Hanging()
-    worker.start()
-    assert worker.newest[0] == 42, "what opening gave, until there is more"
-    exchange.deed.let_go.set()
-    worker.stop()
-    assert (descriptors(), threading.active_count()) == (files, threads)
+
+def test_a_session_begins_afresh(rig: Rig) -> None:
+    rig.push()
+    rig.outcomes.extend([BAD, GONE])
+    rig.step()
+    assert rig.step() == "close"
+    rig.worker.command(PUSH, rig.now)
+    rig.calls.clear()
+    rig.start()
+    assert (rig.worker.fault, rig.worker.trouble, rig.worker.bad_count) == (None, None, 0)
+    assert [rig.step(1.0), rig.step(1.0, PUSH)] == [REST, STEP], "the command of the last session is forgotten"
+    rig.worker.check(KeyError)
+
+
+def test_a_command_before_the_first_exchange_ramps_too(rig: Rig) -> None:
+    rig.push()
+    rig.let_go()
+    rig.worker.stop()
+    rig.runs_free = False
+    rig.calls.clear()
+    rig.worker.start()
+    rig.worker.command(PUSH, rig.now)
+    rig._await()
+    rig.step(1.0, PUSH)
+    shown = [call for call in rig.calls if call != "open"]
+    assert max(shown) <= 2 * STEP, "whether the command came before the first exchange or after it"
+
+
+def test_the_guardian_is_told_the_time_of_each_command(make: Callable[..., Rig]) -> None:
+    rig, given = make(), list[tuple[float, float]]()
+    assert not rig.worker.guarded
+    rig.guardian = SimpleNamespace(given=lambda at, stale: given.append((at, stale)))
+    rig.worker = Worker(rig, rest=REST, period=TICK, on_command=True, stale=0.5, bad_replies=1, clock=lambda: rig.now)
+    assert rig.worker.guarded
+    rig.start()
+    rig.step(1.0, PUSH)
+    assert given[-1] == (rig.now, 0.5)
+
+
+def test_failed_open_leaves_nothing_behind(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.openings.extend([GONE, ZeroDivisionError(), 42])
+    for failure in (HardwareFault, ZeroDivisionError):
+        with pytest.raises(failure):
+            rig.worker.start()
+    assert rig.calls == ["open", "close", "open", "close"]
+    rig.worker.command(PUSH, rig.now)
+    rig.start()
+    assert rig.worker.newest[0] == 42, "what opening gave, until there is more"
+    assert rig.calls[4:] == ["open", REST]
 
 
 @pytest.mark.parametrize("period", [0.0, 60.0])
 @pytest.mark.parametrize("on_command", [False, True])
-def test_stop_does_not_wait_for_exchange(period: float, on_command: bool) -> None:
+def test_stop_does_not_wait_for_the_next_exchange(make: Callable[..., Rig], period: float, on_command: bool) -> None:
+    rig = make(period=period, on_command=on_command, clock=monotonic)
+    rig.runs_free = True
     for _ in range(3):
-        exchange = Scripted()
-        with working(exchange, period=period, on_command=on_command):
-            pass
-        assert exchange.calls[-1] == "close"
+        rig.worker.start()
+        rig.worker.stop()
+        assert rig.calls[-1] == "close"
 
 
-class Hanging:
-    """An exchange that does not come back until it is let go."""
-
-    def __init__(self) -> None:
-        self.let_go = threading.Event()
-        self.inside = threading.Event()
-
-    def __call__(self, command: str) -> int:
-        self.inside.set()
-        assert self.let_go.wait(60.0)
-        return 1
-
-
-def test_hanging_exchange_is_closed_when_it_returns() -> None:
-    files, hanging = descriptors(), Hanging()
-    exchange = Scripted(hanging)
-    worker = worker_of(exchange)
-    worker.start()
-    assert hanging.inside.wait(60.0)
-    worker.stop()
-    assert exchange.is_open, "only the thread that is inside may touch it"
-    worker.command("push", monotonic())
+def test_hanging_exchange_is_closed_when_it_returns(rig: Rig) -> None:
+    rig.worker.stop()
+    assert rig.calls == ["open", REST], "only the thread that is inside may touch it"
+    rig.worker.command(PUSH, rig.now)
     with pytest.raises(HardwareFault, match="has not reacted since the last session"):
-        worker.start()
-    assert exchange.calls.count("open") == 1
-    hanging.let_go.set()
-    wait_for(lambda: not exchange.is_open)
-    assert exchange.calls == ["open", REST, "close"]
+        rig.worker.start()
+    rig.let_go()
+    until(lambda: rig.calls == ["open", REST, "close"], "the close")
 
     def starts() -> bool:
         try:
-            worker.start()
+            rig.worker.start()
         except HardwareFault:
             return False
         return True
 
-    exchange.deed = lambda command: 9
-    wait_for(starts)
-    wait_for(lambda: worker.newest[0] == 9)
-    worker.stop()
-    assert descriptors() == files
+    until(starts, "the thread to end")
+    until(lambda: rig.worker.newest[0] > 101, "samples again")
 
 
 PROGRAM = """
-import sys, threading, time
+import sys, time
 from weberlink.hardware.worker import Worker
 
 class Exchange:
@@ -312,42 +361,32 @@ worker.start()
 time.sleep(0.05)
 {end}
 """
+ENDS = {"end": ("", ""), "exit": ("", "sys.exit(3)"), "hangs": ("time.sleep(1.2)", "worker.stop()")}
 
 
-@pytest.mark.parametrize(
-    ("hang", "end"),
-    [
-        ("", ""),
-        ("", "sys.exit(3)"),
-        ("time.sleep(1.2)", "worker.stop()"),
-    ],
-    ids=["end", "exit", "hangs"],
-)
+@pytest.mark.parametrize(("hang", "end"), ENDS.values(), ids=ENDS)
 def test_a_program_that_ends_leaves_the_device_safe(hang: str, end: str) -> None:
     """Whether it remembers to stop the worker or not, and though the exchange takes longer than a stop waits."""
-    program = PROGRAM.format(hang=hang, end=end)
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    command = [sys.executable, "-c", PROGRAM.format(hang=hang, end=end)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.stdout == "closed\n"
     assert "Fatal" not in done.stderr
 
 
-def test_missed_exchanges_are_not_made_up_for() -> None:
+def test_missed_exchanges_are_not_made_up_for(make: Callable[..., Rig]) -> None:
     """Every fifth exchange takes ten periods; making up for them would need no pause at all."""
-    ahead, number = [0.0], count(1)
-    starts: list[float] = []
+    ahead, starts = 0.0, list[float]()
+    rig = make(period=0.01, on_command=False, clock=lambda: monotonic() + ahead)
+    rig.runs_free = True
 
-    def clock() -> float:
-        return monotonic() + ahead[0]
-
-    def deed(command: str) -> int:
-        starts.append(clock())
-        if next(number) % 5 == 0:
-            ahead[0] += 0.1
+    def deed() -> int:
+        nonlocal ahead
+        starts.append(monotonic() + ahead)
+        ahead += 0.1 if len(starts) % 5 == 0 else 0.0
         return 1
 
-    with working(Scripted(deed), period=0.01, on_command=False, clock=clock):
-        wait_for(lambda: len(starts) >= 21)
-    seen = starts[:21]
-    stalls = 4
+    rig.outcomes.extend([deed] * 10_000)
+    rig.worker.start()
+    until(lambda: len(starts) >= 21, "21 exchanges")
+    seen, stalls = starts[:21], 4
     assert len(seen) <= (seen[-1] - seen[0]) / 0.01 - 9 * stalls + 2

@@ -25,13 +25,15 @@ PATIENT = round((RTT + PATIENCE) / TICK)
 class Watched:
     """A watch whose decoder has received the plane z = 0, or one sample."""
 
-    def __init__(self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH)) -> None:
+    def __init__(
+        self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH), jitter: float = 0.0
+    ) -> None:
         channel = force_channel(predictor=predictor)
         self.encoder, self.decoder = Encoder(channel), Decoder(channel)
         self.tick = 0
         for depth in samples:
             self.receive(depth)
-        link: Any = SimpleNamespace(rtt=RTT, jitter=0.0)
+        link: Any = SimpleNamespace(rtt=RTT, jitter=jitter)
         self.watch = ContactWatch(
             ContactLimiter(10.0, 1.0, 1.0),
             self.decoder,
@@ -75,6 +77,18 @@ def test_a_robot_that_was_in_the_model_long_ago_states_nothing_now() -> None:
     assert max(shown[RTT_TICKS + PATIENT + 20 :]) <= 1.0
     assert shown[-1] == 0.0
     assert watched.watch.limiter.unfounded
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.02, 0.05])
+def test_a_correction_of_the_model_is_waited_for_by_the_jitter_longer(jitter: float) -> None:
+    """So much later the place counts that the robot left, and so much later the force ends."""
+    lasts = []
+    for late in (0.0, jitter):
+        watched = Watched(jitter=late)
+        watched.go(INSIDE, PRESSED, 500)
+        shown = watched.go(OUTSIDE, PRESSED, 1000)
+        lasts.append(next(tick for tick, force in enumerate(shown) if force < norm(PRESSED)))
+    assert lasts[1] - lasts[0] == round(jitter / TICK)
 
 
 def test_a_hand_ahead_of_the_robot_in_the_model_is_waited_for() -> None:

@@ -52,6 +52,15 @@ def test_drag_in_free_motion_does_not_narrow_the_deadband() -> None:
     assert hand.sample()[2] < inf
 
 
+@pytest.mark.parametrize("above", [0.0, 1e-9])
+def test_the_least_contact_alone_is_none(above: float) -> None:
+    hand, least = HandPosition(DirectMaster(SETTINGS), force_bound), LEAST_CONTACT + above
+    cases = {"displayed": (least, 1.0, 0.0), "touched": (1.0, least, 0.0), "asked": (1.0, 0.0, FREE_FORCE + above)}
+    for displayed, touched, asked in cases.values():
+        hand.displayed, hand.touched, hand.asked = (displayed, 0.0, 0.0), (0.0, -touched, 0.0), asked
+        assert (hand.sample()[2] < inf) == (above > 0.0)
+
+
 def test_a_model_that_is_felt_before_the_robot_touches_leads_it_there() -> None:
     """Otherwise the robot may stop within the deadband above a surface that the hand presses on."""
     hand = HandPosition(DirectMaster(SETTINGS), force_bound)

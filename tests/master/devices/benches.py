@@ -13,7 +13,7 @@ from functools import partial
 from math import sin
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
@@ -43,14 +43,20 @@ class Bench:
     Args:
         device: not open.
         tick: the time of the next tick [s]; waits for it where time is real.
-        displayed: the force that its motors put on the hand now [N]; None where there are no motors.
+        displayed: the size of the force that its motors put on the hand now [N]; None where there are no motors.
         faults: by name, each as a deed; empty for a device that only exists in the computer.
+        felt: that force itself [N], where a bench knows it.
     """
 
     device: Device
     tick: Callable[[], float]
     displayed: Callable[[], float] | None = None
     faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
+    felt: Callable[[], Vector] | None = None
+
+    @classmethod
+    def that_feels(cls, device: Device, felt: Callable[[], Vector], faults: Mapping[str, Callable[[], None]]) -> Self:
+        return cls(device, real_time(), lambda: norm(felt()), faults, felt)
 
     def hold(self, force: Vector, ticks: int) -> Iterator[float]:
         """Command a force, tick by tick; gives each time after the command."""
@@ -94,11 +100,11 @@ def replay(folder: Path) -> Iterator[Bench]:
     yield Bench(driver(driver.Options(trace=path), TICK), virtual_time())
 
 
-def armed(name: str, **options: Any) -> Device:
-    """A device that may have force: its signs count as checked."""
+def armed(name: str, *, checked: bool = True, **options: Any) -> Device:
+    """A device that may have force: its signs count as checked, unless told otherwise."""
     driver: Any = load(name)
-    checked = driver.fingerprint(driver.Options(**options))
-    device: Device = driver(driver.Options(**options, signs_checked=checked), TICK)
+    signs = driver.fingerprint(driver.Options(**options)) if checked else None
+    device: Device = driver(driver.Options(**options, signs_checked=signs), TICK)
     return device
 
 
@@ -106,36 +112,41 @@ def armed(name: str, **options: Any) -> Device:
 def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> Iterator[Bench]:
     """A device on the wire of its emulator, which is served there."""
     with wire:
-        device = make()
+        device: Any = make()
         wrong: WireFaults = emulator.faults
 
-        def displayed() -> float:
+        def felt() -> Vector:
             if not wire.plugged:  # nobody serves it any more, and its time goes on all the same
                 emulator.advance(monotonic())
-            return norm(emulator.force)
+            force: Vector = emulator.force
+            return force
 
         faults: dict[str, Callable[[], None]] = {
             "unplug": wire.unplug,
+            "plug": wire.plug,
+            "flicker": lambda: setattr(wrong, "garble", 3),
             "silent": lambda: setattr(wrong, "silent", True),
             "late": lambda: setattr(wrong, "late_s", 0.2),
             "garbled": lambda: setattr(wrong, "garble", 1_000_000),
             "restart": lambda: emulator.inject("restart", 1.0),
+            "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
         }
         try:
-            yield Bench(device, real_time(), displayed, faults)
+            yield Bench.that_feels(device, felt, faults)
         finally:
             device.close()
 
 
 @contextmanager
-def force_dimension(folder: Path) -> Iterator[Bench]:
+def force_dimension(folder: Path, *, checked: bool = True, **options: Any) -> Iterator[Bench]:
     """A real library file, compiled, in place of the maker's."""
     fake = FakeDhd(folder / "devices")
     handle = fake[0].plug()
     handle["swing_m"] = 0.05
-    device = armed("force_dimension", library=str(fake.library))
+    device = armed("force_dimension", checked=checked, library=str(fake.library), **options)
     faults: dict[str, Callable[[], None]] = {
         "unplug": lambda: handle.__setitem__("present", 0),
+        "plug": lambda: handle.plug() and None,
         "silent": lambda: handle.__setitem__("fails", 7),
         "garbled": lambda: handle.__setitem__("not_a_number", 1),
         "restart": lambda: handle.__setitem__("reset", 1),
@@ -143,7 +154,7 @@ def force_dimension(folder: Path) -> Iterator[Bench]:
         "too_fast": lambda: handle.switch_off(2),
     }
     try:
-        yield Bench(device, real_time(), lambda: norm(handle.wrench[0]), faults)
+        yield Bench.that_feels(device, lambda: handle.wrench[0], faults)
     finally:
         device.close()
 
@@ -170,14 +181,14 @@ def on_a_websocket(name: str, **options: Any) -> Iterator[Bench]:
 
 
 @contextmanager
-def polhem_hid(folder: Path) -> Iterator[Bench]:
+def polhem_hid(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
     if ADDRESS not in os.environ:
         pytest.skip("in the process that test_hid_contract starts")
     with outer_bench("polhem_hid") as (path, ask):
-        device = armed("polhem_hid", port=path)
+        device = armed("polhem_hid", checked=checked, port=path)
         faults: dict[str, Callable[[], None]] = {fault: partial(ask, fault) for fault in HID_FAULTS}
         try:
-            yield Bench(device, real_time(), partial(ask, "displayed"), faults)
+            yield Bench.that_feels(device, partial(ask, "felt"), faults)
         finally:
             device.close()
 
@@ -197,10 +208,10 @@ def seen_by_the_kernel(name: str) -> Iterator[Bench]:
 
 
 @contextmanager
-def touch(folder: Path) -> Iterator[Bench]:
+def touch(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
     """The maker's library is a fake one, whose board holds the last force."""
     with fake_hd.plugged(folder) as (board,):
-        device: Any = armed("touch", library=str(fake_hd.library()))
+        device: Any = armed("touch", checked=checked, library=str(fake_hd.library()))
         faults: dict[str, Callable[[], None]] = {
             "unplug": lambda: setattr(board, "unplugged", 1),
             "silent": lambda: setattr(board, "silent", 1),
@@ -208,29 +219,31 @@ def touch(folder: Path) -> Iterator[Bench]:
             "stopped": lambda: os.kill(device.servo_pid, signal.SIGSTOP),
         }
         try:
-            yield Bench(device, real_time(), lambda: board.displayed, faults)
+            yield Bench.that_feels(device, lambda: board.felt, faults)
         finally:
             device.close()
 
 
-BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
+BENCHES: dict[str, Callable[..., AbstractContextManager[Bench]]] = {
     "force_dimension": force_dimension,
     "gamepad": lambda folder: seen_by_the_kernel("gamepad"),
-    "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
-    "inverse3": lambda folder: on_a_websocket("inverse3", grip="wireless_verse_grip"),
+    "haply_2diy": lambda folder, **how: on_a_pty("haply_2diy", folder, reply_ms=30.0, **how),
+    "inverse3": lambda folder, **how: on_a_websocket("inverse3", grip="wireless_verse_grip", reply_ms=30.0, **how),
     "operator": operator,
     "pointer": pointer,
     "polhem_hid": polhem_hid,
-    "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
+    "polhem_serial": lambda folder, **how: on_a_pty("polhem_serial", folder, model="vintage_phantom", **how),
     "replay": replay,
     "ros2": ros2,
     "spacemouse": lambda folder: seen_by_the_kernel("spacemouse"),
     "touch": touch,
 }
 ON_A_WIRE = ("force_dimension", "haply_2diy", "inverse3", "polhem_hid", "polhem_serial", "touch")
+RECONNECTS = ("force_dimension", "haply_2diy", "inverse3", "polhem_serial")
 RATE_CONTROLLED = ("gamepad", "spacemouse")
 FAULTS = [
     *((name, fault) for name in ("haply_2diy", "inverse3", "polhem_serial") for fault in SERIAL_FAULTS),
+    *((name, "guardian") for name in ("haply_2diy", "inverse3")),
     *(("polhem_hid", fault) for fault in HID_FAULTS),
     *(("force_dimension", fault) for fault in DHD_FAULTS),
     *(("touch", fault) for fault in ("unplug", "silent", "killed", "stopped")),

@@ -14,7 +14,7 @@ from time import monotonic
 from types import TracebackType
 from typing import Any, Self
 
-from weberlink.geometry.vector import norm
+from weberlink.geometry.vector import Vector
 from weberlink.hardware.umockdev import Testbed, plugged_into
 from weberlink.master.emulators import load as load_emulator
 
@@ -62,17 +62,18 @@ class HidBenches:
         emulator: Any = emulator_class(emulator_class.Options())
         with plugged_into(self._testbed, emulator) as node:
 
-            def displayed() -> float:
+            def felt() -> Vector:
                 if not node.plugged:  # nobody serves it any more, and its time goes on all the same
                     emulator.advance(monotonic())
-                return norm(emulator.force)
+                force: Vector = emulator.force
+                return force
 
             faults: dict[str, Callable[[], object]] = {
                 "unplug": node.unplug,
                 "silent": lambda: setattr(emulator.faults, "silent", True),
                 "late": lambda: setattr(emulator.faults, "late_s", 0.2),
                 "restart": lambda: emulator.inject("restart", 1.0),
-                "displayed": displayed,
+                "felt": felt,
             }
             connection.send(node.node)
             try:

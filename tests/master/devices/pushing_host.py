@@ -1,7 +1,7 @@
 """A program that pushes with a device until it is stopped; run as a process of its own.
 
 Arguments: the driver, its options as JSON, and the force [N]. A line on standard input is how long the loop then stands
-still [s], while the thread of the device goes on. It says a fault, and after closing the device its trouble.
+still [s], while the thread of the device goes on.
 """
 
 import json
@@ -11,7 +11,6 @@ from time import monotonic, sleep
 from typing import Any
 
 from weberlink.master.devices import load
-from weberlink.master.devices.contract import DeviceFault
 
 TICK = 0.001
 
@@ -22,19 +21,13 @@ def main(name: str, options: str, force: str) -> None:
     device = driver(wanted.model_copy(update={"signs_checked": driver.fingerprint(wanted)}), TICK)
     x, y, z = json.loads(force)
     device.open(monotonic())
-    try:
-        while True:
-            now = monotonic()
-            device.latest(now)
-            device.command((x, y, z), now)
-            sleep(TICK)
-            if select((sys.stdin,), (), (), 0.0)[0]:
-                sleep(float(sys.stdin.readline()))
-    except DeviceFault as fault:
-        sys.stdout.write(f"{fault}\n")
-        sys.stdout.flush()
-    device.close()
-    sys.stdout.write(f"{device.trouble}\n")
+    while True:
+        now = monotonic()
+        device.latest(now)
+        device.command((x, y, z), now)
+        sleep(TICK)
+        if select((sys.stdin,), (), (), 0.0)[0]:
+            sleep(float(sys.stdin.readline()))
 
 
 if __name__ == "__main__":

@@ -4,14 +4,12 @@ from math import inf, nan
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.arms.models import NAMES, load
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.master.devices import leaders
 from weberlink.master.devices.arm_operator import ArmOperator, ArmOperatorOptions, JointHand
 
 TICK = 0.001
@@ -149,27 +147,3 @@ def test_it_is_read_only_while_open() -> None:
     with pytest.raises(ArmFault, match="not open"):
         made.latest(1.0)
     made.display(NONE, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"script": [{"motion": "move", "joints_rad": (0.0,)}]}, r"script\.0\.joints_rad: expected 5 angles, got 1"),
-        ({"script": [*REST, {"motion": "move", "gripper_rad": 9.0}]}, r"script\.1: gripper: expected 0 to 1\.632 rad"),
-        ({"script": [{"motion": "swing", "amplitude_rad": (1.0,)}]}, r"script\.0\.amplitude_rad: expected 6 angles"),
-        ({"hand": {"damping_nm_s_rad": (1.0,)}}, r"hand\.damping_nm_s_rad: expected one value, or one for each of 6"),
-        ({"hand": {"stiffness_nm_rad": 0.0}}, r"hand\.stiffness_nm_rad: expected 1e-06 to "),
-    ],
-)
-def test_wrong_options_are_named(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        operator(**options)
-
-
-def test_unknown_motions_are_refused() -> None:
-    with pytest.raises(ValidationError):
-        ArmOperatorOptions.model_validate({"script": [{"motion": "dance"}]})
-
-
-def test_the_table_of_leaders_has_it() -> None:
-    assert leaders.load("arm_operator") is ArmOperator  # type: ignore[comparison-overlap]

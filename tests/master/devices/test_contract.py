@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import hypot
 from pathlib import Path
 from time import monotonic
 
 import pytest
 
-from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, Bench
-from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, RATE_CONTROLLED, RECONNECTS, Bench
+from tests.wait import PATIENCE
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm
 from weberlink.master.devices import BUILT_IN
-from weberlink.master.devices.contract import DeviceFault, TorqueDevice
+from weberlink.master.devices.contract import DeviceFault, ReportsTrouble, TorqueDevice
 
-PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
 FORCES: list[Vector] = [(0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3)]
 
 
@@ -95,19 +94,36 @@ def test_force_that_is_not_finite_raises(bench: Bench) -> None:
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
 def test_motors_follow_commands_within_limit_until_close(bench: Bench) -> None:
-    device, displayed = bench.device, bench.displayed
+    device, felt, displayed = bench.device, bench.felt, bench.displayed
     assert displayed is not None
     device.open(bench.tick())
     for force in FORCES:
-        along = hypot(*[part for axis, part in zip("xyz", force, strict=True) if axis in device.spec.axes])
-        wait(bench, force, lambda expected=along: displayed() == pytest.approx(expected, rel=0.1, abs=0.02))
-    strongest = 0.0
-    for now in bench.hold((100.0, -100.0, 100.0), 300):
-        device.latest(now)
-        strongest = max(strongest, displayed())
-    assert 0.5 * device.spec.force_n < strongest <= device.spec.force_n * 1.1 + 0.02
+        x, y, z = (part if axis in device.spec.axes else 0.0 for axis, part in zip("xyz", force, strict=True))
+        if felt is not None:
+            wait(bench, force, lambda felt=felt, along=(x, y, z): distance(felt(), along) < 0.05)
+        else:
+            wait(bench, force, lambda along=(x, y, z): abs(displayed() - norm(along)) < 0.05)
+    forces: list[float] = []
+
+    def is_at_the_limit() -> bool:
+        forces.append(displayed())
+        return forces[-1] > 0.5 * device.spec.force_n
+
+    for _ in range(20):  # 20 ms there at the least
+        wait(bench, (100.0, -100.0, 100.0), is_at_the_limit)
+    assert max(forces) <= device.spec.force_n * 1.1 + 0.02
     device.close()
     assert displayed() == 0.0
+
+
+@pytest.mark.parametrize("name", ON_A_WIRE)
+def test_without_checked_signs_the_motors_stay_off(name: str, tmp_path: Path) -> None:
+    with BENCHES[name](tmp_path, checked=False) as bench:
+        bench.device.open(bench.tick())
+        assert bench.felt is not None
+        for now in bench.hold((1.0, -1.0, 1.0), 100):
+            bench.device.latest(now)
+            assert bench.felt() == ZERO
 
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
@@ -146,6 +162,38 @@ def test_fault_ends_session_with_reason_without_force(name: str, fault: str, ben
         device.command((0.0, 1.0, 0.0), bench.tick())
     with pytest.raises(DeviceFault):
         device.latest(bench.tick())
+
+
+@pytest.mark.parametrize("name", [name for name, fault in FAULTS if fault == "garbled" and name != "force_dimension"])
+def test_passing_garbled_answers_interrupt_the_force(bench: Bench) -> None:
+    device, displayed = bench.device, bench.displayed
+    assert displayed is not None
+    device.open(bench.tick())
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+    bench.faults["flicker"]()
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() == 0.0)
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+
+
+@pytest.mark.parametrize("name", RECONNECTS)
+def test_replugged_device_goes_on_and_its_force_ramps_from_zero(name: str, tmp_path: Path) -> None:
+    with BENCHES[name](tmp_path, reconnect_s=PATIENCE) as bench:
+        device, displayed, forces = bench.device, bench.displayed, [0.0]
+        assert displayed is not None
+        device.open(bench.tick())
+        wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.9)
+        bench.faults["unplug"]()
+        # Behind a cut wire nothing hears of it; the reading stays as it was.
+        wait(bench, ZERO, lambda: isinstance(device, ReportsTrouble) and device.trouble is not None)
+        bench.faults["plug"]()
+        wait(bench, (0.0, 1.0, 0.0), lambda: displayed() == 0.0)
+
+        def is_back() -> bool:
+            forces.append(displayed())
+            return forces[-1] > 0.9
+
+        wait(bench, (0.0, 1.0, 0.0), is_back)
+        assert any(0.05 < force < 0.7 for force in forces), "on the way up"
 
 
 @pytest.mark.parametrize("name", RATE_CONTROLLED)

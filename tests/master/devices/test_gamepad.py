@@ -3,7 +3,6 @@
 import errno
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -14,11 +13,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO
-from weberlink.hardware.discovery import PluggedDevice, input_devices
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN, EVENT, event
 from weberlink.master.devices.gamepad import (
-    BTN_GAMEPAD,
     EV_FF,
     FF_RUMBLE,
     KEYS,
@@ -290,12 +288,3 @@ def test_close_stops_the_rumble(pad: Pad) -> None:
     exchange.close()
     assert pad.written[-1] == (EV_FF, 7, 0)
     assert pad.fd == -1
-
-
-def test_input_devices_are_found_by_their_keys(tmp_path: Path) -> None:
-    for number, bits in ((3, f"{1 << BTN_GAMEPAD % 64:x} 0 0 0 0"), (1, "1 0"), (2, "")):
-        device = tmp_path / f"event{number}" / "device"
-        (device / "capabilities").mkdir(parents=True)
-        (device / "name").write_text("A Pad\n")
-        (device / "capabilities" / "key").write_text(bits + "\n")
-    assert [(each.path, each.name) for each in input_devices(BTN_GAMEPAD, tmp_path)] == [("/dev/input/event3", "A Pad")]

@@ -1,54 +1,63 @@
-"""The scripted operator and the minimum-jerk legs that it follows."""
+"""The computed devices: the scripted operator with its legs and its wrist, and the replay of a recording."""
 
 from itertools import pairwise
-from math import hypot
+from math import degrees, hypot, radians, sin
+from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from weberlink.geometry.vector import Vector, distance
+from tests.examples import examples
+from tests.pace import TICK
+from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
+from weberlink.master.devices import load
+from weberlink.master.devices.contract import TorqueDevice
+from weberlink.master.devices.hand import modelled_hand
+from weberlink.master.devices.hand_options import HandOptions, Oscillator, WristOptions
 from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
+from weberlink.master.devices.turning import Wrist
 
-A: Vector = (0.0, 0.0, 0.03)
-B: Vector = (0.02, -0.01, 0.0)
-C: Vector = (0.025, 0.0, 0.0)
+STIFFNESS = WristOptions().stiffness_n_m_rad
+STIFF = HandOptions(mass_kg=0.01, damping_n_s_m=20.0, stiffness_n_m=10_000.0)
+axes = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: norm(v) > 0.1).map(unit)
+A, B, C = (0.0, 0.0, 0.03), (0.02, -0.01, 0.0), (0.025, 0.0, 0.0)
+
+
+def operator(**options: Any) -> OperatorDevice:
+    device = OperatorDevice(OperatorOptions(**({"tremor_m": 0.0} | options)), TICK)
+    device.open(0.0)
+    return device
+
+
+def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
+    """Position and end of each tick."""
+    device = operator(**options)
+    readings = [device.latest(tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
+    return [(reading.position, reading.ended) for reading in readings]
+
+
+# --- motion
 
 
 def test_legs_follow_one_another_without_a_jump() -> None:
-    motion = LegSequence(
-        [
-            StraightLeg(A, B, 0.5),
-            StraightLeg(B, B, 0.2),
-            StraightLeg(B, C, 0.3),
-            CircularLeg((0.0, 0.0, 0.0), 0.025, 1.5, 1.0),
-        ],
-        False,
-    )
+    legs = [StraightLeg(A, B, 0.5), StraightLeg(B, B, 0.2), StraightLeg(B, C, 0.3), CircularLeg(ZERO, 0.025, 1.5, 1.0)]
+    motion = LegSequence(legs, False)
     assert motion.duration == pytest.approx(2.0)
-    assert motion.at(0.0) == (A, False)
-    assert motion.at(0.6)[0] == B
-    assert motion.at(2.0)[1]
+    assert (motion.at(0.0), motion.at(0.6)[0], motion.at(2.0)[1]) == ((A, False), B, True)
     assert motion.at(99.0)[0] == pytest.approx((-0.025, 0.0, 0.0))
     places = [motion.at(0.001 * i)[0] for i in range(2001)]
     assert max(distance(a, b) for a, b in pairwise(places)) < 0.0006
 
 
-TICK = 0.001
-
-
-def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
-    device = OperatorDevice(OperatorOptions(tremor_m=0.0, **options), TICK)
-    device.open(0.0)
-    readings = [device.latest(tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
-    return [(reading.position, reading.ended) for reading in readings]
-
-
 def test_reach_arrives_and_ends() -> None:
     steps = run(3.0, script=[{"motion": "reach", "to_m": [0.03, 0.01, 0.0], "duration_s": 1.0}], repeat=False)
-    assert steps[-1][0] == pytest.approx((0.03, 0.01, 0.0), abs=1e-5)
+    assert steps[-1] == (pytest.approx((0.03, 0.01, 0.0), abs=1e-5), True)
     assert [ended for _, ended in steps].index(True) in (999, 1000)
-    assert steps[-1][1]
 
 
 def test_a_repeated_script_goes_on() -> None:
@@ -59,23 +68,18 @@ def test_a_repeated_script_goes_on() -> None:
     assert distance(steps[2050][0], (0.0, 0.0, 0.03)) < 2e-3, "back home in between"
 
 
-def test_a_tap_touches_as_often_as_asked() -> None:
-    steps = run(4.0, script=[{"motion": "tap", "at_m": [0, 0, 0], "frequency_hz": 2, "count": 5}], repeat=False)
-    heights = [position[2] for position, _ in steps]
+def test_a_tap_touches_as_often_as_asked_and_a_press_holds_its_depth() -> None:
+    tap = {"motion": "tap", "at_m": [0, 0, 0], "frequency_hz": 2, "count": 5}
+    heights = [position[2] for position, _ in run(4.0, script=[tap], repeat=False)]
     assert sum(a >= 0.0 > b for a, b in pairwise(heights)) == 5
-
-
-def test_a_press_holds_its_depth() -> None:
-    script = [{"motion": "press", "at_m": [0.01, 0, 0], "depth_m": 0.02, "hold_s": 1.0}]
-    steps = run(2.3, script=script, repeat=False)
-    assert steps[-1][0] == pytest.approx((0.01, 0.0, -0.02), abs=2e-4)
+    press = {"motion": "press", "at_m": [0.01, 0, 0], "depth_m": 0.02, "hold_s": 1.0}
+    assert run(2.3, script=[press], repeat=False)[-1][0] == pytest.approx((0.01, 0.0, -0.02), abs=2e-4)
 
 
 def test_a_slide_passes_its_points_back_and_forth() -> None:
-    script = [
-        {"motion": "slide", "points_m": [[-0.02, 0, 0], [0.02, 0, 0]], "depth_m": 0.01, "duration_s": 1, "passes": 3}
-    ]
-    steps = run(4.3, script=script, repeat=False)
+    points = [[-0.02, 0, 0], [0.02, 0, 0]]
+    slide = {"motion": "slide", "points_m": points, "depth_m": 0.01, "duration_s": 1, "passes": 3}
+    steps = run(4.3, script=[slide], repeat=False)
     sliding = [position for position, _ in steps[1100:3800]]
     assert all(position[2] == pytest.approx(-0.01, abs=1e-3) for position in sliding)
     assert sum((a[0] < 0.0) != (b[0] < 0.0) for a, b in pairwise(sliding)) == 3
@@ -83,25 +87,222 @@ def test_a_slide_passes_its_points_back_and_forth() -> None:
 
 
 def test_a_circle_is_round() -> None:
-    script = [{"motion": "circle", "center_m": [0.01, 0, 0], "radius_m": 0.02, "depth_m": 0.01, "duration_s": 8}]
-    steps = run(8.8, script=script, repeat=False)
-    for position, _ in steps[1400::100]:
-        assert hypot(position[0] - 0.01, position[1]) == pytest.approx(0.02, abs=5e-4)
-    assert {position[1] > 0.0 for position, _ in steps[1400:]} == {True, False}
+    circle = {"motion": "circle", "center_m": [0.01, 0, 0], "radius_m": 0.02, "depth_m": 0.01, "duration_s": 8}
+    steps = run(8.8, script=[circle], repeat=False)[1400:]
+    assert all(hypot(place[0] - 0.01, place[1]) == pytest.approx(0.02, abs=5e-4) for place, _ in steps[::100])
+    assert {position[1] > 0.0 for position, _ in steps} == {True, False}
 
 
-@pytest.mark.parametrize(
-    ("script", "named"),
-    [
-        ([], "script"),
-        ([{"motion": "dance"}], "motion"),
-        ([{"motion": "reach", "to_m": [0.2, 0, 0]}], "script.0: expected motion within the workspace"),
-        ([{"motion": "rest"}, {"motion": "press", "at_m": [0, 0, 0], "depth_m": 0.1}], "script.1"),
-        ([{"motion": "reach", "to_m": [0, 0, 0], "duration_s": 0}], "duration_s"),
-        ([{"motion": "slide", "points_m": [[0, 0, 0]]}], "points_m"),
-        ([{"motion": "tap", "at_m": [0, 0, 0], "speed": 1}], "speed"),
-    ],
-)
-def test_a_wrong_script_is_refused_by_name(script: list[dict[str, Any]], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        OperatorOptions(script=script)
+# --- the wrist alone
+
+
+@examples(30)
+@given(axis=axes, step=st.floats(1e-4, 0.05), intended=st.floats(-1.0, 1.0), torque=st.floats(-1.0, 1.0))
+def test_wrist_about_one_axis_matches_hand(axis: Vector, step: float, intended: float, torque: float) -> None:
+    """Whose equation is solved exactly at any step."""
+    like = HandOptions(mass_kg=0.002, damping_n_s_m=0.053, stiffness_n_m=2.0)
+    wrist, hand = Wrist(WristOptions().oscillator), modelled_hand(like, ZERO)
+    for _ in range(20):
+        wrist.advance(quaternion(scale(axis, intended)), scale(axis, torque), step)
+        hand.advance((intended, 0.0, 0.0), (torque, 0.0, 0.0), step)
+        assert distance(vector(wrist.orientation), scale(axis, hand.position[0])) < 1e-9
+        assert distance(wrist.velocity, scale(axis, hand.velocity[0])) < 1e-7
+
+
+@examples(15)
+@given(axes, st.floats(0.0, 0.5), axes, st.floats(0.0, 3.0))
+def test_it_yields_by_torque_over_stiffness(about: Vector, torque: float, axis: Vector, angle: float) -> None:
+    wrist, intended = Wrist(WristOptions().oscillator), quaternion(scale(axis, angle))
+    for _ in range(3000):
+        wrist.advance(intended, scale(about, torque), TICK)
+    away = vector(product(wrist.orientation, inverse(intended)))
+    assert away == pytest.approx(scale(about, torque / STIFFNESS), abs=1e-6)
+
+
+def energy(wrist: Wrist, intended: Quaternion, oscillator: Oscillator) -> float:
+    away = vector(product(wrist.orientation, inverse(intended)))
+    turning, spring = 0.5 * oscillator.inertia, 0.5 * oscillator.stiffness
+    return turning * dot(wrist.velocity, wrist.velocity) + spring * dot(away, away)
+
+
+@examples(15)
+@given(axes, st.floats(0.1, 2.5), axes, st.floats(0.0, 30.0), st.floats(0.02, 1.0))
+def test_left_alone_it_loses_energy_and_gains_none(
+    axis: Vector, angle: float, spin: Vector, speed: float, damping: float
+) -> None:
+    oscillator = WristOptions(damping_n_m_s_rad=damping).oscillator
+    wrist = Wrist(oscillator)
+    wrist.orientation, wrist.velocity = quaternion(scale(axis, angle)), scale(spin, speed)
+    before = first = energy(wrist, IDENTITY, oscillator)
+    for _ in range(1000):
+        wrist.advance(IDENTITY, ZERO, TICK)
+        now = energy(wrist, IDENTITY, oscillator)
+        assert now <= before + 2e-3 * first, "the step is small, not infinitely small"
+        before = now
+    assert before < 0.7 * first
+
+
+# --- the wrist on the device
+
+CALM: dict[str, Any] = {"wrist": {"tremor_rad": 0.0}}
+
+
+def turned(device: OperatorDevice, now: float) -> Vector:
+    orientation = device.latest(now).orientation
+    assert orientation is not None
+    return vector(orientation)
+
+
+def test_wrist_shows_in_the_spec_and_does_not_change_the_position() -> None:
+    wrist = {"wobble_deg": [9, 0, 9]}
+    both = [operator(wrist=wrist, torque_n_m=0.3), operator()]
+    assert [(each.spec.orientation, each.spec.torque_n_m) for each in both] == [(True, 0.3), (False, 0.0)]
+    assert isinstance(both[0], TorqueDevice)
+    for tick in range(1, 2000):
+        one, other = (device.latest(tick * TICK) for device in both)
+        assert one._replace(orientation=None) == other
+        for device in both:
+            device.command((0.0, 0.1, 1.0), tick * TICK)
+            device.turn((0.1, 0.2, 0.3), tick * TICK)
+
+
+@pytest.mark.parametrize("turn", [[0.0, 40.0, 0.0], [90.0, 0.0, -60.0], [0.0, 0.0, 175.0]])
+def test_script_turns_the_handle(turn: list[float]) -> None:
+    script = [
+        {"motion": "reach", "to_m": [0.02, 0.0, 0.01], "turn_deg": turn, "duration_s": 1.0},
+        {"motion": "rest", "duration_s": 0.5},
+        {"motion": "turn", "turn_deg": [0, 0, 0], "duration_s": 1.0},
+    ]
+    device = operator(script=script, repeat=False, **CALM)
+    turns = [turned(device, tick * TICK) for tick in range(1, 3501)]
+    assert [degrees(part) for part in turns[1499]] == pytest.approx(turn, abs=0.5)
+    assert turns[-1] == pytest.approx(ZERO, abs=1e-4)
+    assert device.latest(3.5).position == pytest.approx((0.02, 0.0, 0.01), abs=1e-5)
+    assert max(distance(a, b) for a, b in pairwise(turns)) < 2.5 * radians(hypot(*turn)) * TICK
+
+
+def test_repeated_script_turns_back_to_level() -> None:
+    """Also where it did not move, so that positions and turns stay in step."""
+    script = [
+        {"motion": "turn", "turn_deg": [0.0, 0.0, 50.0], "duration_s": 1.0},
+        {"motion": "press", "at_m": [0, 0, 0.01], "hold_s": 0.1},
+        {"motion": "reach", "to_m": [0.0, 0.0, 0.03], "duration_s": 0.5},
+    ]
+    whole = 1.0 + (0.8 + 0.6 + 0.1 + 0.6) + 0.5 + 1.0
+    device = operator(script=script, **CALM)
+    turns = [turned(device, tick * TICK) for tick in range(1, round(2.0 * whole / TICK) + 1)]
+    for start in (0.0, whole):
+        at = {share: degrees(turns[round((start + share) / TICK)][2]) for share in (1.5, 3.5, whole - 0.003)}
+        assert at == pytest.approx({1.5: 50.0, 3.5: 50.0, whole - 0.003: 0.0}, abs=1.5)
+    assert max(distance(a, b) for a, b in pairwise(turns)) < 0.003, "no jump anywhere"
+
+
+def test_wrist_yields_to_torque_within_device_range() -> None:
+    def under(torque: float) -> Vector:
+        device = operator(torque_n_m=0.2, **CALM)
+        for tick in range(1, 1001):
+            turn = turned(device, tick * TICK)
+            device.turn((0.0, 0.0, torque), tick * TICK)
+        return turn
+
+    assert under(0.1) == pytest.approx((0.0, 0.0, 0.1 / STIFFNESS), abs=1e-4)
+    assert under(1e300) == under(0.2) == pytest.approx((0.0, 0.0, 0.2 / STIFFNESS), abs=1e-4)
+
+
+def test_closing_ends_torque_and_resets_orientation() -> None:
+    device, runs = operator(**CALM), []
+    for _ in range(2):
+        device.open(0.0)
+        runs.append([turned(device, 0.0)])
+        for tick in range(1, 300):
+            runs[-1].append(turned(device, tick * TICK))
+            device.turn((0.0, 0.3, 0.0), tick * TICK)
+        device.close()
+        device.turn((0.0, 0.3, 0.0), 1.0)  # of no effect on the next session
+    assert runs[0] == runs[1]
+    assert runs[0][1] == ZERO
+    assert runs[0][-1][1] > 0.05
+
+
+# --- a recording
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Two seconds of a slow swing about (0.1, 0.2, 0.3), starting at t = 50 s."""
+    path = tmp_path / "swing.csv"
+    rows = [
+        f"{50 + i * 0.01},{0.1 + 0.01 * sin(0.03 * i)},{0.2 + 0.00002 * i},{0.3 - 0.00003 * i},1,2,3"
+        for i in range(201)
+    ]
+    path.write_text("\n".join(["t,px,py,pz,fx,fy,fz", *rows]) + "\n")
+    return path
+
+
+def replayed(recording: Path, seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
+    given: dict[str, Any] = {"trace": recording, "hand": STIFF, "tremor_m": 0.0, "anchor": "first"}
+    device = ReplayDevice(ReplayOptions(**({**given, "center_m": (0.01, 0.02, 0.0)} | options)), TICK)
+    device.open(7.0)
+    readings = [device.latest(7.0 + tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
+    return [(reading.position, reading.ended) for reading in readings]
+
+
+def swing(time: float, scale: float = 1.0) -> Vector:
+    """The recording from its first sample moved to (0.01, 0.02, 0)."""
+    i = time / 0.01
+    return (0.01 + scale * 0.01 * sin(0.03 * i), 0.02 + scale * 0.00002 * i, -scale * 0.00003 * i)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_after_the_approach_it_follows_the_recording(recording: Path, scale: float) -> None:
+    steps = replayed(recording, 3.5, scale=scale)
+    for tick in range(1200, 2900, 50):
+        assert distance(steps[tick - 1][0], swing((tick - 1000) * TICK, scale)) < 2e-4 * scale
+    assert [ended for _, ended in steps].index(True) in (2999, 3000)
+    assert distance(steps[-1][0], swing(2.0, scale)) < 1e-5
+
+
+def test_repeat_goes_back_and_on(recording: Path) -> None:
+    steps = replayed(recording, 8.0, repeat=True)
+    assert not any(ended for _, ended in steps)
+    for tick in range(4200, 5900, 50):
+        assert distance(steps[tick - 1][0], swing((tick - 4000) * TICK)) < 2e-4
+    assert max(distance(a, b) for (a, _), (b, _) in pairwise(steps)) < 1e-4
+
+
+def test_axes_are_taken_as_named(recording: Path) -> None:
+    x, y, z = swing(1.5)
+    place, _ = replayed(recording, 2.5, axes="-y+z+x", center_m=ZERO)[-1]
+    assert place == pytest.approx((-(y - 0.02), z, x - 0.01), abs=2e-4)
+
+
+# --- both, in virtual time
+
+
+@pytest.mark.parametrize("name", ["operator", "replay"])
+def test_same_calls_give_identical_runs_and_a_long_gap_is_a_pause(name: str, recording: Path) -> None:
+    def positions(seed: int) -> list[Vector]:
+        driver, found = load(name), list[Vector]()
+        needed = {"trace": recording, "center_m": ZERO} if name == "replay" else {}
+        device = driver(driver.Options(**needed, seed=seed), TICK)
+        for _ in range(2):  # a second session starts as afresh
+            device.open(0.0)
+            now = 0.0
+            for tick in range(1, 1000):
+                now += TICK * (1.0 + 0.3 * (tick % 3)) + (3600.0 if tick == 50 else 0.0)
+                reading = device.latest(now)
+                assert reading.at == now
+                found.append(reading.position)
+                device.command((0.0, 0.1 * (tick % 5), 0.5), now)
+            device.close()
+        assert found[:999] == found[999:]
+        assert max(distance(a, b) for a, b in pairwise(found[:999])) < 0.02, "no jump"
+        return found
+
+    assert positions(1) == positions(1)
+    assert positions(1) != positions(2)
+
+
+def test_an_unknown_driver_names_the_nearest() -> None:
+    with pytest.raises(ValueError, match=r"'operater'.*nearest is 'operator'.*replay"):
+        load("operater")

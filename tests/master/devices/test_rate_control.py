@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.wait import PATIENCE
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.contract import DeviceFault
@@ -25,7 +26,6 @@ from weberlink.master.devices.rate_control import (
 )
 
 TICK = 0.001
-DOWN: Vector = (0.0, 0.0, -1.0)
 share = st.floats(-1.0, 1.0)
 
 
@@ -160,7 +160,10 @@ def test_force_resists_and_reaches_the_exchange(device: RateDevice, exchange: Pu
 def test_fault_of_the_device_ends_readings(device: RateDevice, exchange: Pushed) -> None:
     exchange.fault = HardwareFault("/dev/stick: unplugged")
     with pytest.raises(DeviceFault, match=r"^stick: /dev/stick: unplugged$"):
-        run(device, 5.0)
+        run(device, PATIENCE)
+    device.close()
+    with pytest.raises(DeviceFault, match="not open"):
+        device.latest(monotonic())
 
 
 def test_hanging_device_makes_readings_old(device: RateDevice, exchange: Pushed) -> None:
@@ -183,7 +186,7 @@ def test_long_gap_pauses_without_a_jump(device: RateDevice, exchange: Pushed) ->
     assert device.latest(monotonic()).position[0] - before <= 0.08 * LONGEST_STEP * 1.001
 
 
-@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [20.0, 1000.0])
 def test_speed_does_not_depend_on_the_rate(rate_hz: float, exchange: Pushed) -> None:
     options = RateOptions(workspace_m=1.0)
     device = RateDevice("stick", options, exchange, 1.0 / rate_hz, buttons=2)
@@ -196,8 +199,3 @@ def test_speed_does_not_depend_on_the_rate(rate_hz: float, exchange: Pushed) -> 
     device.close()
     speeds = [(b.position[1] - a.position[1]) / (b.at - a.at) for a, b in pairwise(readings)]
     assert median(speeds) == pytest.approx(options.speed_m_s)
-
-
-def test_home_outside_workspace_is_refused() -> None:
-    with pytest.raises(ValueError, match="home_m: expected a point within"):
-        RateOptions(home_m=(0.0, 0.0, 0.07))

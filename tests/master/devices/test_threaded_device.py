@@ -1,7 +1,6 @@
 """What is alike for all devices that block: limits, faults, and the same answer for the same time."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 from time import monotonic, sleep
 
 import pytest
@@ -11,8 +10,6 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 from weberlink.master.devices.threaded_device import (
     NO_WRENCH,
-    RAMP_S,
-    STALE_S,
     ThreadedDevice,
     ThreadedTorqueDevice,
     Wrench,
@@ -81,35 +78,6 @@ def test_limited_force_keeps_direction_within_axes(device: ThreadedDevice, excha
     assert told(device, exchange, (0.3, 0.0, -0.4)) == (0.3, 0.0, -0.4)
     assert told(device, exchange, (30.0, 0.0, -40.0)) == pytest.approx((1.8, 0.0, -2.4))
     assert told(device, exchange, (0.3, 100.0, -0.4)) == (0.3, 0.0, -0.4), "what it cannot display takes away nothing"
-
-
-def test_force_ramps_from_zero_after_an_interruption(device: ThreadedDevice, exchange: Exchange) -> None:
-    """In steps no larger than the ramp's in the time between them."""
-    device.open(0.0)
-    told(device, exchange, (3.0, 0.0, 0.0))
-
-    def stall() -> None:
-        sleep(0.03)
-
-    def bad_reply() -> None:
-        exchange.trouble = BadReply("garbled")
-        exchange.trouble_left = 2
-
-    for interrupt in (stall, bad_reply):
-        exchange.told.clear()
-        interrupt()
-        gives_up = monotonic() + PATIENCE
-        while not (exchange.told and exchange.told[-1] == (3.0, 0.0, 0.0) and (0.0, 0.0, 0.0) in exchange.told):
-            assert monotonic() < gives_up
-            device.command((3.0, 0.0, 0.0), monotonic())
-            sleep(TICK)
-        resting = exchange.told.index((0.0, 0.0, 0.0))
-        told_at = exchange.told_at[-len(exchange.told) :]
-        steps = list(pairwise(zip(told_at[resting:], exchange.told[resting:], strict=True)))
-        for (before, (a, _, _)), (after, (b, _, _)) in steps:
-            # A command waits for its turn, but never longer than it counts.
-            assert b - a <= 3.0 * (after - before + STALE_S) / RAMP_S
-        assert max(b[0] - a[0] for (_, a), (_, b) in steps) < 3.0
 
 
 @pytest.mark.parametrize("said", ["unplugged", "thing: unplugged"])

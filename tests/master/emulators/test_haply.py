@@ -1,12 +1,9 @@
 """The emulated board, without a port: what the firmware does with bytes, and what the linkage does with torques."""
 
-from math import hypot, isfinite
+from math import hypot
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.geometry.vector import ZERO
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.haply.board import RESET
@@ -107,6 +104,13 @@ def test_injected_stuck_encoder_keeps_its_angle(which: int) -> None:
     assert abs(BOARD.angles(answers(device, zero, 0.5))[which - 1] - BOARD.home_deg[which - 1]) > 10.0
 
 
+def test_injected_slips_lose_a_byte_each() -> None:
+    device, zero = emulator(), BOARD.torques(0.0, 0.0)
+    answers(device, BOARD.setup)
+    device.inject("slip", 2)
+    assert [len(answers(device, zero, now)) for now in (0.5, 0.6, 0.7)] == [8, 8, 9]
+
+
 @every_version
 def test_the_script_stays_within_reach(version: str) -> None:
     """The tip is where the hand is, all the way."""
@@ -118,19 +122,3 @@ def test_the_script_stays_within_reach(version: str) -> None:
             x, y = kind.bar.tip(device._angles)
             at = device.handle.position
             assert hypot(y - kind.center[1] - at[0], kind.center[0] - x - at[1]) < 1e-6
-
-
-@examples(50)
-@given(chunks=st.lists(st.one_of(st.binary(max_size=40), st.just(BOARD.setup)), max_size=8))
-def test_whatever_comes_it_lives(chunks: list[bytes]) -> None:
-    device = emulator()
-    for number, chunk in enumerate(chunks):
-        now = number * 0.3
-        device.receive(chunk, now)
-        device.advance(now)
-        device.replies(now)
-        assert max(map(abs, device.torques)) <= MOST_TORQUE_N_M
-        assert all(map(isfinite, device.force))
-    device.advance(100.0)
-    device.replies(100.0)
-    assert len(answers(device, BOARD.setup + BOARD.torques(0.0, 0.0), 200.0)) == 9

@@ -1,12 +1,20 @@
 """Every emulated device of the table has what a person needs to choose and to break it."""
 
 from collections.abc import Mapping
+from math import isfinite
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.hardware.emulator import WireFaults
 from weberlink.master import devices
 from weberlink.master.devices import leaders
+from weberlink.master.devices.haply.linkage import VERSIONS
+from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, encode_command
+from weberlink.master.devices.polhem.serial_protocol import encode_currents
 from weberlink.master.emulators import EMULATORS, load
 
 every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
@@ -44,6 +52,40 @@ def test_named_faults_happen_and_others_raise(name: str) -> None:
 def test_unknown_options_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="colour"):
         load(name).Options(colour="red")
+
+
+ZERO_TORQUES = VERSIONS["v3"].board.torques(0.0, 0.0)
+BOARDS: dict[str, tuple[bytes, int, dict[str, Any]]] = {
+    "haply_2diy": (VERSIONS["v3"].board.setup + ZERO_TORQUES, 9, {}),
+    "polhem_serial": (encode_currents((1, 2, 3)), 0, {}),
+    "polhem_hid": (encode_command((1, 2, 3), LONG), LONG, {}),
+    "polhem_hid, 8 bytes": (encode_command((1, 2, 3), SHORT), SHORT, {"report": 8, "frame_s": 0.00033}),
+}
+"""What a board understands, the size of its answer if that is fixed, and its options."""
+
+
+@pytest.mark.parametrize("board", BOARDS)
+@examples(15)
+@given(pieces=st.lists(st.tuples(st.binary(max_size=150) | st.binary(min_size=14, max_size=14), st.floats(0.0, 0.7))))
+def test_no_bytes_at_no_time_break_a_board(board: str, pieces: list[tuple[bytes, float]]) -> None:
+    good, size, options = BOARDS[board]
+    emulator_class: Any = load(board.partition(",")[0])
+    emulator, now = emulator_class(emulator_class.Options(**options)), 100.0
+    emulator.advance(now)
+    for data, pause in [*pieces, (b"]", 100.0)]:
+        emulator.receive(data, now)
+        now += pause
+        emulator.advance(now)
+        emulator.replies(now)
+        assert all(map(isfinite, emulator.force))
+    emulator.receive(good, now)
+    answers = []
+    for _ in range(20):
+        now += 0.001
+        emulator.advance(now)
+        answers += emulator.replies(now)
+    assert answers
+    assert size in (0, len(answers[-1]))
 
 
 def test_an_unknown_device_names_the_nearest() -> None:

@@ -1,42 +1,50 @@
-"""A mapped device: what is sent, what is felt, indexing and walls."""
+"""A mapped device: what is sent of position and orientation, what is felt, indexing and walls."""
 
 from itertools import pairwise
+from math import radians
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
 from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls
 
 TICK = 0.001
 EDGE = 0.06
+CORNER = (EDGE, EDGE, EDGE)
 BOX = ((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
 SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
 
 
 class Handle:
-    """A device that is where a test puts it."""
+    """A device that is where a test puts it, and as it turns it."""
 
-    def __init__(self, spec: DeviceSpec | None = None) -> None:
-        corner = (EDGE, EDGE, EDGE)
-        self.spec = spec or DeviceSpec(
-            "handle", "xyz", 8.0, 2000.0, ((-EDGE, -EDGE, -EDGE), corner), 1000.0, True, buttons=2
-        )
+    def __init__(self, torque_n_m: float) -> None:
+        self.spec = DeviceSpec(
+            "handle", "xyz", 8.0, 2000.0, (scale(CORNER, -1.0), CORNER), 1000.0, True,
+            buttons=2, orientation=True, torque_n_m=torque_n_m,
+        )  # fmt: skip
         self.position: Vector = ZERO
+        self.orientation: Quaternion = IDENTITY
         self.buttons = 0
         self.felt: Vector = ZERO
+        self.turned: Vector = ZERO
         self.is_open = False
 
     def open(self, now: float) -> None:
         self.is_open = True
 
     def latest(self, now: float) -> DeviceReading:
-        return DeviceReading(now, self.position, orientation=(1.0, 0.0, 0.0, 0.0), buttons=self.buttons)
+        return DeviceReading(now, self.position, orientation=self.orientation, buttons=self.buttons)
 
     def command(self, force: Vector, now: float) -> None:
         self.felt = force
+
+    def turn(self, torque: Vector, now: float) -> None:
+        self.turned = torque
 
     def close(self) -> None:
         self.is_open = False
@@ -44,28 +52,43 @@ class Handle:
 
 
 class Hands:
-    """A mapped handle, moved and told tick by tick."""
+    """A mapped handle, moved, turned and told tick by tick."""
 
     def __init__(
-        self, frame: FrameMap = SAME, *, clutch: bool = False, walls: float | None = None, limit: float = 10.0
-    ):
-        self.handle = Handle()
+        self,
+        frame: FrameMap = SAME,
+        *,
+        clutch: bool = False,
+        walls: float | None = None,
+        limit: float = 10.0,
+        torque_n_m: float = 0.4,
+    ) -> None:
+        self.handle = Handle(torque_n_m)
         wall = None if walls is None else Walls(BOX, walls)
-        self.device = MappedDevice(
-            self.handle, frame, clutch=Clutch(1) if clutch else None, walls=wall, force_limit=limit, ramp=0.05
-        )
+        index = Clutch(1) if clutch else None
+        self.device = MappedDevice(self.handle, frame, clutch=index, walls=wall, force_limit=limit, ramp=0.05)
         self.now = 0.0
         self.device.open(0.0)
 
-    def tick(self, position: Vector, force: Vector = ZERO, *, pressed: bool = False, count: int = 1) -> Vector:
-        """What is sent, at the last of `count` ticks."""
-        self.handle.position = position
+    def read(self, position: Vector = ZERO, turn: Vector = ZERO, *, pressed: bool = False) -> DeviceReading:
+        self.handle.position, self.handle.orientation = position, quaternion(turn)
         self.handle.buttons = 2 if pressed else 0
+        self.now += TICK
+        return self.device.latest(self.now)
+
+    def tick(self, position: Vector, force: Vector = ZERO, *, pressed: bool = False, count: int = 1) -> Vector:
+        """The position that is sent, at the last of `count` ticks."""
         for _ in range(count):
-            self.now += TICK
-            reading = self.device.latest(self.now)
+            reading = self.read(position, pressed=pressed)
             self.device.command(force, self.now)
         return reading.position
+
+    def turn(self, turn: Vector, torque: Vector = ZERO, *, pressed: bool = False) -> Quaternion:
+        """The orientation that is sent."""
+        orientation = self.read(turn=turn, pressed=pressed).orientation
+        self.device.turn(torque, self.now)
+        assert orientation is not None
+        return orientation
 
 
 def test_motion_force_and_spec_are_in_robot_frame() -> None:
@@ -73,10 +96,20 @@ def test_motion_force_and_spec_are_in_robot_frame() -> None:
     assert hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0)) == pytest.approx((0.0, 0.02, 0.1))
     assert hands.handle.felt == pytest.approx((1.5, 0.0, 0.0))
     spec = hands.device.spec
-    assert spec.force_n == 16.0, "8 N in the hand"
-    assert spec.stiffness_n_m == 2000.0
+    assert (spec.force_n, spec.stiffness_n_m) == (16.0, 2000.0), "8 N in the hand"
     assert spec.workspace_m[0] == pytest.approx((-0.12, -0.12, -0.02))
     assert spec.workspace_m[1] == pytest.approx((0.12, 0.12, 0.22))
+
+
+def test_orientation_torque_and_spec_are_in_robot_frame() -> None:
+    hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 0.5, ZERO))
+    assert isinstance(hands.device, TorqueDevice)
+    assert (hands.device.spec.orientation, hands.device.spec.torque_n_m) == (True, 0.8), "0.4 N m in the hand"
+    assert vector(hands.turn((0.3, 0.0, 0.2), (0.0, 0.6, 0.1))) == pytest.approx((0.0, 0.3, 0.2))
+    assert hands.handle.turned == pytest.approx((0.3, 0.0, 0.05))
+    without = Hands(torque_n_m=0.0)
+    without.turn(ZERO, scale((0.0, 0.0, 1.0), radians(10.0)))
+    assert (without.handle.turned, without.device.spec.torque_n_m) == (ZERO, 0.0)
 
 
 def test_the_limit_is_that_of_the_hand() -> None:
@@ -86,25 +119,30 @@ def test_the_limit_is_that_of_the_hand() -> None:
     assert hands.device.spec.force_n == 1.5
 
 
-def test_held_clutch_keeps_the_robot_position() -> None:
+def test_held_clutch_keeps_position_and_orientation() -> None:
     hands = Hands(clutch=True, walls=500.0)
     assert hands.tick((0.02, 0.0, 0.0)) == (0.02, 0.0, 0.0)
-    assert hands.tick((0.01, 0.01, 0.0), pressed=True) == (0.02, 0.0, 0.0)
-    assert hands.tick((-0.02, 0.03, 0.0), pressed=True) == (0.02, 0.0, 0.0)
+    for place in ((0.01, 0.01, 0.0), (-0.02, 0.03, 0.0)):
+        assert hands.tick(place, pressed=True) == (0.02, 0.0, 0.0)
     assert hands.tick((-0.02, 0.03, 0.0)) == pytest.approx((0.02, 0.0, 0.0))
     assert hands.tick((-0.01, 0.03, 0.0)) == pytest.approx((0.03, 0.0, 0.0))
+    turning = Hands(clutch=True)
+    before = turning.turn((0.5, 0.0, 0.0))
+    for turn in ((0.2, 0.3, 0.0), (0.0, 0.0, -0.4)):
+        assert turning.turn(turn, pressed=True) == before
+    assert angle_between(turning.turn((0.0, 0.0, -0.4)), before) < 1e-12
+    on = turning.turn((0.0, 0.0, -0.3))
+    assert vector(product(on, inverse(before))) == pytest.approx((0.0, 0.0, 0.1)), "about z, as the hand turned"
 
 
 def test_force_fades_with_the_clutch_without_jumps() -> None:
-    hands = Hands(clutch=True, walls=500.0)
-    force = (0.0, 0.0, 5.0)
+    hands, force = Hands(clutch=True, walls=500.0), (0.0, 0.0, 5.0)
     hands.tick(ZERO, force, count=100)
     felt = [hands.handle.felt[2]]
     for pressed in [True] * 80 + [False] * 80:
         hands.tick(ZERO, force, pressed=pressed)
         felt.append(hands.handle.felt[2])
-    assert felt[0] == felt[-1] == 5.0
-    assert felt[60] == 0.0
+    assert (felt[0], felt[60], felt[-1]) == (5.0, 0.0, 5.0)
     assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
 
 
@@ -118,42 +156,39 @@ def test_walls_bound_position_and_push_back() -> None:
     assert hands.device.spec.workspace_m == BOX
 
 
-def test_wall_fades_in_after_open() -> None:
+@pytest.mark.parametrize("stalls", [False, True], ids=["open", "stall"])
+def test_wall_fades_in_after(stalls: bool) -> None:
     hands = Hands(walls=1000.0)
-    felt = []
-    for _ in range(80):
-        hands.tick((0.056, 0.0, 0.0))
-        felt.append(-hands.handle.felt[0])
-    assert felt[0] == 0.0
-    assert felt[-1] == pytest.approx(6.0)
-    assert max(b - a for a, b in pairwise(felt)) <= 6.0 * TICK / 0.05 + 1e-9
-
-
-def test_wall_fades_in_after_a_stall() -> None:
-    hands = Hands(walls=1000.0)
-    hands.tick((0.0, 0.0, 0.05), count=60)
-    hands.now += 2.0
+    if stalls:
+        hands.tick((0.0, 0.0, 0.05), count=60)
+        hands.now += 2.0
     felt = [norm(hands.handle.felt)]
-    for _ in range(60):
-        hands.tick((0.0, 0.0, 0.055), (0.0, 0.0, -2.0))
+    for _ in range(80):
+        hands.tick((0.0, 0.0, 0.055), (0.0, 0.0, -2.0 if stalls else 0.0))
         felt.append(norm(hands.handle.felt))
-    assert felt[1] == 0.0
-    assert max(b - a for a, b in pairwise(felt)) <= 7.0 * TICK / 0.05 * (1 + 1e-9)
-    assert felt[-1] == pytest.approx(7.0)
+    full = 7.0 if stalls else 5.0
+    assert (felt[1], felt[-1]) == (0.0, pytest.approx(full))
+    assert max(b - a for a, b in pairwise(felt)) <= full * TICK / 0.05 * (1 + 1e-9)
 
 
-@given(st.lists(st.tuples(st.booleans(), *[st.floats(-EDGE, EDGE)] * 3), min_size=1, max_size=60))
-def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, float, float, float]]) -> None:
-    """What is sent moves no further than the hand does, whatever is pressed."""
+triples = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+
+
+@given(st.lists(st.tuples(st.booleans(), triples), min_size=1, max_size=60))
+def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, Vector]]) -> None:
+    """What is sent moves and turns no further than the hand does, whatever is pressed."""
     hands = Hands(clutch=True, walls=500.0)
-    before = hands.tick(ZERO)
-    hand = ZERO
-    for pressed, x, y, z in script:
-        sent = hands.tick((x, y, z), pressed=pressed)
-        way = norm((x - hand[0], y - hand[1], z - hand[2]))
-        assert norm(tuple(a - b for a, b in zip(sent, before, strict=True))) <= way + 1e-9
-        assert all(a <= p <= b for a, p, b in zip(BOX[0], sent, BOX[1], strict=True))
-        before, hand = sent, (x, y, z)
+    before, hand, turned = hands.read(), ZERO, ZERO
+    for pressed, turn in script:
+        place = scale(turn, EDGE)
+        sent = hands.read(place, turn, pressed=pressed)
+        assert distance(sent.position, before.position) <= distance(place, hand) + 1e-9
+        assert all(a <= p <= b for a, p, b in zip(BOX[0], sent.position, BOX[1], strict=True))
+        assert before.orientation is not None
+        assert sent.orientation is not None
+        way = angle_between(quaternion(turned), quaternion(turn))
+        assert angle_between(before.orientation, sent.orientation) <= way + 1e-7
+        before, hand, turned = sent, place, turn
 
 
 def test_new_session_starts_without_indexing() -> None:

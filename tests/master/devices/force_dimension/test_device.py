@@ -4,16 +4,14 @@ import re
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
-from tests.hardware.scripted import wait_for
+from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
-from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
 from weberlink.master.devices.force_dimension.library import PROTOTYPES, DhdLibrary, find
 from weberlink.master.devices.force_dimension.models import MODELS
@@ -49,53 +47,15 @@ def make(devices: Devices) -> Iterator[Make]:
         device.close()
 
 
-def hold(device: ForceDimensionDevice, until: Callable[[], bool], force: Vector = PUSH) -> None:
-    """Command a force tick by tick until something is so."""
-
-    def so() -> bool:
-        now = monotonic()
-        device.latest(now)
-        device.command(force, now)
-        return until()
-
-    wait_for(so)
-
-
-def refusal(device: ForceDimensionDevice) -> str:
-    with pytest.raises(DeviceFault) as raised:
-        device.open(monotonic())
-    assert "\n" not in str(raised.value)
-    return str(raised.value)
-
-
 def ends(device: ForceDimensionDevice) -> str:
-    """The fault that ends the session."""
-    with pytest.raises(DeviceFault) as raised:
-        hold(device, lambda: False)
-    return str(raised.value)
+    return fault_of(device, PUSH)
+
+
+def hold(device: ForceDimensionDevice, is_so: Callable[[], object]) -> None:
+    drive(device, is_so, PUSH)
 
 
 # --- force
-
-
-def test_without_checked_signs_no_force_is_ever_enabled(devices: Devices, make: Make) -> None:
-    handle = devices[0].plug()
-    handle["z"] = 0.04
-    device = make(checked=False)
-    assert "weberlink device test force_dimension" in device.spec.note
-    device.open(monotonic())
-    for _ in range(50):
-        device.command(PUSH, monotonic())
-        sleep(TICK)
-    assert device.latest(monotonic()).position == (0.0, 0.0, 0.04)
-    assert (handle["sets"], handle["enables"], handle["force_on"]) == (0, 0, 0)
-
-
-@pytest.mark.parametrize("changed", [{"model": "omega.6"}, {"serial_number": 7}])
-def test_other_model_or_device_needs_another_sign_check(changed: dict[str, Any]) -> None:
-    before = ForceDimensionDevice.fingerprint(ForceDimensionOptions())
-    after = ForceDimensionOptions(**changed, signs_checked=before)
-    assert not ForceDimensionDevice(after, TICK).spec.force_feedback
 
 
 def test_device_keeps_the_time_limit_and_expert_mode_ends(devices: Devices, make: Make) -> None:
@@ -263,21 +223,6 @@ def test_newest_library_of_the_sdk_is_taken(monkeypatch: pytest.MonkeyPatch, tmp
     for name in ("libdrd.so.3.17.1", "libdhd.so.3.9.1", "libdhd.so.3.17.1", "libdhd.a"):
         (folder / name).touch()
     assert find() == str(folder / "libdhd.so.3.17.1")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"force_n": 13.0}, "force_n: expected at most 12 N for omega.3, got 13"),
-        ({"torque_n_m": 0.1}, "torque_n_m: expected at most 0 N m for omega.3, got 0.1"),
-        ({"watchdog_ms": 1.0}, "watchdog_ms: expected 0, or at least 5 for a loop at 1 kHz, got 1"),
-        ({"watchdog_ms": 40.0}, "less than or equal to 31.875"),
-        ({"model": "omega.9"}, "Input should be 'omega.3'"),
-    ],
-)
-def test_options_out_of_range_say_the_range(options: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValidationError, match=re.escape(words)):
-        ForceDimensionOptions(**options)
 
 
 # --- the stand-in

@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import wait_for
 from tests.master.devices.benches import armed
 from tests.master.devices.force_dimension import judge_name
 from tests.master.devices.force_dimension.fake import STATE, Devices, compiled
+from tests.wait import until
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.force_dimension.library import find
 
@@ -79,7 +79,7 @@ def test_bindings_agree_with_the_driver_and_drive_the_stand_in(sdk: Path, tmp_pa
         device = armed("force_dimension", model="lambda.7", library=str(devices.library))
         with pytest.raises(DeviceFault, match=r"none is plugged in and free.*device in use"):
             device.open(monotonic())
-    wait_for(lambda: handle["off_cause"] == 3)  # the time limit that the bindings set
+    until(lambda: handle["off_cause"] == 3, "the board")  # the time limit that the bindings set
     device.open(monotonic())
     reading = device.latest(monotonic())
     assert reading.position[0] == pytest.approx(0.03)

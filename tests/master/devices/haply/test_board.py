@@ -1,21 +1,20 @@
-"""The messages of the board, byte by byte and under whatever bytes come."""
+"""The messages of the board, byte by byte; what every wire keeps is in `test_wires`."""
 
-from dataclasses import replace
-from math import isfinite, log2
+from math import log2
 from struct import pack, unpack
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.examples import examples
+from weberlink.geometry.vector import ZERO
 from weberlink.hardware.fault import BadReply
-from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, BoardEncoder, BoardMotor, HaplyBoard
+from weberlink.master.devices.haply.board import RESET, BoardEncoder, BoardMotor, HaplyBoard
 from weberlink.master.devices.haply.linkage import VERSIONS
+from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 V2, V3 = VERSIONS["v2"].board, VERSIONS["v3"].board
-ANY = replace(V3, whole_counts=False)
-degrees = st.floats(-720.0, 720.0, width=32)
+counts = st.integers(-20_000, 20_000)
 
 
 def test_setup_has_firmware_order() -> None:
@@ -47,32 +46,7 @@ def test_every_setup_has_its_own_id() -> None:
     assert HaplyBoard(V3.motors, V3.encoders, V3.home_deg).id == V3.id
 
 
-@examples(40)
-@given(first=degrees, second=degrees)
-def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
-    assert ANY.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
-
-
-@examples(100)
-@given(
-    reply=st.one_of(st.binary(max_size=24), st.binary(min_size=8, max_size=8).map(lambda rest: V3.bare_reply + rest))
-)
-def test_any_reply_is_angles_or_bad_reply(reply: bytes) -> None:
-    try:
-        angles = ANY.angles(reply)
-    except BadReply as bad:
-        assert "\n" not in str(bad)
-        return
-    assert len(reply) == REPLY_SIZE
-    assert reply[0] == V3.id
-    assert all(map(isfinite, angles))
-
-
-counts = st.integers(-20_000, 20_000)
-
-
 @pytest.mark.parametrize("per_turn", [4880.0, 10752.0, 13824.0, 2048 * 2.5 * 1.0194 * 1.0154])
-@examples(40)
 @given(first=counts, second=counts)
 def test_every_count_is_an_answer(per_turn: float, first: int, second: int) -> None:
     """However the board rounds: its numbers are of 32 bits."""
@@ -84,7 +58,6 @@ def test_every_count_is_an_answer(per_turn: float, first: int, second: int) -> N
     assert [round(angle * per_turn / 360.0) for angle in angles] == [first, second]
 
 
-@examples(100)
 @given(first=counts, second=counts, flipped=st.integers(1, 255))
 def test_what_is_torn_in_the_middle_is_seen(first: int, second: int, flipped: int) -> None:
     """Where it is the exponent that is torn, unless a count times a power of two comes out, or minus one."""
@@ -100,18 +73,31 @@ def test_what_is_torn_in_the_middle_is_seen(first: int, second: int, flipped: in
     assert first == 0 or log2(abs(torn / first)) == pytest.approx(round(log2(abs(torn / first))), abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("reply", "complaint"),
-    [
-        (b"", "0 bytes of 9"),
-        (V3.bare_reply, "1 bytes of 9"),
-        (bytes((V3.id + 1,)) + bytes(8), f"device {V3.id + 1} instead of {V3.id}"),
-        (bytes((V3.id,)) + pack("<2f", float("nan"), 1.0), "nan"),
-        (bytes((V3.id,)) + pack("<2f", 360.0 / 4880.0, float("-inf")), "-inf"),
-        (bytes((V3.id,)) + pack("<2f", 3600.0 / 4880.0, 1.0), "1 deg, which is between two counts"),
-        (bytes((V3.id,)) + pack("<2f", 1e-30, 0.0), "1e-30 deg, which is between two counts"),
-    ],
-)
-def test_each_complaint_says_what_was_wrong(reply: bytes, complaint: str) -> None:
-    with pytest.raises(BadReply, match=complaint):
-        V3.angles(reply)
+def pushing() -> HaplyEmulator:
+    handle = {"tremor_m": 0.0, "script": [{"motion": "rest"}], "home_m": ZERO}
+    emulator = HaplyEmulator(HaplyEmulatorOptions.model_validate({"handle": handle}))
+    emulator.advance(0.0)
+    emulator.receive(V3.setup, 0.0)
+    emulator.receive(V3.torques(0.1, -0.1), 0.5)
+    assert max(map(abs, emulator.torques)) > 0.05
+    return emulator
+
+
+@pytest.mark.parametrize("sent", range(10))
+def test_torques_off_works_behind_a_partial_message(sent: int) -> None:
+    """And the board still knows the device: a plain zero would be swallowed, and its rest be taken for resets."""
+    emulator = pushing()
+    emulator.receive(V3.torques(-0.1, 0.05)[:sent], 1.0)
+    emulator.receive(V3.torques_off, 1.001)
+    assert emulator.torques == pytest.approx((0.0, 0.0), abs=1e-30)
+    emulator.replies(2.0)
+    emulator.receive(V3.torques(0.0, 0.0), 2.0)
+    assert V3.angles(emulator.replies(3.0)[-1])
+
+
+def test_plain_zero_behind_partial_message_leaves_torque() -> None:
+    """What the ignored bytes are for."""
+    emulator = pushing()
+    emulator.receive(V3.torques(-0.1, 0.05)[:6], 1.0)
+    emulator.receive(V3.torques(0.0, 0.0), 1.001)
+    assert max(map(abs, emulator.torques)) > 0.01

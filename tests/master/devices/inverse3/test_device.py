@@ -3,16 +3,17 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import wait_for
+from tests.master.devices.driving import drive, fault_of, refusal
+from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.inverse3.device import NO_FORCE, Inverse3Device
+from weberlink.master.devices.inverse3.device import Inverse3Device
 from weberlink.master.devices.inverse3.http_requests import service_devices, service_version
 from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
@@ -34,22 +35,11 @@ class Bench:
     wire: WebSocketDevice
     device: Inverse3Device
 
-    def run(self, until: Callable[[], bool], force: Vector = ZERO) -> None:
-        """Tick until something is so."""
-        patience = monotonic() + PATIENCE_S
-        while not until():
-            assert monotonic() < patience, "it did not come to be so"
-            now = monotonic()
-            self.device.latest(now)
-            self.device.command(force, now)
-            sleep(TICK)
+    def run(self, is_so: Callable[[], object], force: Vector = ZERO) -> None:
+        drive(self.device, is_so, force)
 
     def fault(self) -> str:
-        """The fault that ends the session."""
-        with pytest.raises(DeviceFault) as caught:
-            self.run(lambda: False, PULL)
-        assert "\n" not in str(caught.value)
-        return str(caught.value)
+        return fault_of(self.device, PULL)
 
 
 class Unnamed(Inverse3Emulator):
@@ -71,7 +61,8 @@ def bench(
     emulator = kind(Inverse3EmulatorOptions.model_validate({"handle": STILL, **(service or {})}))
     emulator.handle.carry(emulator.handle.position)
     with WebSocketDevice(emulator) as wire:
-        wanted = Inverse3Options.model_validate({"port": wire.address, "reply_ms": 100.0, **options})
+        port = wire.address + options.pop("port", "")
+        wanted = Inverse3Options.model_validate({"port": port, "reply_ms": 100.0, **options})
         checked = Inverse3Device.fingerprint(wanted) if signs else None
         device = Inverse3Device(wanted.model_copy(update={"signs_checked": checked}), TICK)
         try:
@@ -102,17 +93,6 @@ def test_origin_and_session_settings_are_those_of_the_file() -> None:
         assert at.device._dialogue.settings.filters == "force gate 0.7, damping 0"
 
 
-def test_without_checked_signs_there_is_no_force() -> None:
-    with bench(signs=False) as at:
-        assert (at.device.spec.force_n, at.device.spec.note, at.device.guarded) == (0.0, NO_FORCE, False)
-        at.device.open(monotonic())
-        seen = at.emulator.messages
-        at.run(lambda: at.emulator.messages > seen + 20, PULL)
-        assert at.emulator.most_force_n == 0.0
-    first, second = (Inverse3Options(preset=preset) for preset in ("led_front", None))
-    assert Inverse3Device.fingerprint(first) != Inverse3Device.fingerprint(second), "the preset turns the axes"
-
-
 @pytest.mark.parametrize(("grip", "held"), [("wireless_verse_grip", 0b101), ("verse_grip", 0b1)])
 def test_grip_gives_buttons_and_orientation_until_it_sleeps(grip: str, held: int) -> None:
     with bench({"grip": grip}, grip=grip) as at:
@@ -141,9 +121,8 @@ def test_altered_force_is_named_while_it_lasts(fault: str, said: str) -> None:
 def test_device_in_use_is_refused_unless_shared() -> None:
     with bench() as at:
         at.emulator.inject("push", 0.5)
-        wait_for(lambda: norm(at.emulator.force) > 0.0)
-        with pytest.raises(DeviceFault, match="another program uses device 049D, and forces add"):
-            at.device.open(monotonic())
+        until(lambda: norm(at.emulator.force) > 0.0, "the service")
+        assert "another program uses device 049D, and forces add" in refusal(at.device)
     with bench(shared=True) as at:
         at.emulator.inject("push", 0.5)
         at.device.open(monotonic())
@@ -158,21 +137,9 @@ def test_device_that_cannot_be_used_is_a_fault(fault: str, said: str) -> None:
         at.device.open(monotonic())
         at.emulator.inject(fault, 1.0)
         assert said in at.fault()
-        wait_for(lambda: at.emulator.force == ZERO)
+        until(lambda: at.emulator.force == ZERO, "the service")
         with pytest.raises(DeviceFault, match=r"049D|lists no Inverse3"):
             at.device.open(monotonic())
-
-
-def test_restarted_service_is_found_again_and_force_ramps() -> None:
-    with bench(reconnect_s=10.0) as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
-        at.emulator.inject("restart", 1.0)
-        at.run(lambda: at.emulator.force == ZERO, PULL)
-        at.wire.unplug()
-        sleep(0.1)
-        at.wire.plug()
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
 
 
 def test_late_answers_are_never_taken_for_others() -> None:
@@ -184,44 +151,30 @@ def test_late_answers_are_never_taken_for_others() -> None:
         at.emulator.faults.late_s = 0.0
         at.run(lambda: at.device.trouble is None)
         at.emulator.handle.carry(PLACE)
-        wait_for(lambda: at.emulator.handle.arrived)
+        until(lambda: at.emulator.handle.arrived, "the service")
         seen = at.emulator.messages
         at.run(lambda: at.emulator.messages > seen + 3)
         assert distance(at.device.latest(monotonic()).position, PLACE) < 1e-9
 
 
-def test_garbled_answers_take_the_force_off_and_are_survived() -> None:
-    with bench() as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
-        at.emulator.faults.garble = 3
-        at.run(lambda: at.emulator.force == ZERO, PULL)
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
+@pytest.mark.parametrize(
+    ("service", "options", "says"),
+    [
+        ({"version": "3.0"}, {}, "version 3.0, and 3.1 is the least"),
+        ({}, {"port": "#04BA"}, "lists no Inverse3 called 04BA: there is 049D"),
+        ({"kind": Unnamed}, {}, "set master.device.force_key"),
+        ({"gone": True}, {}, "nothing listens there; is the Haply Inverse Service running"),
+    ],
+)
+def test_service_that_cannot_be_used_is_refused(service: dict[str, Any], options: dict[str, Any], says: str) -> None:
+    settings = {key: value for key, value in service.items() if key == "version"}
+    with bench(settings, kind=service.get("kind", Inverse3Emulator), **options) as at:
+        if "gone" in service:
+            at.wire.unplug()
+        assert says in refusal(at.device)
 
 
-def test_absent_service_is_one_line_with_advice() -> None:
-    with bench() as at:
-        at.wire.unplug()
-        with pytest.raises(DeviceFault, match="nothing listens there; is the Haply Inverse Service running") as caught:
-            at.device.open(monotonic())
-        assert "\n" not in str(caught.value)
-
-
-def test_other_id_than_the_service_lists_is_refused() -> None:
-    with bench() as at:
-        options = Inverse3Options(port=f"{at.wire.address}#04BA")
-        with pytest.raises(DeviceFault, match="lists no Inverse3 called 04BA: there is 049D"):
-            Inverse3Device(options, TICK).open(monotonic())
-
-
-def test_service_that_is_too_old_is_refused() -> None:
-    with bench({"version": "3.0"}) as at, pytest.raises(DeviceFault, match=r"version 3\.0, and 3\.1 is the least"):
-        at.device.open(monotonic())
-
-
-def test_service_without_a_version_needs_the_key_in_the_file() -> None:
-    with bench(kind=Unnamed) as at, pytest.raises(DeviceFault, match=r"set master\.device\.force_key"):
-        at.device.open(monotonic())
+def test_service_without_a_version_is_driven_with_the_key_of_the_file() -> None:
     with bench(kind=Unnamed, force_key="vector") as at:
         at.device.open(monotonic())
         at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
@@ -234,12 +187,6 @@ def test_version_and_devices_are_asked_by_http() -> None:
         at.wire.unplug()
         assert service_version(at.wire.address) is None
         assert service_devices(at.wire.address) == ()
-
-
-@pytest.mark.parametrize("port", ["http://localhost:10001", "ws://localhost:10001/x", "ws://a b#", "wss://h", ""])
-def test_address_that_is_none_is_refused_by_options(port: str) -> None:
-    with pytest.raises(ValueError, match="port"):
-        Inverse3Options(port=port)
 
 
 def test_examination_says_time_out_and_filters() -> None:

@@ -7,11 +7,9 @@ from typing import Any, get_args
 
 import pytest
 import yaml
-from pydantic import ValidationError
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices import load
-from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
 from weberlink.master.devices.polhem.mechanism import CableDrive
 from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, PolhemSerialOptions, SetName
 from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
@@ -64,82 +62,12 @@ def test_old_directions_key_sets_both_signs() -> None:
     assert drive_of(directions=(-1, 1, 1)) == both
 
 
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        (
-            {"report_bytes": 8, "directions": (1, 1, 1)},
-            r"directions: .*\[-1, -1, -1\] and \[1, -1, -1\]; set",
-        ),
-        ({"directions": (1, 1, 1), "motor_directions": (1, 1, 1)}, "directions: leave it out beside"),
-        ({"parameters": "aluhaptics_v2"}, "published for 8-byte reports, not for 14-byte reports: set encoder_dir"),
-        ({"parameters": "aluhaptics_v2", "encoder_directions": (1, 1, 1)}, "published for 8-byte reports"),
-        ({"parameters": "vintage_phantom", "directions": (1, 1, 1)}, "published for the serial board"),
-        ({"parameters": "vintage_phantom_2021", "gravity_compensation": True}, "no masses are published"),
-    ],
-)
-def test_signs_that_nobody_knows_are_asked_for(settings: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(ValidationError, match=complaint):
-        PolhemHidOptions(**settings)
-
-
 TICK = 0.001
 HID, SERIAL = PolhemHidOptions, PolhemSerialOptions
 
 
-def hid(**settings: Any) -> PolhemHidDevice:
-    return PolhemHidDevice(HID(**settings), TICK)
-
-
 def serial(**settings: Any) -> PolhemSerialDevice:
     return PolhemSerialDevice(SERIAL(**settings), TICK)
-
-
-def test_no_sign_check_no_force_but_a_note() -> None:
-    for device, name in ((hid(), "polhem_hid"), (serial(model="polhem"), "polhem_serial")):
-        assert (device.spec.force_n, device.spec.force_feedback) == (0.0, False)
-        assert f"no force: signs not checked; run: weberlink device test {name}" in device.spec.note
-
-
-def test_sign_check_allows_published_force() -> None:
-    signs = PolhemHidDevice.fingerprint(HID())
-    assert hid(signs_checked=signs).spec.force_n == 5.0
-    assert hid(signs_checked=signs).spec.force_feedback
-    assert hid(signs_checked=signs, force_n=1.5).spec.force_n == 1.5
-    signs = PolhemSerialDevice.fingerprint(SERIAL(model="woodenhaptics"))
-    assert serial(model="woodenhaptics", signs_checked=signs).spec.force_n == 5.0
-
-
-def test_the_check_is_of_these_settings_alone() -> None:
-    settings: list[dict[str, Any]] = [
-        {},
-        {"encoder_directions": (1, -1, 1)},
-        {"motor_directions": (1, -1, 1)},
-        {"directions": (1, -1, 1)},
-        {"report_bytes": 8},
-        {"home_counts": (0, 0, -5999)},
-        {"parameters": "woodenhaptics_2019"},
-        {"parameters": "polhem_v3"},
-    ]
-    prints = [PolhemHidDevice.fingerprint(HID(**each)) for each in settings]
-    prints += [PolhemSerialDevice.fingerprint(SERIAL(model=model)) for model in ("woodenhaptics", "polhem", "auto")]
-    assert len(set(prints)) == len(prints)
-    stale = hid(signs_checked=prints[0], motor_directions=(1, -1, 1))
-    assert not stale.spec.force_feedback
-    assert "signs not checked with these settings" in stale.spec.note
-
-
-def test_auto_model_has_no_force() -> None:
-    signs = PolhemSerialDevice.fingerprint(SERIAL(model="auto"))
-    device = serial(model="auto", signs_checked=signs)
-    assert not device.spec.force_feedback
-    assert "set master.device.model" in device.spec.note
-    assert not device.spec.orientation
-
-
-def test_more_force_than_is_published_is_refused() -> None:
-    with pytest.raises(ValueError, match="force_n: expected at most 5 N"):
-        hid(force_n=6.0)
 
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()

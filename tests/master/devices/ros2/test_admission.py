@@ -163,7 +163,7 @@ POSES = st.builds(
 )
 
 
-@examples(100)
+@examples(40)
 @given(st.lists(st.tuples(st.floats(0.0, 0.3), POSES), max_size=30))
 def test_whatever_comes_targets_are_finite_and_of_one_leader(steps: list[tuple[float, Pose]]) -> None:
     admission = Admission(WANTED)

@@ -3,7 +3,6 @@
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from tests.master.devices.benches import Poses
 from tests.pace import TICK
@@ -47,22 +46,6 @@ def test_dead_listener_is_a_fault_with_its_reason() -> None:
     poses.failure = "its listener was ended by SIGKILL; start the session again"
     with pytest.raises(DeviceFault, match="ros2: its listener was ended by SIGKILL"):
         device.latest(10.002)
-
-
-@pytest.mark.parametrize(
-    ("options", "what"),
-    [
-        ({"topic": "target"}, "name of a ROS topic"),
-        ({"topic": "/a b"}, "name of a ROS topic"),
-        ({"domain": 233}, "less than or equal to 232"),
-        ({"connect": "192.168.1.5:7447"}, "a Zenoh endpoint is like tcp/"),
-        ({"silence_ms": 5.0}, "greater than or equal to 10"),
-        ({"frame": "map"}, "Extra inputs"),
-    ],
-)
-def test_bad_options_are_refused(options: dict[str, Any], what: str) -> None:
-    with pytest.raises(ValidationError, match=what):
-        Ros2Options(**options)
 
 
 def test_missing_zenoh_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:

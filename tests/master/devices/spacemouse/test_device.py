@@ -3,19 +3,13 @@
 from math import radians
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.rate_control import Deflection
 from weberlink.master.devices.spacemouse.device import PuckExchange, SpaceMouseDevice, SpaceMouseOptions
-from weberlink.master.devices.spacemouse.reports import PuckState
 from weberlink.master.emulators.spacemouse import SpaceMouseEmulator, SpaceMouseEmulatorOptions
-
-count = st.integers(-32768, 32767)
-triple = st.tuples(count, count, count)
 
 
 class Port:
@@ -50,36 +44,6 @@ def exchange_on(port: Port, clock: list[float], **options: object) -> PuckExchan
     )
     assert exchange.open() == Deflection()
     return exchange
-
-
-@pytest.mark.parametrize(
-    ("report", "state"),
-    [
-        ("01 5e01 0000 a2fe", PuckState(translation=(350, 0, -350))),
-        ("02 0000 e2ff 0000", PuckState(rotation=(0, -30, 0))),
-        ("03 02 00", PuckState(buttons=2)),
-        ("03 01 00 00 80", PuckState(buttons=0x80000001)),
-        ("01 0100 0200 0300 0400 0500 0600", PuckState((1, 2, 3), (4, 5, 6))),
-        ("17 64", PuckState()),
-        ("01 0100", PuckState()),
-        ("03", PuckState()),
-    ],
-)
-def test_published_reports_are_understood(report: str, state: PuckState) -> None:
-    assert PuckState().updated(bytes.fromhex(report)) == state
-
-
-@given(state=st.builds(PuckState, triple, triple, st.integers(0, 0xFFFF)), joint=st.booleans())
-def test_state_survives_its_reports(state: PuckState, joint: bool) -> None:
-    heard = PuckState()
-    for report in state.reports(joint=joint, button_bytes=2):
-        heard = heard.updated(report)
-    assert heard == state
-
-
-@given(report=st.binary(min_size=1, max_size=64))
-def test_any_report_is_survived(report: bytes) -> None:
-    PuckState((1, 1, 1), (2, 2, 2), 3).updated(report)
 
 
 def test_directions_are_those_of_the_operator() -> None:

@@ -17,6 +17,8 @@ from typing import Self
 
 import pytest
 
+from weberlink.geometry.vector import ZERO, Vector, norm
+
 SOURCE = Path(__file__).with_name("fake_hd.c")
 FOLDER = "FAKE_HD_FOLDER"
 DEFAULT = "Default Device"
@@ -65,9 +67,15 @@ class Board(ctypes.Structure):
         return board
 
     @property
+    def felt(self) -> Vector:
+        """Force on the hand [N], in the frame of the driver: the library's is x right, y up, z toward the operator."""
+        x, y, z = self.force
+        return (z, x, y) if self.enabled & FORCE_OUTPUT else ZERO
+
+    @property
     def displayed(self) -> float:
-        """Force on the hand [N]."""
-        return hypot(*self.force) if self.enabled & FORCE_OUTPUT else 0.0
+        """Its size [N]."""
+        return norm(self.felt)
 
     @property
     def forces(self) -> list[tuple[float, float]]:
@@ -91,20 +99,8 @@ def library() -> Path:
     folder = tempfile.mkdtemp(prefix="weberlink-fake-hd-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     path = Path(folder) / "libHD.so"
-    command = [
-        compiler,
-        "-O2",
-        "-Wall",
-        "-Werror",
-        "-shared",
-        "-fPIC",
-        "-o",
-        str(path),
-        str(SOURCE),
-        "-lm",
-        "-lpthread",
-    ]
-    subprocess.run(command, check=True)
+    flags = ["-O2", "-Wall", "-Werror", "-shared", "-fPIC"]
+    subprocess.run([compiler, *flags, "-o", path, SOURCE, "-lm", "-lpthread"], check=True)
     return path
 
 

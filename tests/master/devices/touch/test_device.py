@@ -1,6 +1,9 @@
-"""The driver `touch` on the fake library: directions, limits, what the library complains of, and two devices."""
+"""The driver `touch` on the fake library: limits, what the library complains of, and two devices."""
 
-from collections.abc import Iterator
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from math import inf, nan
@@ -12,11 +15,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.hardware.scripted import wait_for
-from tests.master.devices.touch.fake_hd import FORCE_OUTPUT, Board, library, plugged
+from tests.master.devices.driving import drive, fault_of
+from tests.master.devices.touch.fake_hd import Board, library, plugged
+from tests.wait import until
 from weberlink.geometry.rotation import turned, unit_quaternion
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
+from weberlink.master.devices.contract import DeviceFault, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.devices.touch import hdapi
 from weberlink.master.devices.touch.device import TouchDevice, pose
@@ -51,33 +55,14 @@ def board(tmp_path: Path) -> Iterator[Board]:
         yield board
 
 
-def push(touch: TouchDevice, force: Vector, seconds: float = 0.0, until: Any = None) -> DeviceReading:
-    """Command a force at the tick for a time, or until a condition holds."""
-    ends, gives_up = monotonic() + seconds, monotonic() + 10.0
-    while True:
-        now = monotonic()
-        assert now < gives_up
-        reading = touch.latest(now)
-        touch.command(force, now)
-        if until() if until is not None else now > ends:
-            return reading
-        sleep(TICK)
+def push(touch: TouchDevice, force: Vector, *, until: Callable[[], object]) -> None:
+    drive(touch, until, force)
 
 
 def ours(vector: Vector) -> Vector:
     """From x right, y up, z toward the operator to x toward the operator, y right, z up."""
     x, y, z = vector
     return (z, x, y)
-
-
-def test_axes_of_position_force_and_buttons(board: Board) -> None:
-    board.centre[:], board.radius, board.buttons = (10.0, 20.0, 30.0), 0.0, 2
-    with opened() as touch:
-        reading = touch.latest(monotonic())
-        assert reading.position == pytest.approx((0.03, 0.01, 0.02))
-        assert reading.orientation == (1.0, 0.0, 0.0, 0.0)
-        assert reading.buttons == 2
-        push(touch, (0.3, 0.1, 0.2), until=lambda: tuple(board.force) == pytest.approx((0.1, 0.2, 0.3)))
 
 
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(a * a for a in q) > 0.01))
@@ -110,20 +95,10 @@ def test_frames_without_valid_pose_repeat_the_last_reading(board: Board) -> None
         assert touch.trouble == "the library gives a transform that cannot be"
 
 
-def test_device_without_checked_signs_keeps_motors_off(board: Board) -> None:
-    with opened(armed=False) as touch:
-        assert (touch.spec.force_n, touch.spec.force_feedback) == (0.0, False)
-        assert touch.spec.note == "no force: signs not checked; run: weberlink device test touch"
-        push(touch, (1.0, 0.0, 0.0), 0.1)
-        assert not board.enabled & FORCE_OUTPUT
-        assert board.logged == 0
-
-
 def test_limit_of_the_device_holds_where_lower(board: Board) -> None:
     board.max_force = 1.0
     with opened(force_n=3.0) as touch:
-        push(touch, (0.0, 0.0, 3.0), 3.0 * RAMP_S)
-        assert board.displayed == pytest.approx(1.0)
+        push(touch, (0.0, 0.0, 3.0), until=lambda: board.displayed == pytest.approx(1.0))
         assert max(force for _, force in board.forces) <= 1.0 + 1e-9
 
 
@@ -203,9 +178,21 @@ def test_force_error_is_told_and_ramps_again(board: Board) -> None:
 def test_lasting_force_error_ends_the_session(board: Board) -> None:
     with opened() as touch:
         board.error, board.errors_left = 0x0200, 10 * ERRORS_MOST
-        with pytest.raises(DeviceFault, match=r"HD_WARM_MOTORS.*let them cool"):
-            push(touch, (0.0, 0.0, 2.0), 5.0)
-        wait_for(lambda: board.displayed == 0.0)
+        assert re.search("HD_WARM_MOTORS.*let them cool", fault_of(touch, (0.0, 0.0, 2.0)))
+        until(lambda: board.displayed == 0.0, "the force", pause=TICK)
+
+
+@pytest.mark.parametrize("jams", [0, 1])
+def test_force_that_a_dead_servo_process_left_is_taken_off_or_told(board: Board, jams: int) -> None:
+    """The device of a killed program may refuse the next one, as users report."""
+    with opened() as touch:
+        push(touch, (0.0, 0.0, 2.0), until=lambda: board.displayed > 1.9)
+        board.jams = jams
+        os.kill(touch.servo_pid, signal.SIGKILL)
+        assert fault_of(touch, (0.0, 0.0, 2.0)) == "touch: its servo process ended by SIGKILL"
+        touch.close()
+        assert board.displayed == pytest.approx(2.0 * jams, rel=0.05)
+        assert ("died with a force on the hand: switch the device off" in str(touch.trouble)) == bool(jams)
 
 
 class Broken:
@@ -253,7 +240,7 @@ def test_a_loop_that_stood_still_starts_from_zero_with_a_command_as_fresh_as_any
         loop.frame()
         return library.force[0]
 
-    wait_for(lambda: frame() == 2.0)
+    until(lambda: frame() == 2.0, "the force", pause=TICK)
     sleep(0.06)
     forces = [frame() for _ in range(20)]
     assert forces[0] == 0.0

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from tests.hardware.scripted import wait_for
 from tests.master.devices.touch.fake_hd import DEFAULT, library, plugged
+from tests.wait import until
 from weberlink.master.devices.touch import hdapi
 from weberlink.master.devices.touch.device import TouchDevice
 from weberlink.master.devices.touch.options import TouchOptions
@@ -108,7 +108,7 @@ def test_force_that_a_killed_program_left_ends_at_opening(tmp_path: Path) -> Non
     """Why the library has a process of its own: a program that has it in itself leaves the force when it is killed."""
     with plugged(tmp_path) as (board,):
         program = started(DEFAULT, [2.0, 0.0, 0.0], 60.0)
-        wait_for(lambda: board.displayed > 1.99)
+        until(lambda: board.displayed > 1.99, "the board")
         program.kill()
         program.communicate()
         assert board.displayed == pytest.approx(2.0)

@@ -1,13 +1,9 @@
 """The emulated boards with HID keep the rules of their firmware; in virtual time."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.master.devices.polhem.hid_protocol import (
     LONG,
     SHORT,
@@ -142,29 +138,3 @@ class TestOlder:
         desk.emulator.advance(desk.now + 5.0)
         assert len(desk.emulator.replies(desk.now + 5.0)) == 1
         assert desk.emulator.next_timer() == pytest.approx(desk.now + 5.0, abs=1.001 * FRAME)
-
-
-@examples(25)
-@given(
-    st.sampled_from([14, 8]),
-    st.sampled_from([0.0, 0.001, 0.00033]),
-    st.lists(
-        st.tuples(st.one_of(st.binary(max_size=20), st.binary(min_size=14, max_size=14)), st.floats(0.0, 0.7)),
-        max_size=12,
-    ),
-)
-def test_no_bytes_at_no_time_break_it(report: int, frame: float, pieces: Sequence[tuple[bytes, float]]) -> None:
-    desk = Desk(report=report, frame_s=frame)
-    for data, pause in pieces:
-        desk.emulator.receive(data, desk.now)
-        desk.now += pause
-        desk.emulator.advance(desk.now)
-        assert all(len(each) == report for each in desk.emulator.replies(desk.now))
-        assert max(map(abs, desk.emulator.currents_ma)) <= 3750.0
-        timer = desk.emulator.next_timer()
-        assert timer is None or timer > desk.now
-    desk.now += 0.6
-    desk.emulator.advance(desk.now)
-    assert not desk.emulator.enabled
-    assert desk.command((1, 2, 3))
-    assert desk.emulator.currents_ma == (1.0, 2.0, 3.0)

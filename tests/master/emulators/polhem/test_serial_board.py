@@ -1,13 +1,9 @@
 """The emulated board with brackets keeps the rules that its firmware is described with; in virtual time."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
@@ -179,21 +175,3 @@ def test_wrong_model_and_gimbal_errors_can_be_injected() -> None:
     assert later.counts[:3] != first.counts[:3]
     assert (later.counts[3], later.counts[5]) == (first.counts[3], first.counts[5])
     assert later.counts[4] != first.counts[4]
-
-
-@examples(30)
-@given(st.lists(st.tuples(st.binary(max_size=150), st.floats(0.0, 0.3)), max_size=12))
-def test_no_bytes_at_no_time_break_it(pieces: Sequence[tuple[bytes, float]]) -> None:
-    desk = Desk()
-    for data, pause in pieces:
-        desk.emulator.receive(data, desk.now)
-        desk.now += pause
-        desk.emulator.advance(desk.now)
-        answers = desk.emulator.replies(desk.now)
-        assert len(SerialStatusReader().feed(b"".join(answers))) == len(answers)
-        assert max(map(abs, desk.emulator.currents_ma)) <= 6000.0
-    desk.say(b"]")
-    desk.now += 0.2
-    desk.emulator.advance(desk.now)
-    assert not desk.emulator.enabled
-    assert desk.ask(1, 2, 3).error == 0

@@ -1,6 +1,6 @@
 """Where the maker's library should run: beside the tick in the daemon's interpreter, or in a process of its own.
 
-    python -m tests.master.devices.touch.trial [--seconds 3] [--rounds 5] [--work-us 300] [--hold-ms 0] [--priority 0]
+    python -m trials.devices.touch_servo [--seconds 3] [--rounds 5] [--work-us 300] [--hold-ms 0] [--priority 0]
 
 The fake library calls at 1 kHz. A tick at 1 kHz computes for some time in Python and collects garbage, both as a daemon
 does; once a second it may hold the interpreter for longer, as a call of an extension does. Modes alternate, each in a
@@ -41,7 +41,7 @@ Exchange = Callable[[float], object]
 
 @contextmanager
 def no_device() -> Iterator[Exchange]:
-    yield lambda now: None
+    yield lambda _: None
 
 
 @contextmanager
@@ -157,7 +157,7 @@ def main() -> int:
     passed = [f"--{name}={getattr(chosen, name.replace('-', '_'))}" for name in PASSED]
     for _ in range(chosen.rounds):
         for mode in MODES:
-            command = [sys.executable, "-m", "tests.master.devices.touch.trial", f"--mode={mode}", *passed]
+            command = [sys.executable, "-m", "trials.devices.touch_servo", f"--mode={mode}", *passed]
             ended = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
             for name, times in json.loads(ended.stdout.splitlines()[-1]).items():
                 rounds[mode].setdefault(name, []).append(figures(times))

@@ -1,6 +1,6 @@
 """Poses of a third party's publisher on their way to a daemon: how many are lost, and how old they are.
 
-    python -m tests.master.devices.ros2.trial [SECONDS [RATE_HZ]]
+    python -m trials.devices.ros2_poses [SECONDS [RATE_HZ]]
 
 zenoh-ros2-sdk publishes in a process of its own, the listener hears it in another, and this one reads at 1 kHz as a
 daemon does. The age of a pose is from before its message is made to the tick that reads it.

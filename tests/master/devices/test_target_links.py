@@ -1,0 +1,202 @@
+"""Targets from another process of the same user: datagrams for a pointer, shared memory for a remote leader.
+
+The messages of the first are in `devices/test_wires`, torn values of the second in `hardware/test_slot`.
+"""
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.master.devices.test_wires import WIRES
+from tests.strangers import as_stranger, ask_socket, needs_root, read_file
+from weberlink.master.devices.pointer_link import PointerSender, PointerTarget, TargetSocket, pack, socket_path
+from weberlink.master.devices.remote_link import (
+    SIZE,
+    LeaderTarget,
+    TargetInUseError,
+    TargetMemory,
+    TargetWriter,
+    target_path,
+)
+from weberlink.telemetry.runtime_directory import ForeignFileError
+
+HERE = (0.1, -0.2, 0.3)
+
+
+# --- datagrams
+
+
+@pytest.fixture
+def listening() -> Iterator[TargetSocket]:
+    source = TargetSocket()
+    source.open()
+    yield source
+    source.close()
+
+
+@pytest.fixture
+def wire(listening: TargetSocket) -> Iterator[socket.socket]:
+    """Sends any bytes to it."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as raw:
+        raw.connect(str(socket_path(os.getpid())))
+        yield raw
+
+
+def test_senders_reach_the_socket_in_turn(listening: TargetSocket) -> None:
+    assert listening.newest() is None
+    sender, successor = PointerSender(os.getpid()), PointerSender(os.getpid())
+    assert sender.send(HERE, True)
+    assert sender.send((0.0, 0.0, 0.0), False)
+    newest = listening.newest()
+    assert newest is not None
+    assert (newest.target, newest.held) == ((0.0, 0.0, 0.0), False)
+    assert listening.newest() is None
+    assert successor.send(HERE, True)
+    assert listening.newest() is not None, "its numbers are higher"
+    later, third = TargetSocket(), PointerSender(os.getpid())
+    later.open()  # in place of one that a killed process left
+    assert third.send(HERE, True)
+    assert later.newest() is not None
+    later.close()
+    third.close()
+    sender.close()
+    successor.close()
+
+
+def test_highest_number_wins(listening: TargetSocket, wire: socket.socket) -> None:
+    for number in (5, 9, 7):
+        wire.send(pack((number / 1000, 0.0, 0.0), True, number))
+    assert listening.newest() == PointerTarget((9e-3, 0.0, 0.0), True, 9)
+    wire.send(pack(HERE, True, 9))
+    assert listening.newest() is None
+
+
+@pytest.mark.parametrize("data", [b"", pack(HERE, True, 3) + b"x", *WIRES["pointer"].refused, b"\xff" * 5000])
+def test_foreign_datagram_is_ignored(listening: TargetSocket, wire: socket.socket, data: bytes) -> None:
+    wire.send(pack(HERE, True, 1))
+    wire.send(data)
+    assert listening.newest() == PointerTarget(HERE, True, 1)
+    wire.send(pack(HERE, True, 2))
+    assert listening.newest() == PointerTarget(HERE, True, 2)
+
+
+def test_full_queue_is_said_and_blocks_nobody(listening: TargetSocket) -> None:
+    sender, sent, newest = PointerSender(os.getpid()), 0, None
+    while sender.send((sent * 1e-6, 0.0, 0.0), True):
+        sent += 1
+        assert sent < 10_000
+    while (more := listening.newest()) is not None:
+        newest = more
+    assert newest is not None
+    assert newest.target[0] == pytest.approx((sent - 1) * 1e-6)
+    assert sender.send(HERE, True)
+    sender.close()
+
+
+def test_sender_waits_for_a_socket_that_comes_later() -> None:
+    sender, source = PointerSender(os.getpid()), TargetSocket()
+    assert not sender.send(HERE, True)
+    for _ in range(2):
+        source.open()
+        assert sender.send(HERE, True) or sender.send(HERE, True), "the first one may find the last socket closed"
+        assert source.newest() is not None
+        source.close()
+        assert not socket_path(os.getpid()).exists()
+        source.close()
+        assert source.newest() is None
+        assert not sender.send(HERE, True)
+    sender.close()
+
+
+# --- shared memory
+
+
+@pytest.fixture
+def memory() -> Iterator[TargetMemory]:
+    made = TargetMemory()
+    made.open(len(HERE))
+    yield made
+    made.close()
+
+
+def test_target_is_read_once_and_who_leaves_lets_go(memory: TargetMemory) -> None:
+    assert memory.newest() is None
+    with TargetWriter(os.getpid()) as writer:
+        writer.write((9.0, 9.0, 9.0))
+        writer.write(HERE)
+        assert memory.newest() == LeaderTarget(HERE, True)
+        assert memory.newest() is None
+        for angles in ((0.0, nan, 0.0), (inf, 0.0, 0.0), HERE[:2], (*HERE, 0.0)):
+            with pytest.raises(ValueError, match="expected 3 finite angles"):
+                writer.write(angles)
+        assert memory.newest() is None
+    assert memory.newest() == LeaderTarget(HERE, False)
+
+
+@examples(30)
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=9).map(tuple))
+def test_any_finite_angles_arrive_exactly(angles: tuple[float, ...]) -> None:
+    memory = TargetMemory()
+    memory.open(len(angles))
+    with TargetWriter(os.getpid()) as writer:
+        writer.write(angles)
+        assert memory.newest() == LeaderTarget(angles, True)
+    memory.close()
+
+
+def test_one_program_leads_at_a_time_until_it_ends_or_is_killed(memory: TargetMemory) -> None:
+    first = TargetWriter(os.getpid())
+    with pytest.raises(TargetInUseError, match="another process leads this arm already"):
+        TargetWriter(os.getpid())
+    first.close()
+    first.close()
+    reading, writing = os.pipe()
+    if (pid := os.fork()) == 0:
+        TargetWriter(os.getppid()).write(HERE)
+        os.write(writing, b"x")
+        signal.pause()
+    assert os.read(reading, 1) == b"x"
+    with pytest.raises(TargetInUseError):
+        TargetWriter(os.getpid())
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    os.close(reading)
+    os.close(writing)
+    with TargetWriter(os.getpid()) as writer:
+        writer.write((1.0, 1.0, 1.0))
+        assert memory.newest() == LeaderTarget((1.0, 1.0, 1.0), True)
+
+
+def test_file_goes_with_the_daemon_and_another_in_its_place_is_refused(memory: TargetMemory) -> None:
+    path = target_path(os.getpid())
+    path.write_bytes(bytes(SIZE))
+    with pytest.raises(ForeignFileError, match="not the target of a remote leader"):
+        TargetWriter(os.getpid())
+    memory.close()
+    assert not path.exists()
+    with pytest.raises(FileNotFoundError):
+        TargetWriter(os.getpid())
+    assert memory.newest() is None
+
+
+# --- who may
+
+
+def test_both_are_of_their_user_alone(listening: TargetSocket, memory: TargetMemory) -> None:
+    for path in (socket_path(os.getpid()), target_path(os.getpid())):
+        assert path.lstat().st_mode & 0o777 == 0o600
+        assert path.parent.lstat().st_mode & 0o777 == 0o700
+
+
+@needs_root
+def test_another_user_can_neither_send_nor_read(listening: TargetSocket, memory: TargetMemory) -> None:
+    assert as_stranger(ask_socket, socket_path(os.getpid()), pack(HERE, True, 1)) == "refused"
+    assert listening.newest() is None
+    assert as_stranger(read_file, str(target_path(os.getpid()))) == "refused"

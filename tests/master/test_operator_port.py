@@ -1,0 +1,370 @@
+"""What leaves the operator's port, in every state of a session: the force and torque on the hand, and the command."""
+
+from itertools import pairwise
+from math import dist
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from tests.compiled import replaces_methods
+from tests.examples import examples
+from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.control.contract import FREE_FORCE, AccountParameters, SchemeParameters
+from weberlink.control.direct import DirectMaster
+from weberlink.control.sent import SentCommands
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from weberlink.master.operator_port import ContactWatch, Display, HandPosition, OperatorPort
+from weberlink.master.safety import FADE, GRACE, PATIENCE, ContactLimiter, ForceGate, ForceLimiter, SlewLimiter
+from weberlink.telemetry.record import RELEASED
+
+pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
+TICK, RAMP, SILENCE, FADE_SHARE = 1e-3, 0.02, 0.05, 0.6
+MOST, SLEW = 10.0, 3000.0
+MOST_TORQUE, TORQUE_SLEW = 0.5, 100.0
+RTT, BUTTON = 0.05, 1
+ROUNDING = 1.0 + 1e-9
+PLACE = (0.01, -0.02, 0.03)
+SETTINGS = SchemeParameters(TICK, 1000.0, AccountParameters(0.02, 0.01, 1.0, 0.1))
+
+
+class Handle:
+    """A device that takes down what is on the hand."""
+
+    def __init__(self) -> None:
+        box = ((-0.1,) * 3, (0.1,) * 3)
+        self.spec = DeviceSpec("handle", "xyz", MOST, 1000.0, box, 1.0 / TICK, force_feedback=True, buttons=2)
+        self.forces: list[Vector] = []
+        self.torques: list[Vector] = []
+        self.reading = DeviceReading(0.0, PLACE)
+        self.trouble: str | None = None
+        self.calls: list[str] = []
+
+    def open(self, now: float) -> None:
+        self.calls.append("open")
+
+    def latest(self, now: float) -> DeviceReading:
+        return self.reading
+
+    def command(self, force: Vector, now: float) -> None:
+        self.forces.append(force)
+
+    def turn(self, torque: Vector, now: float) -> None:
+        self.torques.append(torque)
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+
+class Scheme(DirectMaster):
+    """Sends the robot elsewhere than the hand is, and takes down what it is told."""
+
+    credit = 7
+
+    def __init__(self) -> None:
+        super().__init__(SETTINGS)
+        self.told: list[Any] = []
+
+    def observe(self, *seen: Any) -> None:
+        self.told.append(("observe", *seen))
+
+    def command(self, position: Vector) -> Vector:
+        return position[0], position[1], position[2] + 0.006
+
+    def refute(self) -> None:
+        self.told.append("refute")
+
+    def resume(self, peer_credit: int) -> None:
+        self.told.append(("resume", peer_credit))
+
+
+class Desk:
+    """A port, tick by tick."""
+
+    def __init__(self, *, contact: bool = False, button: int | None = None) -> None:
+        self.handle, self.scheme, self.now = Handle(), Scheme(), 100.0
+        self.requests = self.late = 0
+        liveness = SimpleNamespace(in_touch_at=self.now)
+        self.endpoint: Any = SimpleNamespace(
+            liveness=liveness, rtt=RTT, jitter=0.0, peer_credit=5, request_full_state=self._request
+        )
+        self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
+        self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
+        self.watch = ContactWatch(
+            ContactLimiter(MOST, FREE_FORCE, 0.5), self.decoder, self.endpoint,
+            least=0.05, sent=SentCommands(TICK, 1.0), delay=0.0, playout=0,
+        )  # fmt: skip
+        self.turning = SimpleNamespace(render=lambda torque: torque, displayed=lambda torque: None, told=[])
+        self.turning.observe = lambda *seen: self.turning.told.append(seen)
+        turning: Any = self.turning
+        displays = [
+            Display(ForceLimiter(MOST), SlewLimiter(SLEW), self.handle.command, self.scheme, self.watch)
+            if contact
+            else Display(ForceLimiter(MOST), SlewLimiter(SLEW), self.handle.command, self.scheme),
+            Display(ForceLimiter(MOST_TORQUE), SlewLimiter(TORQUE_SLEW), self.handle.turn, turning),
+        ]
+        self.port = OperatorPort(
+            device=self.handle,
+            displays=displays,
+            control=self.scheme,
+            endpoint=self.endpoint,
+            hand=self.hand,
+            gate=ForceGate(ramp=RAMP, silence=SILENCE, fade_share=FADE_SHARE),
+            button=button,
+            turning=(turning, lambda: (0.1, 0.0, 0.0)),
+        )
+
+    def _request(self) -> None:
+        self.requests += 1
+
+    def tick(
+        self, force: Vector | None, *, engaged: bool = True, heard: bool = True, step: float = TICK
+    ) -> tuple[Vector, Vector]:
+        """The force and a torque of a twentieth of it are decoded; gives what is on the hand then."""
+        self.now += TICK
+        if heard:
+            self.endpoint.liveness.in_touch_at = self.now
+        torque = None if force is None else (0.05 * force[0], 0.05 * force[1], 0.05 * force[2])
+        self.port.actuate([force, torque], self.now, step, step, engaged=engaged)
+        return self.handle.forces[-1], self.handle.torques[-1]
+
+    def go(self, force: Vector | None, ticks: int, **how: Any) -> list[float]:
+        return [norm(self.tick(force, **how)[0]) for _ in range(ticks)]
+
+    def state(self, force: Vector) -> None:
+        """An update of the robot's end arrives."""
+        self.encoder.restart()
+        update = self.encoder.encode(round((self.now - 100.0) / TICK) + 1, force, ZERO)
+        assert update is not None
+        self.decoder.apply(update)
+
+
+class Part(NamedTuple):
+    """Of a session: a state that lasts for some ticks, in which a force is decoded."""
+
+    state: str
+    force: Vector | None
+    ticks: int
+
+
+STATES = ("engaged", "idle", "silent", "stalled", "restarted", "reset")
+edges = st.sampled_from([0.0, MOST, -MOST, 1e6]) | st.floats(-30.0, 30.0)
+parts = st.lists(
+    st.builds(Part, st.sampled_from(STATES), st.none() | st.tuples(edges, edges, edges), st.integers(1, 60)), max_size=8
+)
+PUSH, PULL = (0.0, 0.0, 8.0), (0.0, 0.0, -8.0)
+
+
+class Seen(NamedTuple):
+    """A tick: what was decoded, what is on the hand, and what led there."""
+
+    wanted: Vector
+    output: Vector
+    torque: Vector
+    before: float
+    gain: float
+    """Of the gate, before the tick and in it."""
+    step: float
+    begins: bool
+    silent_s: float
+    idle_s: float
+
+
+def played(desk: Desk, course: list[Part]) -> list[Seen]:
+    seen, gate = list[Seen](), desk.port.gate
+    silent, idle = 0.0, 1.0
+    for state, force, count in course:
+        for _ in range(count):
+            begins = state in ("restarted", "reset", "stalled")
+            if begins:
+                (desk.port.reset if state == "reset" else desk.port.restart)()
+            silent = silent + TICK if state == "silent" else 0.0
+            idle = idle + TICK if state == "idle" else 0.0
+            before, step = gate.gain, 0.0 if state == "stalled" else TICK
+            shown = desk.tick(force, engaged=state != "idle", heard=state != "silent", step=step)
+            seen.append(Seen(force or ZERO, *shown, before, gate.gain, step, begins, silent, idle))
+            check_what_is_told(desk, seen[-1])
+    return seen
+
+
+def check_what_is_told(desk: Desk, seen: Seen) -> None:
+    clipped = norm(seen.wanted) > MOST or norm(seen.wanted) * 0.05 > MOST_TORQUE
+    assert desk.port.clipped == clipped
+    late = any(display.slew.limited for display in desk.port.displays)
+    assert desk.port.slew_ticks == desk.late + late
+    desk.late += late
+    if seen.gain == 1.0 and not clipped and not late:
+        assert seen.output == seen.wanted, "nothing else changes it"
+    assert (desk.hand.displayed, desk.hand.touched) == (seen.output, seen.wanted)
+    assert desk.hand.asked == pytest.approx(min(norm(seen.wanted), MOST))
+    assert desk.port.at_rest == (seen.gain == 0.0)
+
+
+@examples(40)
+@given(parts)
+@example([Part("engaged", PUSH, 60), Part("engaged", PULL, 20), Part("idle", PULL, 30), Part("engaged", PUSH, 40)])
+@example([Part("engaged", PUSH, 60), Part("silent", PUSH, 55), Part("engaged", PULL, 40)])
+@example([Part("engaged", PUSH, 60), Part("stalled", PUSH, 1), Part("engaged", PULL, 60), Part("reset", PUSH, 1)])
+def test_what_is_on_the_hand_obeys_every_limit_in_every_state(course: list[Part]) -> None:
+    seen = played(Desk(), course)
+    for each in seen:
+        assert norm(each.output) <= MOST * each.gain * ROUNDING
+        assert norm(each.torque) <= MOST_TORQUE * each.gain * ROUNDING
+        assert each.gain - each.before <= each.step / RAMP * ROUNDING
+        over = each.silent_s >= SILENCE or each.idle_s >= RAMP + TICK or (each.before == 0.0 and each.idle_s > 0.0)
+        if over or each.step == 0.0:
+            assert (each.output, each.torque) == (ZERO, ZERO)
+        if each.begins:
+            assert each.before == 0.0, "from zero"
+    for last, each in pairwise(seen):
+        if each.before > 0.0:
+            way, gain = each.step, abs(each.gain - each.before)
+            assert dist(last.output, each.output) <= (SLEW * way + MOST * gain) * ROUNDING + 1e-9
+            assert dist(last.torque, each.torque) <= (TORQUE_SLEW * way + MOST_TORQUE * gain) * ROUNDING + 1e-9
+
+
+def test_the_force_fades_in_over_the_ramp_and_out_over_the_last_part_of_the_silence() -> None:
+    desk = Desk()
+    ramp = round(RAMP / TICK)
+    risen = desk.go((0.0, 3.0, 0.0), ramp + 2)
+    assert risen == pytest.approx([3.0 * min(1.0, (tick + 1) / ramp) for tick in range(ramp + 2)])
+    faded = desk.go((0.0, 3.0, 0.0), 60, heard=False)
+    begins, ends = round(FADE_SHARE * SILENCE / TICK), round(SILENCE / TICK)
+    expected = [3.0 * max(0.0, min(1.0, (ends - tick) / (ends - begins))) for tick in range(1, 61)]
+    assert faded == pytest.approx(expected, abs=1e-9)
+    assert desk.go((0.0, 3.0, 0.0), 2) == pytest.approx([3.0 / ramp, 6.0 / ramp]), "and in again"
+
+
+def test_a_force_may_jump_only_behind_a_closed_gate() -> None:
+    desk = Desk()
+    desk.go(PUSH, 30)
+    assert desk.port.slew_ticks == 0
+    assert desk.tick(PULL)[0] == pytest.approx((0.0, 0.0, 8.0 - SLEW * TICK))
+    assert desk.port.slew_ticks == 1
+    desk.port.restart()
+    assert desk.tick(PULL)[0] == pytest.approx((0.0, 0.0, -8.0 * TICK / RAMP))
+
+
+def test_halt_is_zero_at_once_and_not_a_tick_later() -> None:
+    desk = Desk()
+    desk.go(PUSH, 40)
+    shown = len(desk.handle.forces)
+    desk.port.halt(desk.now)
+    assert (desk.handle.forces[shown:], desk.handle.torques[shown:]) == ([ZERO], [ZERO])
+
+
+def test_what_the_device_cannot_display_is_computed_and_not_felt() -> None:
+    torque = Display(ForceLimiter(MOST_TORQUE), SlewLimiter(TORQUE_SLEW), None)
+    assert not torque.show((0.0, 0.0, 9.0), 1.0, None, 0.0)
+    assert (torque.decoded, torque.output, torque.asked) == ((0.0, 0.0, 9.0), (0.0, 0.0, MOST_TORQUE), MOST_TORQUE)
+    torque.halt(0.0)
+
+
+# --- a force without a contact
+
+
+@pytest.mark.parametrize("push", [(8.0, 0.0, 0.0), (0.0, -8.0, 0.0), (2.0, 2.0, 6.0)])
+def test_a_force_that_nothing_founds_ends_and_the_scheme_is_told_once(push: Vector) -> None:
+    desk = Desk(contact=True)
+    limit, fade, grace = (round(seconds / TICK) for seconds in (RTT + PATIENCE, FADE, GRACE))
+    shown = desk.go(push, limit + fade + grace)
+    assert max(shown) == pytest.approx(norm(push))
+    assert max(shown[limit + 1 :]) <= FREE_FORCE
+    assert max(shown[limit + fade + 1 :]) == 0.0
+    assert desk.scheme.told == ["refute", ("resume", 5)]
+    assert (desk.requests, desk.port.unfounded) == (1, True)
+    desk.state(push)
+    desk.go(push, 1)
+    assert not desk.port.unfounded
+    assert desk.go(push, 60)[-1] == pytest.approx(norm(push)), "a stated contact brings it back"
+    assert (desk.requests, len(desk.scheme.told)) == (1, 2)
+
+
+@pytest.mark.parametrize("forgets", ["reset", "restart"])
+def test_what_was_heard_of_contacts_is_forgotten_with_the_session(forgets: str) -> None:
+    desk = Desk(contact=True)
+    desk.go(PUSH, 400)
+    assert desk.port.unfounded
+    getattr(desk.port, forgets)()
+    assert (desk.port.unfounded, desk.port.at_rest) == (False, True)
+    shown = desk.go(PUSH, 60)
+    assert shown[-1] == norm(PUSH)
+    desk.go(PUSH, 400)
+    assert (desk.requests, desk.scheme.told.count("refute")) == (2, 2), "and doubted again"
+
+
+def test_what_needs_no_contact_lasts() -> None:
+    desk = Desk(contact=True)
+    assert set(desk.go((0.0, 0.0, FREE_FORCE), 1000)[30:]) == {FREE_FORCE}
+    assert (desk.requests, desk.scheme.told) == (0, [])
+
+
+# --- what goes to the link and into the record
+
+
+def test_the_command_of_the_scheme_goes_to_the_link_in_every_state() -> None:
+    desk = Desk()
+    desk.hand.take(DeviceReading(0.0, PLACE))
+    for how in ({}, {"engaged": False}, {"heard": False}):
+        desk.tick(PUSH, **how)
+        command, position, _ = desk.hand.sample()
+        assert (command, position) == ((PLACE[0], PLACE[1], PLACE[2] + 0.006), ZERO)
+    desk.port.restart()
+    assert desk.hand.sample()[0] == command
+    assert desk.port.account(0.002, 17.0, encodes=False) == 7
+    assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, desk.endpoint)]
+    assert desk.turning.told == [((0.1, 0.0, 0.0), 0.002)]
+    assert list(desk.port.controls) == [desk.scheme, desk.turning]
+
+
+@pytest.mark.parametrize(("buttons", "enabled"), [(0, False), (1 << BUTTON, True), (1 << BUTTON + 1, False), (7, True)])
+def test_the_button_alone_enables(buttons: int, enabled: bool) -> None:
+    with_button, without = Desk(button=BUTTON), Desk()
+    assert (with_button.port.enabled, without.port.enabled) == (False, True)
+    for desk in (with_button, without):
+        desk.handle.reading = DeviceReading(1.0, PLACE, ended=True, buttons=buttons)
+        reading = desk.port.latest(1.0)
+        assert not desk.port.accept(reading), "a device does not trip"
+        assert (desk.port.buttons, desk.port.ended) == (buttons, True)
+    assert (with_button.port.enabled, without.port.enabled) == (enabled, True)
+
+
+def test_the_record_has_what_the_hand_felt() -> None:
+    desk = Desk(button=0)
+    desk.hand.take(DeviceReading(0.0, PLACE))
+    desk.hand.sample()
+    desk.go((0.0, 0.0, 20.0), 10)
+    row: Any = SimpleNamespace()
+    desk.port.buttons = 0x1FF
+    desk.port.report(row, is_led=True)
+    assert row.__dict__ == {
+        "position": PLACE,
+        "raw": desk.hand.command,
+        "decoded": (0.0, 0.0, 20.0),
+        "output": desk.handle.forces[-1],
+        "slew_ticks": 0,
+        "clipped": True,
+        "ramping": RELEASED,
+        "buttons": 0xFF,
+        "rotation_decoded": (0.0, 0.0, 1.0),
+        "rotation_output": desk.handle.torques[-1],
+    }
+    desk.port.enabled = True
+    desk.port.report(row, is_led=True)
+    assert row.ramping is True
+
+
+def test_the_port_is_its_device() -> None:
+    desk = Desk()
+    assert (desk.port.name, desk.port.kind, desk.port.leads, desk.port.fault) == ("handle", "device", True, DeviceFault)
+    port = desk.port
+    assert (port.buttons, port.ended, port.unfounded, port.slew_ticks, port.clipped) == (0, False, False, 0, False)
+    assert port.at_rest
+    desk.port.open(0.0)
+    desk.port.close()
+    assert desk.handle.calls == ["open", "close"]
+    desk.handle.trouble = "out of order"
+    assert (desk.port.trouble, desk.port.tripped) == ("out of order", False)
