@@ -1,8 +1,4 @@
-<<<<<<<< HEAD:trials/isaaclab.py
-"""`python -m trials.isaaclab`: Isaac Lab's client at the emulated service, and our driver.
-========
 """`python -m trials.devices.isaaclab`: Isaac Lab's client at the emulated service, and our driver.
->>>>>>>> h-devices:trials/devices/isaaclab.py
 
 Isaac Lab (isaaclab on PyPI) has a client of its own, `devices/haply/se3_haply.py`, under BSD-3-Clause. Its module runs
 here as it is in the wheel, at the emulated service; the package around it needs a simulator and is not imported. Runs
