@@ -1,7 +1,7 @@
 """The wall: what is felt of a contact where the decoder has no surface that agrees, and when it ends."""
 
 from itertools import pairwise
-from math import inf, sqrt
+from math import inf, sin, sqrt
 
 import pytest
 
@@ -12,7 +12,7 @@ from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
 from weberlink.control.passivity import passivity_limit
 from weberlink.control.sent import SentCommands
 from weberlink.control.wall import SOFTEST, TURN, WRONG, FeltContact
-from weberlink.geometry.vector import ZERO, Vector, unit
+from weberlink.geometry.vector import ZERO, Vector, norm, unit
 
 SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
 STIFFNESS = 500.0
@@ -220,3 +220,46 @@ def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> N
 )  # fmt: skip
 def test_the_stiffness_of_a_passive_wall(options: dict[str, float], limit: float) -> None:
     assert passivity_limit(8.0, TICK, **options) == pytest.approx(limit)
+
+
+TURNS = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2)]
+"""Which axis of a motion is x, y and z."""
+
+
+@pytest.mark.parametrize("order", TURNS[1:])
+def test_no_axis_is_special(order: tuple[int, int, int]) -> None:
+    """Of a hand that slides over an oblique wall with friction, in and out of contact, on a link of 40 ms."""
+    (hand, goals), (turned, others) = oblique(TURNS[0]), oblique(order)
+    for ours, theirs in ((hand, turned), (goals, others)):
+        for one, other in zip(ours, theirs, strict=True):
+            assert other == pytest.approx([one[axis] for axis in order], abs=1e-9)
+    assert max(norm(force) for force in hand) > 1.0
+
+
+def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
+    """The forces at the hand and the goals of the robot."""
+
+    def axes(vector: Vector) -> Vector:
+        return (vector[order[0]], vector[order[1]], vector[order[2]])
+
+    master, slave, quality = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), Quality(0.04, 0.0)
+    forces: list[Vector] = []
+    goals: list[Vector] = []
+    here = axes((0.001, 0.002, 0.003))
+    for tick in range(600):
+        depth = 0.004 * sin(0.02 * tick)
+        along = 0.002 * sin(0.013 * tick)
+        hand = axes((-0.48 * depth + 0.8 * along, -0.6 * depth, -0.64 * depth - 0.6 * along))
+        push = STIFFNESS * max(0.0, depth)
+        measured = axes((0.48 * push - 0.1 * push, 0.6 * push, 0.64 * push + 0.08 * push))
+        if tick % 7 == 0:
+            master.learn(None, measured, hand)
+        master.observe(hand, TICK, tick, 0, quality)
+        sent = master.command(hand)
+        force = master.render(measured)
+        master.displayed(force)
+        here = slave.follow(sent, here, TICK, 0, quality)
+        slave.observe(here, measured)
+        forces.append(force)
+        goals.append(here)
+    return forces, goals
