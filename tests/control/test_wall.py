@@ -115,6 +115,13 @@ def test_a_hand_feels_the_wall_where_it_is(hand: float, force: float, robot: flo
     assert (contact.normal is None) == (force < LEAST_CONTACT and robot < -WRONG)
 
 
+@pytest.mark.parametrize(
+    ("depth", "felt"), [(0.0016, (0.2, 0.0, 0.8)), (0.0008, (0.1, 0.0, 0.4)), (0.0032, (0.2, 0.0, 1.6))]
+)
+def test_what_friction_adds_is_felt_in_proportion_up_to_what_was_decoded(depth: float, felt: Vector) -> None:
+    assert pressed().at(at(-depth), (0.2, 0.0, 0.8), at(-0.0016), 0.0) == pytest.approx(felt)
+
+
 @pytest.mark.parametrize("share", [0.49, 0.51, 1.0, 1.99, 2.01])
 def test_a_surface_is_displayed_where_its_stiffness_agrees_within_a_factor_of_two(share: float) -> None:
     contact = pressed()
