@@ -307,11 +307,3 @@ def test_the_first_of_equals_is_chosen_and_held_without_a_history(names: Sequenc
         selector, _ = choice.choose(simplest or [first], Sample(0, up(1.0), ZERO), None, 0.1)
         assert selector == (simplest or [first])[0]
         assert choice.choose([first], Sample(0, up(1.0), ZERO), None, 0.1)[1] in (None, Hold(up(1.0))), name
-
-
-@pytest.mark.parametrize("bound", [0.0, 1e-300])
-def test_a_deadband_of_zero_raises_nothing(bound: float) -> None:
-    choice = AdaptiveChoice(force_channel(predictor="adaptive"))
-    for tick in range(60):
-        choice.follow(tick, up(1.0 + tick % 3), ZERO, bound)
-        choice.choose(range(8), Sample(tick, up(1.0), ZERO), None, bound)

@@ -86,7 +86,7 @@ EVENTS = st.one_of(
 @given(
     data=st.data(), seed=seeds, rubbing=st.booleans(), events=st.dictionaries(st.integers(0, 119), EVENTS, max_size=9)
 )
-@examples(25)
+@examples(20)
 def test_at_every_tick_the_ends_hold_the_same_within_the_deadband(
     kind: Kind, data: st.DataObject, seed: int, rubbing: bool, events: dict[int, Any]
 ) -> None:

@@ -319,7 +319,7 @@ probes = st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers
 
 @pytest.mark.parametrize("of_force", [True, False])
 @given(updates=st.lists(st.tuples(ticks, st.integers(0, 15), *bodies), max_size=5), probes=probes, axes=axes_sets)
-@examples(150)
+@examples(80)
 def test_no_peer_can_make_a_decoder_display_what_it_must_not(
     of_force: bool, updates: list[Any], probes: list[tuple[float, Vector]], axes: str
 ) -> None:

@@ -1,13 +1,13 @@
 """A learned path: its closed form, its bounds, and its way over the wire."""
 
-from math import isfinite, pi, sin
+from math import isfinite
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.codec.law import make_channel
-from tests.codec.signals import GodObject, Stream, contact
+from tests.codec.signals import GodObject, contact
 from tests.examples import examples
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.parameters import pack
@@ -174,20 +174,3 @@ def test_a_model_travels_without_a_change() -> None:
 
 
 # What they save.
-
-
-def waves() -> Stream:
-    return [((0.0, 0.0, 2.0 + sin(6e-3 * pi * tick)), ZERO) for tick in range(2500)]
-
-
-def test_after_its_last_knot_an_update_holds() -> None:
-    """So a link that fails leaves a constant, not a line that goes on."""
-    channel = force_channel(predictor="path")
-    encoder = Encoder(channel)
-    for tick, (force, place) in enumerate(waves()[:1000]):
-        encoder.encode(tick, force, place)
-    newest = encoder.mirror.newest
-    assert newest is not None
-    assert isinstance(encoder.mirror.model, Path)
-    ends = [encoder.mirror.value(newest.tick + ahead) for ahead in (horizons_of(1e-3)[-1], 10**4, 10**6)]
-    assert ends[0] == ends[1] == ends[2]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.signals import contact_stream, rubbing_stream
+from tests.codec.signals import contact_stream
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.replay import code
@@ -128,19 +128,3 @@ def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor:
             ramping += shown != mirrored
     assert compared > 100
     assert ramping > 0
-
-
-def test_a_ramp_without_a_share_is_the_plain_codec() -> None:
-    plain = Encoder(force_channel(predictor="zoh"))
-    smoothed = Encoder(force_channel(predictor="zoh", smoothing=Smoothing(20, 0.0)))
-    for tick, (force, position) in enumerate(contact_stream(9, ticks=300)):
-        assert smoothed.encode(tick, force, position) == plain.encode(tick, force, position)
-
-
-def test_the_memory_of_friction_is_not_changed_by_the_start_of_a_ramp() -> None:
-    """The mirror predicts in the tick of an update, and a decoder need not: both ramps start at the same value."""
-    channel = force_channel(predictor="surface", smoothing=Smoothing(5, 0.7))
-    encoder, decoder, stream = Encoder(channel), Decoder(channel), rubbing_stream(11, ticks=1500)
-    for tick, coded in enumerate(code(channel, stream, encoder=encoder, decoder=decoder)):
-        mirrored = encoder.predicted if coded.update is None else encoder.mirror.value(tick, stream[tick][1])
-        assert coded.displayed == mirrored
