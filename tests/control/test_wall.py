@@ -218,6 +218,20 @@ def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> N
     assert follow(-0.005, -0.001, 0.99 * PRESS / sqrt(answered)) != at(-0.001)
 
 
+@pytest.mark.parametrize(("force", "counts"), [(LEAST_CONTACT, True), (0.999 * LEAST_CONTACT, False)])
+def test_the_least_contact_is_one_at_both_ends(force: float, counts: bool) -> None:
+    """The work of a scene that gives, the yielding of the robot and the refutation of a wall begin with it."""
+    slave = BoundedSlave(SETTINGS)
+    slave.observe(ZERO, at(force))
+    slave.observe(at(0.1), at(force))
+    assert slave.credit == (50 if counts else 0)
+    late = Quality(1000.0, 0.0)
+    assert (slave.follow(at(-0.01), at(0.1), TICK, 0, late) == at(-0.01)) != counts
+    contact = pressed()
+    contact.at(at(-0.006), at(force), at(-2.0 * WRONG), 0.0)
+    assert (contact.normal is not None) == counts
+
+
 @pytest.mark.parametrize(
     ("options", "limit"),
     [
