@@ -54,6 +54,13 @@ def test_the_wire_carries_only_axes_that_exist(axes: int) -> None:
     assert (decoder.value(5), decoder.newest, decoder.first) == (None, None, (0.0,) * axes)
 
 
+def test_an_error_exactly_at_its_threshold_is_not_sent() -> None:
+    encoder = BundleEncoder(joint_channel(bounds=(0.25, 0.5), step=2.0**-10, predictor="zoh"))
+    encoder.encode(0, (0.0, 0.0))
+    assert encoder.encode(1, (0.25, -0.5)) is None
+    assert encoder.encode(2, (0.25, -0.5 * (1.0 + 2.0**-40))) is not None
+
+
 def test_rest_is_displayed_and_not_sent() -> None:
     channel = joint_channel(bounds=(0.1, 0.1, 0.1, 0.1), step=STEP, rest=(0.0,) * 4)
     encoder, decoder = BundleEncoder(channel), BundleDecoder(channel)
