@@ -15,7 +15,7 @@ from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.lookahead import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
 from weberlink.codec.replay import code
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 
 seeds = st.integers(0, 2**32 - 1)
 CAUSAL = (*FITTED, "hybrid", "affine")
@@ -144,3 +144,12 @@ def test_chords_that_claim_to_fit_do(seed: int, length: int, tail: int) -> None:
         shown = [vertices[knots.index(tick)] if tick in knots else None for tick in range(length)]
         assert all(each is None or distance(each, value) <= 0.5 for each, value in zip(shown, values, strict=True))
     assert 0.0 < MARGIN < 1.0
+
+
+def test_chords_of_deadbands_that_are_far_apart_are_finite() -> None:
+    """Rounding makes the least squares singular: the path that was found until then is used."""
+    values = [up(force) for force in (0.126, -0.132, 0.64, 0.105, -0.536, 0.362, 1.304, 0.947)]
+    knots, vertices = Chords(values, [1e-12, 1e3] * 4, [up(1.0)], [4]).path()
+    assert all(early < late for early, late in pairwise(knots))
+    assert len(knots) == len(vertices)
+    assert all(map(is_finite, vertices))

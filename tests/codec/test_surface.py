@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.codec.signals import GodObject
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
+from weberlink.codec.predictors.model import ModelKind
 from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
@@ -206,3 +207,10 @@ def test_fewer_axes_say_the_same_wall(axes: str, normal: Vector) -> None:
         assert shown is not None
         assert distance(shown, scale(normal, S * depth)) <= 0.02 * S * depth
     assert decoder.value(6, scale(normal, 1e-3)) == ZERO
+
+
+@pytest.mark.parametrize("curvature", [0.0, 20.0, -20.0])
+def test_it_moves_as_a_whole(curvature: float) -> None:
+    still, rising = (SurfacePatch(UP, ZERO, 0, S, curvature, velocity=velocity) for velocity in (0.0, 1e-5))
+    assert rising.at(100, (0.003, -0.002, -0.001)) == pytest.approx(still.at(0, (0.003, -0.002, -0.002)))
+    assert rising.surface().record().kind is (ModelKind.SPHERE if curvature else ModelKind.PLANE)
