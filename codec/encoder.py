@@ -110,7 +110,8 @@ class Encoder:
         if not deadband.reads_motion:
             self._last = self._arrived = None
         self._selectors = tuple(sorted(set(selectors)))
-        self._forced = self._newest is not None and self.mirror.selected not in self._selectors
+        if self._newest is not None:  # without one, what a restart demanded stands
+            self._forced = self.mirror.selected not in self._selectors
 
     def encode(self, tick: int, value: Vector, position: Vector = ZERO, most: float = inf) -> Update | None:
         """Take the sample of one tick, and code the one of L ticks ago.

@@ -96,7 +96,10 @@ class Chords:
         best, vertices, far = np.full(count, np.inf), np.zeros((count, size, 3)), np.zeros(count, np.intp)
         for _ in range(ROUNDS):
             weighted = (hats * weights[:, :, None]).transpose(0, 2, 1)
-            solution = np.linalg.solve(weighted @ hats + left, weighted @ self._known + right)
+            try:
+                solution = np.linalg.solve(weighted @ hats + left, weighted @ self._known + right)
+            except np.linalg.LinAlgError:  # deadbands of 0: weights so far apart that rounding makes it singular
+                break
             errors = np.sqrt(((hats @ solution - self._known) ** 2).sum(axis=2)) / self._limits
             worst = errors.max(axis=1)
             better = worst < best

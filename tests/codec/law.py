@@ -1,79 +1,255 @@
-"""The law of closed-loop coding, asserted tick by tick for any channel and any finite samples."""
+"""The law of closed-loop coding, asserted tick by tick for any channel and any samples; the table of channels."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, repeat
 from math import inf, sqrt
 from typing import Any, NamedTuple
 
+from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from weberlink.codec.bundle import BundleChannel, BundleDecoder, BundleEncoder, joint_channel
+from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.geometry.vector import Vector, distance
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, scale
+from weberlink.protocol.wire import UpdateLayout
 
 FITTED = tuple(name for name, predictor in PREDICTORS.items() if not predictor.estimated)
 ESTIMATED = tuple(name for name, predictor in PREDICTORS.items() if predictor.estimated)
 FORCE_PREDICTORS = (*FITTED, "hybrid", *ESTIMATED, "adaptive")
 POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "path", "adaptive")
 POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "path")}
+AXIS_BOUNDS = (0.01, 0.02, 0.03, 0.005, 0.0004, 0.1, 0.05)
+"""Deadbands of the joints [rad]; one of them is finer than the wire."""
+ROUNDED = 1.0 + 1e-9
+
+
+class Kind(NamedTuple):
+    """A kind of channel: what it carries (force, position or joints), and its predictor."""
+
+    of: str
+    predictor: str
+
+    def channel(self, **options: Any) -> Any:
+        if self.of == "joints":
+            axes = options.pop("axes", 5)
+            return joint_channel(**{"predictor": self.predictor, "bounds": AXIS_BOUNDS[:axes], "step": 1e-3} | options)
+        return make_channel(self.predictor, position=self.of == "position", **options)
+
+    def stream(self, seed: int, *, ticks: int, axes: Any = None, rubbing: bool = False) -> list[tuple[Any, Vector]]:
+        """Per tick: value and commanded position."""
+        kept = axes if isinstance(axes, str) else "xyz"
+        force = rubbing_stream(seed, ticks=ticks) if rubbing else contact_stream(seed, ticks=ticks, axes=kept)
+        if self.of == "force":
+            return list(force)
+        if self.of == "position":
+            return [(place, ZERO) for _, place in force]
+        return [((0.1 * f[0], 0.1 * f[2], *scale(p, 3.0), f[1], p[0])[: axes or 5], ZERO) for f, p in force]
+
+
+KINDS = [
+    *(Kind("force", name) for name in FORCE_PREDICTORS),
+    *(Kind("position", name) for name in POSITION_PREDICTORS),
+    *(Kind("joints", name) for name in ("zoh", "linear")),
+]
+
+
+def make_channel(predictor: str, *, position: bool = False, **options: Any) -> Channel:
+    if position:
+        return position_channel(**{"predictor": predictor, "bank": POSITION_BANKS.get(predictor, ())} | options)
+    return force_channel(predictor=predictor, **options)
+
+
+def ends(channel: Channel | BundleChannel) -> tuple[Any, Any]:
+    """A new encoder and decoder."""
+    if isinstance(channel, BundleChannel):
+        return BundleEncoder(channel), BundleDecoder(channel)
+    return Encoder(channel), Decoder(channel)
+
+
+def half_step(channel: Channel) -> float:
+    """The largest rounding error of a sample on the wire."""
+    quantizer = channel.value_quantizer
+    return 0.5 * quantizer.step * sqrt(quantizer.size) * ROUNDED
 
 
 class Tick(NamedTuple):
     """One coded sample: the update sent, the value displayed then, the deadband, and the distance of the two values."""
 
     update: Update | None
-    shown: Vector
+    shown: Any
     bound: float
     error: float
 
 
-def make_channel(predictor: str, *, position: bool = False, **options: Any) -> Channel:
-    if position:
-        return position_channel(predictor=predictor, bank=POSITION_BANKS.get(predictor, ()), **options)
-    return force_channel(predictor=predictor, **options)
+class Law:
+    """Both ends of a channel on a lossless link, which assert the law at every tick.
 
+    Attributes:
+        beyond: the largest number of updates beyond the bounded rate, over all stretches of ticks; forced ones left
+            out.
+    """
 
-def half_step(channel: Channel) -> float:
-    """The largest rounding error of a sample on the wire."""
-    quantizer = channel.value_quantizer
-    return 0.5 * quantizer.step * sqrt(quantizer.size) * (1.0 + 1e-9)
+    def __init__(self, channel: Any, *, encoder: Any = None) -> None:
+        self.channel = channel
+        self.encoder, self.decoder = ends(channel)
+        self.encoder = encoder or self.encoder
+        self.late = getattr(channel, "lookahead", 0)
+        first = channel.parts[0] if isinstance(channel, BundleChannel) else channel
+        self.rate, self.smoothing, self.step = first.rate, first.smoothing, first.value_quantizer.step
+        self.layout = UpdateLayout(channel.forms) if first.value_quantizer.limit < 1e6 else None
+        self.deadband: Any = getattr(channel, "deadband", None)
+        self.weber = first.deadband.weber if isinstance(channel, BundleChannel) else 0.0
+        self.waiting: dict[int, tuple[Any, Vector, float]] = {}
+        self.last: Vector | None = None
+        self.forced = False
+        self.beyond = self.excess = 0.0
+        self.counted: int | None = None
+
+    def restart(self) -> None:
+        """The other end begins anew, and the next sample is sent in any case."""
+        self.encoder.restart()
+        self.decoder.reset()
+        self.forced, self.last = True, None
+
+    def reset(self) -> None:
+        """Both ends begin anew."""
+        self.encoder.reset()
+        self.decoder.reset()
+        self.waiting.clear()
+        self.forced, self.last = False, None
+
+    def retune(self, deadband: Any, selectors: Sequence[int], tick: int = 0) -> None:
+        """`deadband` is a Weber factor on a bundle."""
+        self.encoder.retune(deadband, selectors)
+        self.decoder.retune(deadband, tick)
+        if isinstance(deadband, Deadband):
+            self.deadband = deadband
+            self.last = self.last if deadband.reads_motion else None
+        else:
+            self.weber = deadband
+        if self.decoder.newest is not None:
+            self.forced = self.decoder.selected not in selectors
+
+    def tick(self, tick: int, sample: tuple[Any, Vector] | None, most: float = inf) -> Tick | None:
+        """Code a sample, or none; returns None if no sample is due in this tick."""
+        before, rejected = self.encoder.mirror.newest, self.encoder.rejected
+        if sample is None:
+            update = self.encoder.decide(tick) if self.late else None
+        else:
+            update = self.encoder.encode(tick, *sample, most)
+            good = is_finite(sample[1]) and all(each - each == 0.0 for each in sample[0])
+            assert self.encoder.rejected == rejected + (not good)
+            if good:
+                self.waiting[tick] = (*sample, most)
+        due = self.waiting.pop(tick - self.late, None)
+        if due is None:
+            assert update is None
+            return None
+        if update is not None:
+            assert update.tick == tick - self.late
+            if self.layout is not None:
+                self.layout.check(update)
+                shortest, longest = self.layout.lengths
+                assert shortest <= self.layout.length(update) <= longest
+            self.decoder.apply(update)
+            if tick % 3 == 0:
+                self.decoder.apply(update)  # one that is repeated changes nothing
+        value, place, most = due
+        shown = self.decoder.value(tick, place)
+        # Evaluated once per tick, as in a session: a surface with friction remembers the position.
+        assert shown == (self.encoder.predicted if update is None else self.encoder.mirror.value(tick, place))
+        if update is not None:
+            assert repr(self.decoder.state) == repr(self.encoder.mirror.state)  # an unknown position is unlike itself
+        self._check_decision(tick, update, value, place, most, before)
+        self.forced = self.forced and update is None
+        if shown is None:
+            return Tick(update, shown, self.encoder.bound, inf)
+        return Tick(update, shown, self.encoder.bound, self._check_error(update, shown, value))
+
+    def _check_decision(
+        self, tick: int, update: Update | None, value: Any, place: Vector, most: float, before: Any
+    ) -> None:
+        """The bound is that of the deadband, and a sample is sent exactly if its prediction is beyond it."""
+        encoder, predicted = self.encoder, self.encoder.predicted
+        assert encoder.coded == value
+        forced = self.forced or predicted is None
+        if self.deadband is None:
+            allowed, least = min(1.0, most), 0.0
+            missed = inf if predicted is None else self.axes_beyond(predicted, value, encoder.bound) * encoder.bound
+        else:
+            actual = self.channel.value_quantizer.confine(value)
+            compared = actual if predicted is None else predicted
+            moving = actual if self.channel.position_quantizer is None else place
+            moved = 0.0 if self.last is None or not self.deadband.reads_motion else distance(moving, self.last)
+            self.last = moving
+            allowed = min(
+                self.deadband.bound(actual, compared, compared if before is None else before.value, moved), most
+            )
+            least = self.deadband.error(self.channel.value_quantizer.rounded(actual), actual)
+            missed = inf if predicted is None else self.deadband.error(predicted, actual)
+        needed = forced or (missed > encoder.bound and missed > least)
+        if self.rate is None:
+            assert (encoder.bound, encoder.widened) == (allowed, False)
+            assert (update is not None) == needed
+            return
+        assert encoder.bound >= allowed
+        assert update is None or needed
+        passed = tick - self.counted if self.counted is not None else 0
+        self.counted = tick
+        self.excess = max(0.0, self.excess - passed * self.rate.per_tick) + (update is not None and not forced)
+        self.beyond = max(self.beyond, self.excess)
+
+    def _check_error(self, update: Update | None, shown: Any, value: Any) -> float:
+        """The value displayed is within the deadband of the measured one, or within the rounding of the wire."""
+        if self.deadband is None:
+            bound = self.encoder.bound
+            # Where a token was missing, the share is of a deadband that is no finer than the wire.
+            assert self.axes_beyond(shown, value, bound, max(1.0, bound) if self.rate else 1.0) <= ROUNDED
+            limit = self.channel.limit
+            error = max(abs(one - max(-limit, min(limit, each))) for one, each in zip(shown, value, strict=True))
+            assert update is None or error <= 0.5 * self.step * (1.0 + 1e-8)
+            return error
+        channel, band, bound = self.channel, self.deadband, self.encoder.bound
+        actual = channel.value_quantizer.confine(value)
+        assert channel.value_quantizer.in_range(shown)
+        near = max(half_step(channel), band.error(channel.value_quantizer.rounded(actual), actual))
+        if update is not None:
+            if self.smoothing is not None:
+                # The ramp takes a share of the deadband at the sample, which is rounded.
+                newest = self.encoder.mirror.newest.value
+                ramp = self.smoothing.share * band.bound(newest, newest, newest, 0.0) + near
+                bound = max(band.bound(actual, shown, newest, 0.0), bound, ramp)
+            elif self.decoder.first == self.decoder.newest.value:  # a model may begin elsewhere in the deadband
+                bound = near
+        assert band.error(shown, actual) <= max(bound * ROUNDED, near)
+        return distance(shown, actual)
+
+    def axes_beyond(self, shown: Sequence[float], value: Sequence[float], share: float, finest: float = 1.0) -> float:
+        """The largest error on an axis in shares of its deadband; none is finer than `finest` times half a step."""
+        limit, finest = self.channel.limit, finest * 0.5 * self.step * ROUNDED
+        within = [max(-limit, min(limit, each)) for each in value]
+        return max(
+            abs(one - each) / max(share * max(self.weber * abs(each), bound), finest)
+            for one, each, bound in zip(shown, within, AXIS_BOUNDS, strict=False)
+        )
 
 
 def coded(
-    channel: Channel,
-    samples: Sequence[tuple[Vector, Vector]],
-    encoder: Encoder | None = None,
-    start: int = 0,
-    limits: Iterable[float] = (),
+    channel: Channel, samples: Sequence[tuple[Vector, Vector]], limits: Iterable[float] = (), start: int = 0
 ) -> Iterator[Tick]:
-    """Code finite samples, one per tick; assert that both ends hold the same state, and the error is in the deadband.
+    """Code finite samples, one per tick, under the law; after the last one until all are coded.
 
     `limits` are of the errors that may stay unsent, one per tick; infinite where there are none left.
-
-    A sample that is sent is displayed within the rounding of the wire. With look-ahead a path may begin anywhere in the
-    deadband around it; after the last sample the ticks go on until all are coded.
     """
-    encoder, decoder = encoder or Encoder(channel), Decoder(channel)
-    near, late = half_step(channel), channel.lookahead
-    taken = [(*sample, most) for sample, most in zip(samples, chain(limits, repeat(inf)), strict=False)]
-    for index in range(len(taken) + late):
-        tick = start + index
-        update = encoder.encode(tick, *taken[index]) if index < len(taken) else encoder.decide(tick)
-        if not 0 <= index - late < len(taken):
-            assert update is None
-            continue
-        value, position, _ = taken[index - late]
-        if update is not None:
-            assert update.tick == tick - late
-            decoder.apply(update)
-        shown = decoder.value(tick, position)
-        assert shown is not None
-        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
-        # Evaluated once per tick, as in a session: a surface with friction remembers the position.
-        assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
-        actual = channel.value_quantizer.confine(value)
-        error, deviation = distance(shown, actual), channel.deadband.error(shown, actual)
-        sent = update is not None and not (late and update.payload is not None)
-        assert error <= near if sent else deviation <= max(encoder.bound * (1.0 + 1e-12), near)
-        yield Tick(update, shown, encoder.bound, error)
+    law = Law(channel)
+    for tick, (sample, most) in enumerate(zip(samples, chain(limits, repeat(inf)), strict=False), start):
+        found = law.tick(tick, sample, most)
+        if found is not None:
+            yield found
+    for tick in range(start + len(samples), start + len(samples) + law.late):
+        found = law.tick(tick, None)
+        if found is not None:
+            yield found
 
 
 def sends(channel: Channel, samples: Sequence[tuple[Vector, Vector]]) -> int:

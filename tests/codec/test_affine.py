@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import cos, pi, sin
+from math import cos, sin
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import sends
 from tests.codec.signals import Stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
@@ -156,15 +155,3 @@ def test_a_drift_in_time_alone_is_the_slope() -> None:
 def test_extreme_samples_make_a_finite_model_or_none(size: float) -> None:
     model = estimated([(scale(tremor(tick), size * 1e3), scale(tremor(tick + 7), size * 1e3)) for tick in range(20)])
     assert model is None or all(abs(each) < 1e300 for row in model.stiffness for each in row)
-
-
-def test_on_springs_it_sends_less_than_a_hold() -> None:
-    """Three springs and a hand that moves around: neither a plane nor a sphere, but affine."""
-
-    def at(t: float) -> Vector:
-        return (0.01 * sin(2.0 * pi * t), 0.01 * sin(2.6 * pi * t + 1.0), 0.01 * sin(3.4 * pi * t))
-
-    places = [at(tick * 1e-3) for tick in range(2000)]
-    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), (x, y, z)) for x, y, z in places]
-    hold, affine = (sends(force_channel(predictor=predictor), stream) for predictor in ("zoh", "affine"))
-    assert affine < 0.5 * hold

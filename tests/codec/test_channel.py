@@ -48,20 +48,6 @@ def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
     assert [form.previous is None for form in channel.forms] == [False, True]
 
 
-@pytest.mark.parametrize(
-    ("predictor", "estimates"),
-    [("zoh", False), ("hybrid", False), ("path", True), ("surface", True), ("adaptive", True)],
-)
-def test_the_sender_reads_all_samples_where_it_estimates(predictor: str, estimates: bool) -> None:
-    assert force_channel(predictor=predictor).estimates == estimates
-
-
-@pytest.mark.parametrize(("axes", "force_levels", "position_levels"), [("z", 2, 1), ("xz", 4, 2), ("xyz", 6, 3)])
-def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_levels: int) -> None:
-    assert force_channel(axes=axes).grid.size == force_levels
-    assert position_channel(axes=axes).grid.size == position_levels
-
-
 BANK = ("zoh", "linear", "plane", "path", "affine")
 READS = [(3,), (3,), (3, 3), (3,), (3, 3)]
 

@@ -150,17 +150,6 @@ def test_nothing_is_compared_across_a_gap_of_ticks() -> None:
     assert continuous.frictionless.compliance == 0.0 or 1.0 / continuous.frictionless.compliance < 100.0
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e150])
-def test_extreme_forces_and_places_do_not_raise(size: float) -> None:
-    def extreme(tick: int, size: float) -> Vector:
-        return (size * (tick % 3 - 1), size * (tick % 5 - 2) / 2.0, size * (tick % 7 - 3) / 3.0)
-
-    found = follow([(extreme(tick, size), extreme(tick + 3, 1e150)) for tick in range(600)], estimator(1e-4))
-    for estimate in (found.frictionless, found.frictional, found.moving):
-        assert 0.0 <= estimate.compliance < 1e300
-    assert 0.0 <= found.friction < 1e300
-
-
 # The surfaces that the hypotheses make.
 
 

@@ -1,86 +1,21 @@
 """The values of a decoder between updates, and the updates that it refuses."""
 
-from contextlib import nullcontext, suppress
 from math import inf, nan
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel, position_channel
 from weberlink.codec.parameters import pack
-from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelKind
 from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
 from weberlink.geometry.vector import ZERO, is_finite
-from weberlink.update import ModelParameters, Payload, PreviousSample
-
-samples = st.tuples(*[st.integers(-32_767, 32_767)] * 6)
-anything = st.floats(allow_nan=True, allow_infinity=True)
-payloads = st.none() | st.builds(PreviousSample, st.integers(1, 65_535), samples)
-parameters = st.none() | st.builds(ModelParameters, st.binary(max_size=8))
+from weberlink.update import ModelParameters, PreviousSample
 
 
 def test_before_the_first_update_a_force_is_zero_and_a_position_unknown() -> None:
     assert Decoder(force_channel()).value(5.5) == ZERO
     decoder = Decoder(position_channel())
     assert (decoder.value(5.5), decoder.model, decoder.surface, decoder.record) == (None, None, None, UNFITTED)
-
-
-@pytest.mark.parametrize(
-    "update",
-    [
-        Update(0, 9, (0,) * 6),
-        Update(0, -1, (0,) * 6),
-        Update(0, 0, (0,) * 6),
-        Update(0, 2, (0,) * 3),
-        Update(0, 1, (0,) * 3, PreviousSample(1, (0,) * 6)),
-        Update(0, 2, (0,) * 6, PreviousSample(1, (0,) * 3)),
-        Update(0, 1, (0,) * 3, ModelParameters(b"5")),
-        Update(0, 4, (0,) * 6, PreviousSample(1, (0,) * 6)),
-        Update(0, 4, (0,) * 6, ModelParameters(bytes(14))),
-    ],
-)
-def test_an_update_that_does_not_fit_is_refused_and_changes_nothing(update: Update) -> None:
-    decoder = Decoder(force_channel(predictor="adaptive", bank=("zoh", "linear", "plane", "sphere", "surface")))
-    decoder.apply(Update(3, 0, (1, 2, 3)))
-    before = decoder.state
-    with pytest.raises(ValueError, match="update"):
-        decoder.apply(update)
-    assert repr(decoder.state) == repr(before)
-
-
-@pytest.mark.parametrize("name", list(PREDICTORS))
-@given(
-    newest=samples,
-    previous=payloads,
-    bits=parameters,
-    ahead=st.floats(-1e9, 1e9),
-    position=st.tuples(anything, anything, anything),
-)
-@examples(60)
-def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
-    name: str,
-    newest: tuple[int, ...],
-    previous: Payload,
-    bits: Payload,
-    ahead: float,
-    position: tuple[float, float, float],
-) -> None:
-    channel = force_channel(predictor=name)
-    (form,) = channel.forms
-    decoder = Decoder(channel)
-    if isinstance(previous, PreviousSample):
-        previous = previous._replace(levels=previous.levels[: sum(form.newest)])
-    payload = bits if PREDICTORS[name].estimated else previous
-    with suppress(ValueError) if payload is bits else nullcontext():  # more bytes than the fields have
-        decoder.apply(Update(70_000, 0, newest[: sum(form.newest)], payload))
-    for tick in (70_000 + ahead, 70_001, 70_000):
-        value = decoder.value(tick, position)
-        assert value is not None
-        assert is_finite(value)
-        assert channel.value_quantizer.in_range(value)
 
 
 def test_at_the_tick_of_a_sample_the_value_is_the_sample_even_on_a_stiff_model() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.signals import NOISE, Array, Stream
+from tests.codec.signals import NOISE, Stream
 from tests.examples import examples
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.predictors.contract import History, Signal
@@ -133,14 +133,6 @@ def test_a_constant_and_nothing_are_followed_by_no_change() -> None:
             assert each.stiffness == (0.0, 0.0)
 
 
-def test_it_learns_while_the_hand_rests_and_goes_on_when_it_moves() -> None:
-    run = Run().follow(along(wave, seconds=2.0))
-    assert norm(run.path.displacements[2]) > BOUND
-    moved = zip(along(wave, seconds=3.0, start=2.0), wander(7, ticks=3000), strict=True)
-    run.follow([(value, place) for (value, _), place in moved])
-    assert share_missed(run, wave, 5.0) < 0.2
-
-
 def _change(force: Force, at: float, steps: int) -> Vector:
     return scale(unit((0.3, -0.5, 0.8)), force(at - 1e-3 + steps * STEP_S) - force(at - 1e-3))
 
@@ -210,30 +202,3 @@ def test_estimates_change_with_the_last_tick_of_a_solution() -> None:
     found = [run.follow([((0.0, 0.0, 2.0), ZERO)], gap=1000).path.displacements for run in runs]
     assert found[:period] == [found[0]] * period
     assert found[period] != found[0]
-
-
-@pytest.mark.parametrize("period", [2e-3, 1e-3, 2.5e-4])
-def test_the_work_of_a_tick_is_bounded(period: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two solutions, of small systems, every `STEPS_PER_SOLUTION` steps, in two ticks where a step has four."""
-    channel = force_channel(predictor="elastic", tick_period=period)
-    history, tested, solve = History(period), learner(channel), np.linalg.solve
-    solved: list[int] = []
-
-    def counted(left: Array, right: Array) -> Array:
-        solved.append(left.shape[-1])
-        return np.asarray(solve(left, right))
-
-    monkeypatch.setattr(np.linalg, "solve", counted)
-    per_tick, ticks = [], round(1.0 / period)
-    stream = [
-        (force, place)
-        for (force, _), place in zip(along(wave, seconds=1.0, period=period), wander(1, ticks=ticks), strict=True)
-    ]
-    for tick, (force, place) in enumerate(stream):
-        solved.clear()
-        history.add(tick, force, place, BOUND)
-        tested.follow(history)
-        assert max(solved, default=0) <= 10
-        per_tick.append(len(solved))
-    assert max(per_tick) <= (1 if 4.0 * period <= STEP_S else 2)
-    assert 0 < sum(per_tick) <= 2.0 / (STEPS_PER_SOLUTION * STEP_S) + 2

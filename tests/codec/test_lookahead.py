@@ -8,52 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import FITTED, FORCE_PREDICTORS, POSITION_PREDICTORS, coded, make_channel, sends
+from tests.codec.law import FITTED, sends
 from tests.codec.signals import contact_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, Update, force_channel
-from weberlink.codec.deadband import DEADBANDS, DeadbandSetup
 from weberlink.codec.lookahead import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
 from weberlink.codec.replay import code
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 
 seeds = st.integers(0, 2**32 - 1)
-lengths = st.sampled_from([1, 2, 5, 10, 20, 37, 100])
 CAUSAL = (*FITTED, "hybrid", "affine")
 """Predictors that learn nothing beyond the history of the sample."""
 
 
 def up(force: float) -> Vector:
     return (0.0, 0.0, force)
-
-
-@pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
-@given(seed=seeds, lookahead=lengths, weber=st.floats(0.005, 0.5), axes=st.sampled_from(["z", "xz", "xyz"]))
-@examples(3)
-def test_law_holds_for_the_delayed_force(predictor: str, seed: int, lookahead: int, weber: float, axes: str) -> None:
-    channel = force_channel(predictor=predictor, weber=weber, axes=axes, lookahead=lookahead)
-    stream = contact_stream(seed, ticks=300, axes=axes)
-    assert len(list(coded(channel, stream))) == len(stream)
-
-
-@pytest.mark.parametrize("predictor", POSITION_PREDICTORS)
-@given(seed=seeds, lookahead=lengths, limits=st.lists(st.sampled_from([1e-5, 1e-3, inf]), min_size=300, max_size=300))
-@examples(3)
-def test_law_holds_for_the_delayed_position(predictor: str, seed: int, lookahead: int, limits: list[float]) -> None:
-    channel = make_channel(predictor, position=True, lookahead=lookahead)
-    stream = [(position, ZERO) for _, position in contact_stream(seed, ticks=300)]
-    assert len(list(coded(channel, stream, limits=limits))) == len(stream)
-
-
-@pytest.mark.parametrize("shape", DEADBANDS)
-@given(seed=seeds, lookahead=st.sampled_from([5, 20]))
-@examples(3)
-def test_law_holds_for_every_deadband(shape: str, seed: int, lookahead: int) -> None:
-    deadband = DEADBANDS[shape].configured(DeadbandSetup(0.1, 0.02, "actual", 1e-3, DEADBANDS[shape].defaults()))
-    stream = contact_stream(seed, ticks=300)
-    for _ in coded(force_channel(predictor="adaptive", deadband=deadband, lookahead=lookahead), stream):
-        pass
 
 
 @pytest.mark.parametrize("predictor", CAUSAL)
@@ -71,17 +41,16 @@ def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(pr
     assert sum(update is not None for update in expected) > 5
 
 
-@pytest.mark.parametrize("predictor", ["path", "elastic", "adaptive"])
-@pytest.mark.parametrize("axes", ["z", "xyz"])
+@pytest.mark.parametrize(("predictor", "axes"), [("path", "z"), ("adaptive", "xyz")])
 def test_more_future_needs_fewer_updates(predictor: str, axes: str) -> None:
     counts = [
         sum(
             sends(force_channel(predictor=predictor, axes=axes, lookahead=lookahead), contact_stream(seed, axes=axes))
-            for seed in (2, 3, 5, 7)
+            for seed in (2, 5)
         )
-        for lookahead in (0, 5, 20)
+        for lookahead in (0, 20)
     ]
-    assert counts[2] < 0.9 * min(counts[:2])
+    assert counts[1] < 0.9 * counts[0]
 
 
 def test_an_update_in_the_known_signal_is_the_exception() -> None:
@@ -107,23 +76,6 @@ def test_a_step_that_no_position_explains_is_displayed_that_much_later(lookahead
         seen.append((decoder.value(tick) or ZERO)[2])
     assert max(map(abs, seen[: 100 + lookahead])) <= 0.02
     assert min(seen[100 + lookahead :]) >= 1.8
-
-
-def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
-    channel, random = force_channel(predictor="adaptive", lookahead=10), Random(3)
-    encoder, decoder, agreed, lost = Encoder(channel), Decoder(channel), 0, 0
-    for tick, (force, position) in enumerate(contact_stream(5, ticks=3000)):
-        update = encoder.encode(tick, force, position)
-        if update is None:
-            continue
-        if random.random() < 0.3:
-            lost += 1
-            continue
-        decoder.apply(update)
-        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
-        agreed += 1
-    assert agreed > 10
-    assert lost > 3
 
 
 @given(missed=st.sets(st.integers(0, 299), max_size=60), spoilt=st.sets(st.integers(0, 299), max_size=20), seed=seeds)
@@ -192,3 +144,12 @@ def test_chords_that_claim_to_fit_do(seed: int, length: int, tail: int) -> None:
         shown = [vertices[knots.index(tick)] if tick in knots else None for tick in range(length)]
         assert all(each is None or distance(each, value) <= 0.5 for each, value in zip(shown, values, strict=True))
     assert 0.0 < MARGIN < 1.0
+
+
+def test_chords_of_deadbands_that_are_far_apart_are_finite() -> None:
+    """Rounding makes the least squares singular: the path that was found until then is used."""
+    values = [up(force) for force in (0.126, -0.132, 0.64, 0.105, -0.536, 0.362, 1.304, 0.947)]
+    knots, vertices = Chords(values, [1e-12, 1e3] * 4, [up(1.0)], [4]).path()
+    assert all(early < late for early, late in pairwise(knots))
+    assert len(knots) == len(vertices)
+    assert all(map(is_finite, vertices))

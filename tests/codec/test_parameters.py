@@ -7,15 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED
 from tests.examples import examples
-from weberlink.codec import force_channel, position_channel
 from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
-from weberlink.codec.predictors import PREDICTORS
-from weberlink.codec.predictors.model import Hold
-from weberlink.geometry.vector import is_finite
-from weberlink.protocol.wire import UpdateLayout
-from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters, Update
 
 LARGEST_EXPONENT = 2**EXPONENT_BITS - 1
 widths_of_fields = st.lists(st.integers(1, 20), max_size=10)
@@ -38,42 +31,6 @@ def test_any_bytes_are_fields_within_their_widths_and_too_many_are_refused(data:
     with nullcontext() if len(data) <= size else pytest.raises(ValueError, match=f"{len(data)} bytes"):
         values = unpack(data, widths)
         assert all(0 <= value < 2**width for value, width in zip(values, widths, strict=True))
-
-
-@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
-@pytest.mark.parametrize("name", ESTIMATED)
-@given(newest=st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6), data=st.binary(max_size=14))
-@examples(40)
-def test_every_predictor_fits_into_an_update_and_reads_any_bytes(
-    name: str, axes: str, newest: tuple[int, ...], data: bytes
-) -> None:
-    predictor, limits = PREDICTORS[name], force_channel().fit_limits
-    channels = [force_channel(predictor=name, axes=axes)]
-    if not predictor.geometric:
-        channels.append(position_channel(predictor=name, axes=axes))
-    for channel in channels:
-        grid, layout, size = channel.grid, UpdateLayout(channel.forms), sum(channel.forms[0].newest)
-        sample = grid.sample(100, newest[:size])
-        try:
-            model = predictor.decode(ModelParameters(data), sample, grid, limits)
-        except ValueError as error:
-            assert "bytes" in str(error)
-            continue
-        assert is_finite(channel.displayable(model.at(140, sample.position), sample))
-        if not isinstance(model, Hold):
-            packed = predictor.packed(model, sample, grid)
-            assert len(packed.data) <= MOST_PARAMETER_BYTES
-            layout.check(Update(0, 0, newest[:size], packed))
-
-
-@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
-@pytest.mark.parametrize("name", ESTIMATED)
-def test_more_bytes_than_the_fields_of_a_model_are_refused(name: str, axes: str) -> None:
-    channel = force_channel(predictor=name, axes=axes)
-    sample = channel.grid.sample(0, (1000,) * channel.grid.size)
-    data = ModelParameters(b"\x24" + bytes(MOST_PARAMETER_BYTES))  # of a path with a single knot, 2 bits a component
-    with pytest.raises(ValueError, match="bytes"):
-        PREDICTORS[name].decode(data, sample, channel.grid, channel.fit_limits)
 
 
 # Number formats.

@@ -5,18 +5,13 @@ from math import inf, nan
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.codec.law import half_step, make_channel
-from tests.codec.signals import Stream, contact_stream, rubbing_stream
-from tests.examples import examples
-from weberlink.codec import Decoder, Encoder, force_channel
-from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband
+from tests.codec.law import Kind, ends
+from tests.codec.signals import Stream, rubbing_stream
+from weberlink.codec import Encoder, force_channel
 from weberlink.codec.predictors import ADAPTIVE
 from weberlink.codec.rate import WIDEST, TokenBucket, UpdateRate
-from weberlink.codec.smoothing import Smoothing
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 
 RATE = UpdateRate.limited_to(100.0, 1e-3)
 
@@ -27,84 +22,14 @@ def noise(seed: int, rms: float = 0.05, ticks: int = 5000, force: float = 0.0) -
     return [((random.gauss(0.0, rms), random.gauss(0.0, rms), random.gauss(force, rms)), ZERO) for _ in range(ticks)]
 
 
-def most_beyond(sent: list[float], per_tick: float) -> float:
-    """The largest number of updates beyond the rate, over all windows of consecutive ticks."""
-    most = beyond = 0.0
-    for each in sent:
-        beyond = max(0.0, beyond + each - per_tick)
-        most = max(most, beyond)
-    return most
-
-
 @pytest.mark.parametrize(("per_tick", "burst"), [(0.0, 16.0), (-1.0, 16.0), (nan, 16.0), (inf, 16.0), (0.1, 3.9)])
 def test_refuses_a_rate_out_of_range(per_tick: float, burst: float) -> None:
     with pytest.raises(ValueError, match=r"per_tick|burst"):
         UpdateRate(per_tick, burst)
 
 
-@pytest.mark.parametrize("predictor", ["zoh", "linear", "hybrid", ADAPTIVE])
-@given(
-    per_tick=st.floats(0.001, 1.5), burst=st.floats(4.0, 40.0), seed=st.integers(0, 2**32 - 1),
-    floor=st.sampled_from([0.0, 0.002, 0.02]), position=st.booleans(), smooth=st.booleans(),
-    kind=st.sampled_from(["contact", "rubbing", "noise", "loud"]), shape=st.sampled_from(["ball", "cone", "levels"]),
-    restarts=st.sets(st.integers(0, 399), max_size=20), resets=st.sets(st.integers(0, 399), max_size=5),
-    missed=st.integers(0, 300),
-)  # fmt: skip
-@examples(15)
-def test_the_laws_of_rate_and_error_hold_for_any_signal(
-    predictor: str, per_tick: float, burst: float, seed: int, floor: float, position: bool, smooth: bool,
-    kind: str, shape: str, restarts: set[int], resets: set[int], missed: int,
-) -> None:  # fmt: skip
-    """Forced updates are counted too, but not held back; a tick without a sample returns tokens all the same."""
-    stream = {
-        "contact": lambda: contact_stream(seed), "rubbing": lambda: rubbing_stream(seed, ticks=400),
-        "noise": lambda: noise(seed, ticks=400), "loud": lambda: noise(seed, 10.0, 400),
-    }[kind]()  # fmt: skip
-    rate = UpdateRate(per_tick, burst)
-    deadband: Deadband = ForceDeadband(0.1, floor)
-    if shape != "ball" and not position and floor > 0.0:
-        deadband = ConeDeadband(0.1, floor) if shape == "cone" else LevelCrossingDeadband(0.1, floor)
-    if position:
-        channel = make_channel(predictor, position=True, rate=rate)
-        deadband = channel.deadband
-    else:
-        smoothing = Smoothing(9) if smooth and deadband.is_ball else None
-        channel = make_channel(predictor, deadband=deadband, smoothing=smoothing, rate=rate)
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    sent: list[float] = []
-    forced = channel.rest is None
-    for index, (force, place) in enumerate(stream):
-        tick = index if index < 200 else index + missed
-        if index == 200:
-            sent += [0.0] * missed
-        if index in resets:
-            encoder.reset()
-            decoder.reset()
-            forced = channel.rest is None
-        if index in restarts:
-            encoder.restart()
-            decoder.reset()
-            forced = True
-        value = place if position else force
-        update = encoder.encode(tick, value, place)
-        if update is not None:
-            decoder.apply(update)
-        shown = decoder.value(tick, place)
-        sent.append(0.0 if update is None or forced else 1.0)
-        if shown is not None:
-            forced = forced and update is None
-            actual = channel.value_quantizer.confine(value)
-            rounded = deadband.error(channel.value_quantizer.rounded(actual), actual) + half_step(channel)
-            assert update is not None or forced or shown == encoder.predicted
-            assert deadband.error(shown, actual) <= max(encoder.bound * (1.0 + 1e-9), rounded)
-        if not encoder.widened:
-            assert encoder.bound <= deadband.bound(actual, shown or actual, actual, 1.0) * (1.0 + 1e-9) + 1e-12
-    assert most_beyond(sent, per_tick) <= burst + 1e-6
-
-
-@pytest.mark.parametrize("predictor", ["zoh", "hybrid", ADAPTIVE])
-@pytest.mark.parametrize("floor", [0.0, 0.02])
-@pytest.mark.parametrize("force", [0.0, 1.0])
+@pytest.mark.parametrize("predictor", ["zoh", "hybrid"])
+@pytest.mark.parametrize(("floor", "force"), [(0.0, 1.0), (0.02, 0.0)])
 def test_noise_above_the_floor_settles_at_the_rate(predictor: str, floor: float, force: float) -> None:
     """50 mN rms: without a bound nearly every tick is sent; with it the deadband is no wider than a few times that."""
     rates, bounds = [], []
@@ -158,16 +83,15 @@ def test_a_signal_below_the_rate_is_coded_as_without(predictor: str) -> None:
         assert (bounded.bound, bounded.widened) == (free.bound, False)
 
 
-def test_what_may_stay_unsent_at_most_is_widened_too() -> None:
-    """Or an error bound that the control asks for would break the law of the rate."""
-    encoder = Encoder(make_channel("zoh", position=True, rate=RATE))
-    random, sent = Random(4), 0
-    for tick in range(5000):
-        position: Vector = (random.gauss(0.0, 1e-3), 0.0, 0.0)
-        sent += encoder.encode(tick, position, ZERO, 1e-5) is not None
-    assert sent <= RATE.per_tick * 5000 + RATE.burst
-    assert encoder.widened
-    assert encoder.bound > 1e-5
+def test_a_bounded_rate_widens_every_axis_of_a_bundle() -> None:
+    (encoder, _), random = ends(Kind("joints", "zoh").channel(rate=UpdateRate(0.05, 20.0))), Random(3)
+    sent = widened = 0
+    for tick in range(2000):
+        sent += encoder.encode(tick, tuple(random.gauss(0.0, 0.3) for _ in range(5))) is not None
+        widened += encoder.widened
+        assert encoder.bound >= 1.0
+    assert 50 < sent <= 2000 * 0.05 + 20.0
+    assert widened > 1000
 
 
 def test_a_reset_returns_no_tokens_and_forced_updates_are_paid_back() -> None:

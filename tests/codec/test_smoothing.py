@@ -1,35 +1,21 @@
 """A ramp within the deadband instead of a step: closed form, the law of the encoder, effect, and losses."""
 
-from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import nan, sin
-from typing import Any
 
 import pytest
-from hypothesis import event, given
+from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import FORCE_PREDICTORS, half_step
-from tests.codec.signals import contact_stream, rubbing_stream
-from tests.examples import examples
-from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel
-from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
-from weberlink.codec.predictors.model import FitLimits, Line, Model
+from tests.codec.signals import contact_stream
+from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec.deadband import ForceDeadband
 from weberlink.codec.replay import code
-from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
-from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.update import PreviousSample
 
 vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
-BALLS: dict[str, Callable[[], Deadband]] = {
-    "actual": lambda: ForceDeadband(0.1, 0.02),
-    "displayed": lambda: ForceDeadband(0.1, 0.02, "displayed"),
-    "sent": lambda: ForceDeadband(0.1, 0.02, "sent"),
-    "no floor": lambda: ForceDeadband(0.1),
-    "velocity": lambda: VelocityDeadband(0.1, 0.02, "displayed"),
-}
 
 
 def up(force: float) -> Vector:
@@ -94,47 +80,6 @@ def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None
         assert line[2] - shown[2] == pytest.approx(0.7 * 0.23 * max(0.0, 1.0 - (tick - 30) / 10))
 
 
-@pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
-@given(
-    deadband=st.sampled_from(list(BALLS)), ticks=st.integers(1, 30), seed=st.integers(0, 2**32 - 1),
-    axes=st.sampled_from(["z", "xz", "xyz"]),
-)  # fmt: skip
-@examples(10)
-def test_the_law_holds_with_the_ramp(predictor: str, deadband: str, ticks: int, seed: int, axes: str) -> None:
-    """At a send the deadband is that of the new displayed or sent value, as `reference` may be either."""
-    smoothing = Smoothing(ticks, 0.7)
-    channel = force_channel(predictor=predictor, axes=axes, deadband=BALLS[deadband](), smoothing=smoothing)
-    stream = contact_stream(seed, ticks=250, axes=axes)
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    near, band, before = half_step(channel), channel.deadband, stream[0][1]
-    for tick, (force, position) in enumerate(stream):
-        update = encoder.encode(tick, force, position)
-        if update is not None:
-            decoder.apply(update)
-        shown = decoder.value(tick, position)
-        assert shown is not None
-        assert repr(decoder.state) == repr(encoder.mirror.state)  # an unknown position is not equal to itself
-        assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
-        actual = channel.value_quantizer.confine(force)
-        error, bound = band.error(shown, actual), encoder.bound
-        if update is not None:
-            newest = channel.grid.sample(update.tick, update.newest).value
-            bound = band.bound(actual, shown, newest, distance(position, before))
-            # The ramp takes 0.7 of the deadband at the sample, which is rounded.
-            bound = max(bound, 0.7 * band.bound(newest, newest, newest, 0.0) + near)
-        assert error <= max(bound * (1.0 + 1e-9), near)
-        before = position
-
-
-@pytest.mark.parametrize("deadband", [ConeDeadband(0.1, 0.02), LevelCrossingDeadband(0.1, 0.02)])
-@pytest.mark.parametrize("predictor", ["zoh", "path", "adaptive"])
-def test_the_law_holds_in_the_measure_of_every_shape(predictor: str, deadband: Deadband) -> None:
-    stream = rubbing_stream(6, ticks=800)
-    channel = force_channel(predictor=predictor, deadband=deadband, smoothing=Smoothing(12, 0.7))
-    for tick, (force, _) in zip(code(channel, stream), stream, strict=True):
-        assert deadband.error(tick.displayed, force) <= tick.bound * (1.0 + 1e-9)
-
-
 @pytest.mark.parametrize("predictor", ["zoh", "linear", "plane", "hybrid", "affine"])
 def test_the_largest_step_is_smaller(predictor: str) -> None:
     """Of a slow press and a tremor."""
@@ -145,32 +90,6 @@ def test_the_largest_step_is_smaller(predictor: str) -> None:
         shown = [tick.displayed for tick in code(force_channel(predictor=predictor, smoothing=smoothing), stream)]
         steps.append(max(distance(one, other) for one, other in pairwise(shown[50:])))
     assert steps[1] < 0.6 * steps[0]
-
-
-@pytest.mark.parametrize("predictor", ["zoh", "hybrid", "adaptive"])
-def test_a_live_change_of_the_weber_factor_keeps_the_law(predictor: str) -> None:
-    """And costs no further updates: a ramp of the former deadband would leave the new one at once."""
-    counts = []
-    for weber in (0.05, 0.3):
-        channel = force_channel(predictor=predictor, weber=weber, smoothing=Smoothing(20))
-        encoder, decoder, sent = Encoder(channel), Decoder(channel), 0
-        for tick in range(4000):
-            if tick == 1000:
-                encoder.retune(ForceDeadband(0.05, 0.02), range(len(channel.bank)))
-                decoder.retune(ForceDeadband(0.05, 0.02), tick)
-            force, position = (
-                up(2.0 + sin(0.004 * tick) + 0.05 * sin(0.07 * tick)),
-                (0.0, 0.0, -1e-3 * sin(0.02 * tick)),
-            )
-            update = encoder.encode(tick, force, position)
-            if update is not None:
-                decoder.apply(update)
-            shown = decoder.value(tick, position)
-            assert shown is not None
-            assert distance(shown, force) <= encoder.bound + half_step(channel)
-            sent += update is not None and tick >= 1000
-        counts.append(sent)
-    assert counts[1] <= 1.3 * counts[0]
 
 
 def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() -> None:
@@ -209,94 +128,3 @@ def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor:
             ramping += shown != mirrored
     assert compared > 100
     assert ramping > 0
-
-
-def test_a_ramp_without_a_share_is_the_plain_codec() -> None:
-    plain = Encoder(force_channel(predictor="zoh"))
-    smoothed = Encoder(force_channel(predictor="zoh", smoothing=Smoothing(20, 0.0)))
-    for tick, (force, position) in enumerate(contact_stream(9, ticks=300)):
-        assert smoothed.encode(tick, force, position) == plain.encode(tick, force, position)
-
-
-def test_the_memory_of_friction_is_not_changed_by_the_start_of_a_ramp() -> None:
-    """The mirror predicts in the tick of an update, and a decoder need not: both ramps start at the same value."""
-    channel = force_channel(predictor="surface", smoothing=Smoothing(5, 0.7))
-    encoder, decoder, stream = Encoder(channel), Decoder(channel), rubbing_stream(11, ticks=1500)
-    for tick, coded in enumerate(code(channel, stream, encoder=encoder, decoder=decoder)):
-        mirrored = encoder.predicted if coded.update is None else encoder.mirror.value(tick, stream[tick][1])
-        assert coded.displayed == mirrored
-
-
-COARSE_N, COARSE_N_PER_TICK = 0.037, 0.0013
-"""Steps in which a coarse line travels: its beginning, beside the sample, and its slope."""
-
-
-class CoarseLine(Predictor):
-    """An estimated line that travels in steps as coarse as the deadband, so that it often begins outside of it."""
-
-    name = "coarse"
-    estimated = True
-
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [CoarseCandidate()]
-
-    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        return (6,) * 6
-
-    def levels(self, model: Any, newest: Sample, grid: SampleGrid) -> list[int]:
-        ahead = subtract(model.value, newest.value)
-        levels = [
-            *(round(each / COARSE_N) for each in ahead),
-            *(round(each / COARSE_N_PER_TICK) for each in model.slope),
-        ]
-        return [max(0, min(63, level + 32)) for level in levels]
-
-    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
-        x, y, z, u, v, w = (each - 32 for each in fields)
-        begin = add(newest.value, (x * COARSE_N, y * COARSE_N, z * COARSE_N))
-        slope = (u * COARSE_N_PER_TICK, v * COARSE_N_PER_TICK, w * COARSE_N_PER_TICK)
-        return Line(begin, slope, newest.tick)
-
-
-class CoarseCandidate:
-    """Begins at the mean of the last two samples, within the deadband before it travels."""
-
-    def model(self, context: EncodeContext) -> Model | None:
-        newest, values = context.newest, context.history.values
-        before = values[-2] if len(values) > 1 else values[-1]
-        step = subtract(newest.value, before)
-        begin = subtract(newest.value, (0.5 * step[0], 0.5 * step[1], 0.5 * step[2]))
-        return Line(begin, step, newest.tick)
-
-
-class CoarseChannel(Channel):
-    """A force channel with that predictor."""
-
-    @property
-    def predictors(self) -> tuple[Predictor, ...]:
-        return (CoarseLine(),)
-
-
-@given(
-    seed=st.integers(0, 2**32 - 1), ticks=st.integers(1, 30), share=st.floats(0.1, 0.9), weber=st.floats(0.0, 0.2),
-    floor=st.floats(0.005, 0.1),
-)  # fmt: skip
-@examples(40)
-def test_both_ends_display_the_same_bits_where_a_model_is_rejected(
-    seed: int, ticks: int, share: float, weber: float, floor: float
-) -> None:
-    """A model that would begin outside the deadband leaves no trace in the mirror: the decoder never hears of it."""
-    like = force_channel(predictor="path", weber=weber, floor=floor, smoothing=Smoothing(ticks, share))
-    channel = CoarseChannel(like.bank, like.deadband, like.value_quantizer, like.position_quantizer, like.rest,
-                            smoothing=like.smoothing)  # fmt: skip
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    kept = rejected = 0
-    for tick, (force, position) in enumerate(contact_stream(seed, ticks=300)):
-        update = encoder.encode(tick, force, position)
-        if update is not None:
-            decoder.apply(update)
-            kept += update.payload is not None
-            rejected += update.payload is None
-        mirrored = encoder.predicted if update is None else encoder.mirror.value(tick, position)
-        assert decoder.value(tick, position) == mirrored
-    event("both" if kept and rejected else "one kind")

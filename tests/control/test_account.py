@@ -1,6 +1,6 @@
 """The account of a display: its bound, whatever is asked for, and how the force behaves within it."""
 
-from math import sqrt
+from math import inf, sqrt
 from random import Random
 
 import pytest
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.control.teleoperation import ACCOUNT, TICK
 from tests.examples import examples
 from weberlink.control.account import Account
+from weberlink.control.axes import HANDLE, LEVER, BoundedAxes, build_axes
 
 STIFFNESS = 500.0
 
@@ -73,36 +74,6 @@ def test_a_force_that_the_hand_has_not_pressed_in_rises() -> None:
     assert forces[-1] == 3.0
 
 
-def test_what_friction_took_is_not_kept() -> None:
-    account = Account(ACCOUNT)
-    account.book(-5.0, 0.0, TICK)
-    account.share(2.0, STIFFNESS, TICK)
-    assert account.energy == pytest.approx(ACCOUNT.allowance + 0.5 * 4.0 / STIFFNESS)
-
-
-def test_an_interruption_leaves_no_energy_and_keeps_a_debt() -> None:
-    account = Account(ACCOUNT)
-    account.resume()
-    assert account.energy == 0.0
-    account.book(0.003, 0.0, 0.0)
-    account.resume()
-    assert account.energy == pytest.approx(-0.003)
-    assert account.share(1.0, STIFFNESS, TICK) == 0.0
-    account.reset()
-    assert account.energy == ACCOUNT.allowance
-
-
-def test_what_an_interruption_took_is_back_soon_after_it() -> None:
-    account = Account(ACCOUNT)
-    account.resume()
-    levels = []
-    for _ in range(200):
-        account.book(0.0, 0.0, TICK)
-        levels.append(account.energy)
-    assert levels[0] < 1e-3
-    assert levels[-1] == pytest.approx(ACCOUNT.allowance)
-
-
 def test_many_interruptions_add_nothing_to_the_bound() -> None:
     account, out = Account(ACCOUNT), 0.0
     for tick in range(5000):
@@ -112,3 +83,111 @@ def test_many_interruptions_add_nothing_to_the_bound() -> None:
         account.book(given, 1e-8, TICK)
         out += given
     assert out <= ACCOUNT.allowance + 5.0 * (ACCOUNT.refill + ACCOUNT.damping * 1e-2) + 1e-3
+
+
+@pytest.mark.parametrize(
+    ("booked", "energy"),
+    [
+        ([(0.005, 0.0, 0.0, 0.0)], 0.015),  # no time, no refill
+        ([(0.005, 0.0, 0.1, 0.0)], 0.016), ([(0.005, 1e-6, 1e-3, 0.0)], 0.01601), ([(0.005, 0.0, 9.0, 0.0)], 0.02),
+        ([(0.0, 1e-6, 1e-3, 0.0)], 0.02), ([(-0.003, 1e-6, 1e-3, 0.0)], 0.023),  # what was pressed in is on top
+        ([(0.001, 0.0, 0.0, 0.004)], 0.023), ([(0.025, 0.0, 0.0, 0.0)], -0.005),
+        ([(0.025, 0.0, 0.1, 0.0)], -0.004), ([(0.01, 0.0, 0.0, 0.0), (-0.01, 0.0, 0.0, 0.0)], 0.02),
+    ],
+)  # fmt: skip
+def test_an_account_adds_up(booked: list[tuple[float, float, float, float]], energy: float) -> None:
+    account = Account(ACCOUNT)
+    for each in booked:
+        account.book(*each)
+    assert account.energy == pytest.approx(energy)
+
+
+@pytest.mark.parametrize(
+    ("given", "asked", "softest", "share", "left"),
+    [
+        (0.0, 0.0, inf, 1.0, 0.02), (0.0, 0.08, inf, 1.0, 0.02), (0.0, 0.16, inf, 0.5, 0.02),  # it rises by 80 N/s
+        (-0.1, 0.0, inf, 1.0, 0.02),  # without a force nothing beyond the allowance is kept,
+        (-5.0, 2.0, inf, 1.0, 0.024), (-5.0, 2.0, 100.0, 1.0, 0.04),  # and with one what its contact can store
+        (-5.0, 2.0, 1000.0, 1.0, 0.024), (0.02, 2.0, inf, 0.0, 0.0), (0.03, 2.0, inf, 0.0, -0.01),
+    ],
+)  # fmt: skip
+def test_a_share_is_what_the_account_pays_for(
+    given: float, asked: float, softest: float, share: float, left: float
+) -> None:
+    account = Account(ACCOUNT)
+    account.book(given, 0.0, 0.0)
+    assert account.share(asked, STIFFNESS, TICK, softest) == pytest.approx(share)
+    assert account.energy == pytest.approx(left)
+
+
+def test_an_interruption_takes_the_energy_and_keeps_a_debt() -> None:
+    """What it took is back with half a watt; what is asked for then begins at zero."""
+    account = Account(ACCOUNT)
+    account.resume()
+    assert (account.energy, account.share(1.0, STIFFNESS, TICK)) == (0.0, 0.0)
+    account.book(0.0, 0.0, 0.01)
+    assert account.energy == pytest.approx(0.005)
+    account.book(0.0, 0.0, 1.0)
+    assert account.energy == pytest.approx(ACCOUNT.allowance)
+    account.book(0.023, 0.0, 0.0)
+    account.resume()
+    assert account.energy == pytest.approx(-0.003)
+    account.reset()
+    assert account.energy == ACCOUNT.allowance
+    account.book(0.0, 0.0, 1.0)
+    assert account.energy == ACCOUNT.allowance
+
+
+# Torques: one account of all axes.
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_torques_give_more_than_the_bound(seed: int) -> None:
+    """Joints that move with the torques on them, whatever is asked for."""
+    random, axes = Random(seed), BoundedAxes(LEVER, ACCOUNT)
+    angles, torques = (0.0,) * 7, (0.0,) * 7
+    out = most = 0.0
+    allowed = ACCOUNT.allowance
+    for _ in range(3000):
+        ways = [2.0 * TICK * random.uniform(-0.1, 1.0) * (1.0 if torque >= 0.0 else -1.0) for torque in torques]
+        given = sum(torque * way for torque, way in zip(torques, ways, strict=True))
+        angles = tuple(angle + way for angle, way in zip(angles, ways, strict=True))
+        axes.observe(angles, TICK)
+        out, most = out + given, max(most, given)
+        allowed += ACCOUNT.refill * TICK + ACCOUNT.damping * LEVER**2 * sum(way * way for way in ways) / TICK
+        assert out <= allowed + most + 1e-9
+        torques = axes.render(tuple(random.uniform(-2.0, 2.0) for _ in range(7)))
+        axes.displayed(torques)
+    assert out > ACCOUNT.allowance
+
+
+def test_what_the_hand_presses_in_is_displayed_as_decoded() -> None:
+    axes, torque = BoundedAxes(LEVER, ACCOUNT), 0.0
+    for step in range(1, 100):
+        axes.observe((-1e-3 * step,), TICK)
+        torque = 2.0 * step * 1e-3
+        assert axes.render((torque,)) == (torque,)
+        axes.displayed((torque,))
+
+
+@pytest.mark.parametrize("lever", [LEVER, HANDLE])
+def test_torques_come_to_the_account_by_their_lever(lever: float) -> None:
+    """A work of 5 mJ on both axes, less what a light damper at the lever gives back."""
+    axes = BoundedAxes(lever, ACCOUNT)
+    axes.observe((0.0, 0.0), TICK)
+    axes.displayed((1.0, -2.0))
+    axes.observe((0.003, -0.001), TICK)
+    back = ACCOUNT.refill * TICK + ACCOUNT.damping * lever**2 * (0.003**2 + 0.001**2) / TICK
+    assert axes.energy == pytest.approx(ACCOUNT.allowance - 0.005 + back)
+    axes.resume(0)
+    assert axes.energy == 0.0
+    assert axes.render((3.0, 4.0)) == (0.0, 0.0)
+    axes.reset()
+    axes.observe((9.0, 9.0), TICK)
+    rises = ACCOUNT.rise * TICK * lever / 5.0
+    assert axes.render((3.0, 4.0)) == pytest.approx((3.0 * rises, 4.0 * rises))
+
+
+def test_none_displays_what_is_decoded() -> None:
+    assert build_axes("none", LEVER, ACCOUNT).render((3.0, -2.0)) == (3.0, -2.0)
+    assert isinstance(build_axes("bounded", LEVER, ACCOUNT), BoundedAxes)

@@ -123,14 +123,6 @@ def test_it_is_a_fault_that_is_counted_and_fails_the_session(found: dict[str, An
     assert found["verdict"]["causes"][0]["name"] == "unfounded"
 
 
-def test_it_comes_after_the_built_in_ones(found: dict[str, object]) -> None:
-    assert found["schemes"] == ["none", "bounded", "broken", "ghost", "half", "loose"]
-
-
-def test_check_describes_an_installed_scheme(found: dict[str, object]) -> None:
-    assert found["described"]
-
-
 def test_a_broken_scheme_is_a_configuration_error(found: dict[str, object]) -> None:
     errors = found["errors"]
     assert isinstance(errors, dict)

@@ -1,16 +1,18 @@
 """The wall: what is felt of a contact where the decoder has no surface that agrees, and when it ends."""
 
 from itertools import pairwise
-from math import sqrt
+from math import inf, sin, sqrt
 
 import pytest
 
 from tests.control.teleoperation import ACCOUNT, TICK, Quality
 from tests.control.walls import Wall
-from weberlink.control.bounded import BACK, LATE, LEAVE, PRESS, BoundedMaster, BoundedSlave
-from weberlink.control.contract import SchemeParameters
-from weberlink.control.wall import WRONG, FeltContact
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.control.bounded import BACK, FADING, FARTHEST, LATE, LEAVE, PRESS, BoundedMaster, BoundedSlave
+from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
+from weberlink.control.passivity import passivity_limit
+from weberlink.control.sent import SentCommands
+from weberlink.control.wall import SOFTEST, TURN, WRONG, FeltContact
+from weberlink.geometry.vector import ZERO, Vector, norm, unit
 
 SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)
 STIFFNESS = 500.0
@@ -27,25 +29,6 @@ def pressed(depth: float = 0.004) -> FeltContact:
         place = at(-depth * step / 40)
         contact.learn(None, at(STIFFNESS * depth * step / 40), place, place)
     return contact
-
-
-def test_the_stiffness_is_that_of_the_samples() -> None:
-    assert pressed().stiffness == pytest.approx(STIFFNESS)
-
-
-def test_a_hand_ahead_of_the_robot_feels_the_wall_where_it_is() -> None:
-    """The newest sample is held: 2 N at 4 mm. The hand is 6 mm deep."""
-    assert pressed().at(at(-0.006), at(2.0), at(-0.004), 0.0) == pytest.approx((0.0, 0.0, 3.0))
-
-
-def test_at_the_place_of_the_robot_it_is_the_decoded_force() -> None:
-    assert pressed().at(at(-0.004), at(2.0), at(-0.004), 0.0) == pytest.approx((0.0, 0.0, 2.0))
-
-
-def test_a_surface_that_agrees_is_displayed_as_it_is() -> None:
-    contact = pressed()
-    contact.learn(Wall(1.2 * STIFFNESS), at(2.4), at(-0.004), at(-0.004))
-    assert contact.at(at(-0.006), at(3.6), at(-0.004), 0.0) == at(3.6)
 
 
 def test_a_surface_that_is_right_from_the_first_touch_says_what_the_contact_may_store() -> None:
@@ -67,16 +50,6 @@ def test_a_surface_that_is_right_from_the_first_touch_says_what_the_contact_may_
         assert tick() == wall.at(0.0, hand)
     stored = 0.5 * 480.0 * 0.01**2
     assert master.energy == pytest.approx(ACCOUNT.allowance + stored, rel=0.05)
-
-
-def test_a_robot_that_is_free_in_the_wall_removes_it_at_once_or_slowly() -> None:
-    for steps in (1, 20):
-        contact = pressed()
-        contact.learn(None, ZERO, at(0.001), at(0.001))
-        assert contact.at(at(-0.002), ZERO, at(0.001), 0.0) == pytest.approx((0.0, 0.0, 1.0))
-        for step in range(1, steps + 1):
-            contact.at(at(-0.002), ZERO, at(-1.1 * WRONG * step / steps), 0.0)
-        assert contact.normal is None
 
 
 def test_a_free_robot_outside_the_wall_leaves_it() -> None:
@@ -120,3 +93,194 @@ def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered() -> No
     unanswered = 1.5 * 0.1 + LATE
     assert max(forces[: round(unanswered / TICK)]) == pytest.approx(PRESS / sqrt(unanswered), abs=0.15)
     assert forces[-1] == pytest.approx(6.0, abs=0.01)
+
+
+# What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.
+
+
+@pytest.mark.parametrize(
+    ("hand", "force", "robot", "felt"),
+    [
+        (-0.006, 2.0, -0.004, 3.0), (-0.004, 2.0, -0.004, 2.0), (-0.002, 2.0, -0.004, 1.0), (0.0, 2.0, -0.004, 0.0),
+        (0.001, 2.0, -0.004, 0.0), (-0.006, 3.0, -0.006, 3.0), (-0.002, 1.0, -0.002, 1.0),
+        (-0.002, 0.0, 0.001, 1.0),  # a robot that is not there yet does not refute the wall,
+        (-0.002, 0.0, -0.99 * WRONG, 1.0 - 0.99 * WRONG * STIFFNESS), (-0.002, 0.0, -1.01 * WRONG, 0.0),  # until it is
+        (-0.002, 0.99 * LEAST_CONTACT, 0.001, 1.0),
+    ],
+)  # fmt: skip
+def test_a_hand_feels_the_wall_where_it_is(hand: float, force: float, robot: float, felt: float) -> None:
+    contact = pressed()
+    assert contact.stiffness == pytest.approx(STIFFNESS)
+    assert contact.at(at(hand), at(force), at(robot), 0.0) == pytest.approx(at(felt), abs=1e-9)
+    assert (contact.normal is None) == (force < LEAST_CONTACT and robot < -WRONG)
+
+
+@pytest.mark.parametrize(
+    ("depth", "felt"), [(0.0016, (0.2, 0.0, 0.8)), (0.0008, (0.1, 0.0, 0.4)), (0.0032, (0.2, 0.0, 1.6))]
+)
+def test_what_friction_adds_is_felt_in_proportion_up_to_what_was_decoded(depth: float, felt: Vector) -> None:
+    assert pressed().at(at(-depth), (0.2, 0.0, 0.8), at(-0.0016), 0.0) == pytest.approx(felt)
+
+
+@pytest.mark.parametrize("share", [0.49, 0.51, 1.0, 1.99, 2.01])
+def test_a_surface_is_displayed_where_its_stiffness_agrees_within_a_factor_of_two(share: float) -> None:
+    contact = pressed()
+    contact.learn(Wall(share * STIFFNESS), at(2.0), at(-0.004), at(-0.004))
+    felt = contact.at(at(-0.006), at(0.006 * share * STIFFNESS), at(-0.004), 0.0)
+    agrees = 0.5 < share < 2.0
+    assert (felt == at(0.006 * share * STIFFNESS)) == (agrees or share == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "found"), [(10.0, SOFTEST), (60.0, 60.0), (2400.0, 2400.0), (9000.0, SETTINGS.coupling)]
+)
+def test_a_stiffness_is_between_the_softest_wall_and_the_coupling(stiffness: float, found: float) -> None:
+    contact = FeltContact(SETTINGS)
+    assert contact.stiffness == SETTINGS.coupling
+    for depth in (0.012, 0.014, 0.016):
+        contact.learn(None, at(stiffness * depth), at(-depth), at(-depth))
+    assert contact.stiffness == pytest.approx(found)
+    contact.forget()
+    assert (contact.normal, contact.stiffness) == (None, pytest.approx(found))
+    contact.reset()
+    assert (contact.stiffness, contact.softest) == (SETTINGS.coupling, inf)
+
+
+@pytest.mark.parametrize(("force", "normal"), [(2.0 * LEAST_CONTACT, at(1.0)), (1.99 * LEAST_CONTACT, None)])
+def test_a_wall_is_told_of_by_twice_the_least_contact(force: float, normal: Vector | None) -> None:
+    contact = FeltContact(SETTINGS)
+    contact.learn(None, at(force), at(-0.001), at(-0.001))
+    assert contact.normal == normal
+
+
+def test_a_normal_turns_slowly_to_a_similar_force_and_at_once_to_another() -> None:
+    contact = pressed()
+    contact.learn(None, (0.6, 0.0, 1.0), at(-0.004), at(-0.004))
+    tilted = unit((TURN * 0.6 / sqrt(1.36), 0.0, 1.0 + TURN * (1.0 / sqrt(1.36) - 1.0)))
+    assert contact.normal == pytest.approx(tilted)
+    contact.learn(None, (1.0, 0.0, 0.0), at(-0.004), at(-0.004))
+    assert contact.normal == (1.0, 0.0, 0.0)
+    contact.refute()
+    assert contact.normal is None
+    assert contact.depth(at(-1.0)) == 0.0
+
+
+def test_a_sample_slid_rather_than_pressed_says_no_stiffness() -> None:
+    contact = pressed()
+    contact.learn(None, at(9.0), (0.01, 0.0, -0.0041), at(-0.004))
+    assert contact.stiffness == pytest.approx(STIFFNESS)
+
+
+@pytest.mark.parametrize(("back", "found"), [(0.0, 9), (0.0014, 8), (0.0016, 7), (0.0041, 5), (0.3, 5)])
+def test_the_command_of_so_long_ago(back: float, found: int) -> None:
+    """Of ten, the newest five are kept; before there are so many, the oldest one counts."""
+    sent = SentCommands(TICK, 0.004)
+    assert not sent
+    sent.add(at(77.0))
+    assert sent
+    assert sent.ago(0.3) == at(77.0)
+    sent.reset()
+    for step in range(10):
+        sent.add(at(step))
+    assert sent.ago(back) == at(found)
+
+
+def test_the_command_leaves_no_farther_than_the_contact_and_two_centimetres() -> None:
+    for depth in (0.01, 0.03):
+        master = BoundedMaster(SETTINGS)
+        for step in range(1, 41):
+            master.learn(None, at(STIFFNESS * depth * step / 40), at(-depth * step / 40))
+        for _ in range(1500):
+            master.observe(at(-depth), TICK, 0.0, 0, Quality(0.0, 0.0))
+            (_, _, sent) = master.command(at(-depth))
+            master.render(at(STIFFNESS * depth))
+            master.displayed(ZERO)
+        assert sent + depth == pytest.approx(min(depth, FARTHEST), abs=1e-4)
+
+
+@pytest.mark.parametrize("free", [0.003, 0.02, 0.1, 1.0])
+def test_a_contact_that_was_answered_is_slowly_a_new_one_again(free: float) -> None:
+    """How long the next tap is gentle grows with the time without a contact, to that of an answer."""
+    quality, answered, slave = Quality(0.04, 0.0), 1.5 * 0.04 + LATE, BoundedSlave(SETTINGS)
+
+    def follow(target: float, here: float, force: float) -> Vector:
+        slave.observe(at(here), at(force))
+        return slave.follow(at(target), at(here), TICK, 0, quality)
+
+    for _ in range(round(2.0 * answered / TICK)):
+        follow(-0.004, -0.004, 9.0)
+    for _ in range(round(free / TICK)):
+        assert follow(0.001, 0.001, 0.0) == at(0.001)
+    gentle = 0
+    while follow(-0.005, -0.001, 1.01 * PRESS / sqrt(answered)) == pytest.approx(at(-0.001)):
+        gentle += 1
+    assert gentle * TICK == pytest.approx(min(answered, FADING * free), abs=1.1 * TICK)
+    assert follow(-0.005, -0.001, 0.99 * PRESS / sqrt(answered)) != at(-0.001)
+
+
+@pytest.mark.parametrize(("force", "counts"), [(LEAST_CONTACT, True), (0.999 * LEAST_CONTACT, False)])
+def test_the_least_contact_is_one_at_both_ends(force: float, counts: bool) -> None:
+    """The work of a scene that gives, the yielding of the robot and the refutation of a wall begin with it."""
+    slave = BoundedSlave(SETTINGS)
+    slave.observe(ZERO, at(force))
+    slave.observe(at(0.1), at(force))
+    assert slave.credit == (50 if counts else 0)
+    late = Quality(1000.0, 0.0)
+    assert (slave.follow(at(-0.01), at(0.1), TICK, 0, late) == at(-0.01)) != counts
+    contact = pressed()
+    contact.at(at(-0.006), at(force), at(-2.0 * WRONG), 0.0)
+    assert (contact.normal is not None) == counts
+
+
+@pytest.mark.parametrize(
+    ("options", "limit"),
+    [
+        ({}, 16_000.0), ({"delay_ticks": 1.0}, 16_000.0 / 3.0), ({"wall_damping": 3.0}, 10_000.0),
+        ({"wall_damping": -3.0}, 10_000.0), ({"wall_damping": 8.0}, 0.0), ({"wall_damping": 9.0}, 0.0),
+    ],
+)  # fmt: skip
+def test_the_stiffness_of_a_passive_wall(options: dict[str, float], limit: float) -> None:
+    assert passivity_limit(8.0, TICK, **options) == pytest.approx(limit)
+
+
+TURNS = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2)]
+"""Which axis of a motion is x, y and z."""
+
+
+@pytest.mark.parametrize("order", TURNS[1:])
+def test_no_axis_is_special(order: tuple[int, int, int]) -> None:
+    """Of a hand that slides over an oblique wall with friction, in and out of contact, on a link of 40 ms."""
+    (hand, goals), (turned, others) = oblique(TURNS[0]), oblique(order)
+    for ours, theirs in ((hand, turned), (goals, others)):
+        for one, other in zip(ours, theirs, strict=True):
+            assert other == pytest.approx([one[axis] for axis in order], abs=1e-9)
+    assert max(norm(force) for force in hand) > 1.0
+
+
+def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
+    """The forces at the hand and the goals of the robot."""
+
+    def axes(vector: Vector) -> Vector:
+        return (vector[order[0]], vector[order[1]], vector[order[2]])
+
+    master, slave, quality = BoundedMaster(SETTINGS), BoundedSlave(SETTINGS), Quality(0.04, 0.0)
+    forces: list[Vector] = []
+    goals: list[Vector] = []
+    here = axes((0.001, 0.002, 0.003))
+    for tick in range(600):
+        depth = 0.004 * sin(0.02 * tick)
+        along = 0.002 * sin(0.013 * tick)
+        hand = axes((-0.48 * depth + 0.8 * along, -0.6 * depth, -0.64 * depth - 0.6 * along))
+        push = STIFFNESS * max(0.0, depth)
+        measured = axes((0.48 * push - 0.1 * push, 0.6 * push, 0.64 * push + 0.08 * push))
+        if tick % 7 == 0:
+            master.learn(None, measured, hand)
+        master.observe(hand, TICK, tick, 0, quality)
+        sent = master.command(hand)
+        force = master.render(measured)
+        master.displayed(force)
+        here = slave.follow(sent, here, TICK, 0, quality)
+        slave.observe(here, measured)
+        forces.append(force)
+        goals.append(here)
+    return forces, goals

@@ -6,11 +6,8 @@ from statistics import fmean
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pandas import DataFrame, concat
 
-from tests.examples import examples
 from weberlink.studies.curves import curves
 
 WEBERS = (0.30, 0.025, 0.10)
@@ -53,18 +50,6 @@ def test_means_are_over_units() -> None:
         assert mine.quality.min() <= point.quality_low < point.quality_mean < point.quality_high <= mine.quality.max()
 
 
-def test_bands_depend_on_the_seed_and_not_on_order() -> None:
-    rows = study(predictors=("zoh",))
-    first = curves(rows, "quality", seed=3)
-    assert curves(rows, "quality", seed=3).equals(first)
-    again = curves(rows.sample(frac=1.0, random_state=9), "quality", seed=3)
-    assert np.allclose(again.iloc[:, 3:], first.iloc[:, 3:], rtol=1e-12)
-    assert not np.allclose(curves(rows, "quality", seed=4).iloc[:, 3:], first.iloc[:, 3:], rtol=1e-12)
-    plain = curves(rows, "quality", resamples=0)
-    assert plain.quality_mean.equals(first.quality_mean)
-    assert plain.quality_low.equals(plain.quality_high)
-
-
 def test_all_predictors_are_resampled_alike() -> None:
     """A predictor that is one unit better for everybody has the very band of the other, one unit higher."""
     plain = study(predictors=("zoh",))
@@ -82,14 +67,6 @@ def test_repeats_of_a_unit_are_averaged_before_units_are() -> None:
     assert (point.units, point.packets_per_s_mean, point.quality_mean) == (2, pytest.approx(40.0), pytest.approx(80.0))
 
 
-def test_one_unit_has_no_interval() -> None:
-    assert curves(observed(("a", "zoh", 0.1, 12.0, 3.0)), "quality").iloc[0, 2:].to_list() == [
-        1,
-        *[12.0] * 3,
-        *[3.0] * 3,
-    ]
-
-
 @pytest.mark.parametrize(
     ("rows", "told"),
     [
@@ -102,16 +79,6 @@ def test_one_unit_has_no_interval() -> None:
 def test_what_is_missing_or_not_finite_is_named(rows: list[tuple[object, ...]], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         curves(observed(*rows), "quality")
-
-
-@examples(25)
-@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
-def test_a_band_holds_its_mean(qualities: list[float]) -> None:
-    rows = [(str(unit), "zoh", 0.1, 7.1, quality) for unit, quality in enumerate(qualities)]
-    (point,) = curves(observed(*rows), "quality").itertuples()
-    assert point.quality_low <= point.quality_mean <= point.quality_high
-    assert point.packets_per_s_low == pytest.approx(7.1)
-    assert point.packets_per_s_low <= point.packets_per_s_mean <= point.packets_per_s_high
 
 
 def test_the_interval_covers_the_true_mean_as_theory_says() -> None:

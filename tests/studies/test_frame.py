@@ -102,10 +102,6 @@ def test_ctrl_c_keeps_finished_rows_and_draws_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_without_a_row_only_the_environment_is_printed() -> None:
-    assert "numpy" in str(STUDY.result(0, workers=1).table)
-
-
 def test_a_dead_worker_process_is_one_line() -> None:
     with pytest.raises(StudyError, match=r"^a worker process died before the end, .* with --workers$"):
         replace(STUDY, run=die).result(3, workers=2)
@@ -134,15 +130,6 @@ def test_rows_of_a_cluster_are_those_of_this_machine(scheduler: str) -> None:
     result = STUDY.result(20, dask=scheduler, progress=lambda *counts: told.append(counts))
     assert result.rows == STUDY.result(20, workers=1).rows
     assert told == [(done, 20) for done in range(1, 21)]
-
-
-def test_an_error_on_a_cluster_is_raised_here(scheduler: str) -> None:
-    with pytest.raises(ZeroDivisionError):
-        replace(STUDY, run=invert).result(3, dask=scheduler)
-
-
-def invert(number: int) -> list[Row]:
-    return [{"inverse": 1 // number}]
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "post://host:1"])

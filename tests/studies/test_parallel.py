@@ -8,7 +8,6 @@ from pathlib import Path
 
 from tests.program import ROOT
 from tests.wait import until
-from weberlink.studies.parallel import parallel_map
 
 ASKS = """
 import sys
@@ -57,19 +56,3 @@ def is_running(pid: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return status.rpartition(")")[2].split()[0] not in ("Z", "X")
-
-
-def square_until_two(number: int) -> int:
-    if number > 2:
-        raise KeyboardInterrupt
-    return number * number
-
-
-def test_ctrl_c_keeps_what_is_done() -> None:
-    told: list[tuple[int, int]] = []
-    assert parallel_map(square_until_two, range(5), 1, progress=lambda *counts: told.append(counts)) == {
-        0: 0,
-        1: 1,
-        2: 4,
-    }
-    assert told == [(1, 5), (2, 5), (3, 5)]

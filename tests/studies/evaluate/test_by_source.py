@@ -12,7 +12,6 @@ from weberlink.studies.evaluate.by_source import EVERY, SINGLES, by_source
 from weberlink.studies.evaluate.study import EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.frame import data_frame
-from weberlink.system.configuration import ConfigurationError
 
 (ROW,) = EvaluationStudy(("zoh",)).rows(NamedTrace("walk", walk(1000, 1)))
 
@@ -54,11 +53,6 @@ def test_what_was_not_evaluated_is_unknown() -> None:
     assert all(map(isnan, (zoh.over_hybrid, zoh.over_best, zoh.above, zoh.above_by)))
 
 
-def test_a_recording_without_packets_has_a_ratio() -> None:
-    found = figures({("a1", "a"): {"hybrid": 0, "adaptive": 2}})
-    assert found["a", "adaptive"].over_hybrid == pytest.approx(2.0)
-
-
 @pytest.mark.parametrize(
     ("rate", "best", "lost"), [(1, 1, 0.0), (2, 1, 0.0), (3, 1, 1.0), (105, 100, 0.0), (106, 100, 1.0)]
 )
@@ -77,19 +71,9 @@ def test_a_source_stands_for_its_recordings(tmp_path: Path) -> None:
     assert len(read_traces([Path("recordings")])) == len(recordings.names())
 
 
-def test_a_recording_is_listed_once() -> None:
-    with pytest.raises(ConfigurationError, match="tue_rigid_1: listed twice"):
-        read_traces([Path("tue"), Path("tue_rigid_1")])
-
-
 def test_a_file_comes_before_a_recording_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = ["t,px,py,pz,fx,fy,fz", *(f"{tick * 1e-3},0,0,0,0,0,{tick}" for tick in range(5))]
     (tmp_path / "tue").write_text("\n".join(lines))
     monkeypatch.chdir(tmp_path)
     named = read_traces([Path("tue"), Path("omega3_1")])
     assert [(one.name, one.source) for one in named] == [("tue", "files"), ("omega3_1", "omega3")]
-
-
-def test_a_file_that_is_not_there_is_told_with_what_is_shipped() -> None:
-    with pytest.raises(ConfigurationError, match="absent: not found; shipped recordings: recordings, tue, "):
-        read_traces([Path("absent")])

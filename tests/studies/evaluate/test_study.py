@@ -1,6 +1,5 @@
 """Rows of a study: beside a plain run of the codec, an independent implementation, and in any order of tasks."""
 
-import json
 import pickle
 import re
 from functools import cache
@@ -120,12 +119,6 @@ def test_a_smaller_jnd_finds_more_noticeable_ticks() -> None:
     assert keen["error_rms_n"] == dull["error_rms_n"]
 
 
-def test_a_row_is_json() -> None:
-    for found in EvaluationStudy().rows(NamedTrace("made", wall(300))):
-        document = json.loads(json.dumps(found, allow_nan=False))
-        assert ("selected" in document) == (found["predictor"] == "hybrid")
-
-
 @pytest.mark.parametrize("predictor", ["zoh", "linear", "path", "hybrid", "adaptive"])
 def test_a_position_stays_within_its_bound(predictor: str) -> None:
     """The middle of a trace's range does not count: a robot may be far from the origin of its frame."""
@@ -153,12 +146,6 @@ def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
         for weber in (0.20, 0.05)
     ]
     assert timeless(rows) == timeless([row for each in TRACES for row in STUDY.rows(each)])
-
-
-def test_rows_do_not_depend_on_each_other() -> None:
-    both = [row for row in STUDY.rows(TRACES[1]) if (row["predictor"], row["weber"]) == ("plane", 0.05)]
-    alone = EvaluationStudy(("plane",), (0.05,)).rows(TRACES[1])
-    assert timeless(both) == timeless(alone)
 
 
 # --- recordings
@@ -209,12 +196,3 @@ def test_packets_agree_with_an_independent_implementation(name: str) -> None:
         rate = packets_per_s(name, "sphere", anything)
         assert rate == pytest.approx(table()[name, "sphere"], rel=0.03)
         assert packets_per_s(name, "sphere") < rate
-
-
-def test_shipped_trace_stays_within_the_deadband() -> None:
-    own = read_trace(ROOT / "configs" / "traces" / "operator.npz")
-    rows = EvaluationStudy(webers=(0.05, 0.20)).rows(NamedTrace("own", own))
-    for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
-        assert 0 < coarse["packets"] < fine["packets"]
-        assert fine["samples"] == len(own.time_s)
-        assert max(fine["error_max_deadbands"], coarse["error_max_deadbands"]) <= 1.0

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pandas import read_csv
 from typer.testing import CliRunner, Result
 
 from tests.program import ENGAGED, Program
@@ -24,9 +23,9 @@ from weberlink.geometry.vector import ZERO, distance
 from weberlink.protocol.keys import generate
 from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import read
-from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, order
+from weberlink.studies.experiment.plan import REFERENCES, order
 from weberlink.studies.experiment.trial_runner import TrialSignals
-from weberlink.studies.paper.claims import PREDICTORS, WEBERS
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.configuration import load
 from weberlink.system.simulate import build_simulation
 
@@ -44,15 +43,6 @@ def simulated(folder: Path, *further: object) -> Result:
     return command(
         "study", "experiment", FILE, "--simulate", "--out", folder, "--duration", SHORT, "--set", ON_SURFACE, *further
     )
-
-
-def complaint(result: Result, status: int = 2) -> str:
-    """The one line on standard error of a command that printed nothing else."""
-    assert result.exit_code == status, result.output
-    assert result.stdout == ""
-    lines = [line for line in result.stderr.splitlines() if not re.search(r", after \d+ s$", line)]  # progress
-    assert len(lines) == 1, result.stderr
-    return lines[0]
 
 
 def lines_of(path: Path) -> list[dict[str, Any]]:
@@ -113,24 +103,6 @@ def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> N
     assert whole[0] == whole[1]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        (("--set", ON_SURFACE, "--set", "slave.scene=[{shape: plane, stiffness_n_m: 300}]"), "(slave.scene); continue"),
-        (("--set", ON_SURFACE, "--set", "codec.force.floor_n=0.03"), "(codec.force.floor_n)"),
-        ((), "master.device.home_m"),
-        (("--set", ON_SURFACE, "--duration", 3), "trials of 0.5 s"),
-        (("--set", ON_SURFACE, "--seed", 7), "seed 0"),
-    ],
-)
-def test_other_settings_than_those_of_the_ledger_are_refused(
-    arguments: tuple[object, ...], part: str, study: Path
-) -> None:
-    line = complaint(command("study", "experiment", FILE, "--simulate", "--out", study, "--subject", 1, *arguments))
-    assert line.startswith(f"weberlink: {study / 'simulated-001.jsonl'}: was begun with ")
-    assert part in line
-
-
 def test_paths_and_addresses_are_no_change(study: Path, tmp_path: Path) -> None:
     moved = tmp_path / "elsewhere.yaml"
     moved.write_text(FILE.read_text())
@@ -166,19 +138,6 @@ def test_an_edited_file_stops_the_experiment(tmp_path: Path) -> None:
     assert len(progress.rated) == 2
 
 
-def test_a_scene_without_contact_is_refused(tmp_path: Path) -> None:
-    line = complaint(simulated(tmp_path, "--set", "slave.scene=[]"), status=1)
-    assert "felt errors of the references do not rise" in line
-
-
-def test_conditions_become_overrides() -> None:
-    signals = TrialSignals(FILE, ("codec.force.weber=0.5",))
-    for predictor in PREDICTORS:
-        for weber in WEBERS:
-            force = load(FILE, signals.with_condition(CodingCondition(predictor, weber))).system.codec.force
-            assert (force.predictor, force.weber, force.floor_n) == (predictor, weber, 0.02)
-
-
 @pytest.mark.parametrize(
     ("file", "force"),
     [("loopback.yaml", "deadband={shape: level_crossing}"), ("rotation.yaml", "smooth_ms=20")],
@@ -196,26 +155,6 @@ def test_the_best_reference_disturbs_no_channel(file: str, force: str) -> None:
     assert len(apart) > 1000
     assert max(bounds) == 0.0
     assert max(apart) <= 0.5 * 3**0.5 * 1e-5 * 1.001, "half a wire step on each axis"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        (("--subject", 0), "--subject"),
-        (("--duration", 0), "--duration"),
-        (("--duration", "nan"), "--duration"),
-        (("--set", "codec.force.webber=1"), "unknown key; did you mean weber?"),
-    ],
-)
-def test_wrong_arguments_are_one_line(arguments: tuple[object, ...], part: str, tmp_path: Path) -> None:
-    assert part in complaint(command("study", "experiment", FILE, "--out", tmp_path / "out", *arguments))
-    assert not (tmp_path / "out").exists()
-
-
-def test_damaged_and_unwritable_ledgers_are_one_line(tmp_path: Path) -> None:
-    (tmp_path / "simulated-001.jsonl").write_text("{}\n")
-    assert "simulated-001.jsonl:1: damaged: " in complaint(simulated(tmp_path, "--subject", 1))
-    assert "--out" in complaint(simulated(FILE))
 
 
 # --- experiment, live
@@ -259,12 +198,6 @@ def test_a_person_rates_and_leaves(tmp_path: Path) -> None:
     assert (tmp_path / entry.recording).stat().st_size > 1000
     # A trial that a stall of the host disturbed is repeated, and its number then says which attempt it was.
     assert re.fullmatch(r"subject-001/trial-01(-\d)?\.mcap", entry.recording)
-
-
-def test_scripted_operator_is_no_subject(tmp_path: Path) -> None:
-    line = complaint(command("study", "experiment", FILE, "--out", tmp_path / "out"))
-    assert "a program moves operator" in line
-    assert not (tmp_path / "out").exists()
 
 
 HELD = '''
@@ -318,22 +251,6 @@ def _read_until(descriptor: int, text: bytes) -> bytes:
 # --- ratings
 
 
-def test_simulated_ratings_are_marked_everywhere(study: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    outputs = ("--json", tmp_path / "out.json", "--csv", tmp_path / "out.csv", "--plots", tmp_path / "plots")
-    result = command("study", "ratings", study, *outputs)
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout.startswith("SIMULATED RATINGS")
-    assert max(map(len, result.stdout.splitlines())) <= 80
-    document = json.loads((tmp_path / "out.json").read_text())
-    assert document["simulated"] is True
-    assert document["mark"].startswith("SIMULATED RATINGS")
-    assert read_csv(tmp_path / "out.csv").simulated.all()
-    assert set(read_csv(tmp_path / "plots" / "curves.csv").mark) == {"SIMULATED RATINGS"}
-    for name in ("packet_rate", "quality", "quality_over_rate"):
-        assert "SIMULATED RATINGS" in (tmp_path / "plots" / f"{name}.svg").read_text()
-
-
 def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
     result = command("study", "ratings", study, "--json", "-", "--level", 3)
     assert result.exit_code == 0, result.output
@@ -356,19 +273,3 @@ def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
         assert row["rating_low"] <= row["rating_mean"] <= row["rating_high"]
     assert document["tests"]["friedman_predictors"]["p"] is None  # too few subjects
     assert document["savings"]["level"] == 3.0
-
-
-def test_a_folder_with_both_kinds_needs_a_choice(study: Path, tmp_path: Path) -> None:
-    for name in ("simulated-001.jsonl", "simulated-002.jsonl"):
-        (tmp_path / name).write_bytes((study / name).read_bytes())
-    events = lines_of(study / "simulated-001.jsonl")
-    people = [{**event, "simulated": False} for event in events]  # as a person's would be
-    (tmp_path / "subject-001.jsonl").write_text("".join(json.dumps(event) + "\n" for event in people))
-    assert "cannot be analysed together" in complaint(command("study", "ratings", tmp_path))
-    result = command("study", "ratings", tmp_path, "--only", "people")
-    assert result.exit_code == 0
-    assert "SIMULATED" not in result.stdout
-    assert result.stdout.startswith("1 subject with 30 trials of 0.5 s")
-    assert command("study", "ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
-    assert "--only: expected people or simulated" in complaint(command("study", "ratings", tmp_path, "--only", "all"))
-    assert "no such folder" in complaint(command("study", "ratings", tmp_path / "none"))

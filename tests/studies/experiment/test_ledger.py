@@ -20,9 +20,7 @@ from weberlink.studies.experiment.ledger import (
     SubjectProgress,
     TrainingDone,
     opened,
-    path_of,
     read,
-    subjects,
 )
 
 ROOT = Path(__file__).parents[3]
@@ -199,15 +197,6 @@ def test_a_full_disk_does_not_change_the_ledger(path: Path) -> None:
     assert read(path) is not None
 
 
-@pytest.mark.parametrize("simulated", [False, True])
-def test_every_event_has_time_and_mark(simulated: bool, tmp_path: Path) -> None:
-    path = path_of(tmp_path, 3, simulated=simulated)
-    conduct(path, first=plan(3, simulated=simulated))
-    first, *rest = [json.loads(line) for line in path.read_text().splitlines()]
-    assert (first["event"], first["simulated"]) == ("plan", simulated)
-    assert all("at" in line and line["simulated"] is simulated for line in rest)
-
-
 def test_a_ledger_of_the_first_release_is_read() -> None:
     """Its lines have a space after colons and commas, levels as text, and no mark where a person rates."""
     progress = read(DATA / "first_release.jsonl")
@@ -222,12 +211,3 @@ def test_a_ledger_of_the_first_release_is_read() -> None:
     ]
     assert progress.rated[1].figures["packets_per_s"] > 0.0
     assert progress.remaining == [*range(2, 31)]
-
-
-def test_ledgers_of_people_and_programs_differ_in_name(tmp_path: Path) -> None:
-    names = ("subject-001.jsonl", "subject-010.jsonl", "subject-x.jsonl", "simulated-002.jsonl", "a.jsonl")
-    for name in (*names, "subject-011.jsonl.torn"):
-        (tmp_path / name).touch()
-    assert subjects(tmp_path, simulated=False) == [1, 10]
-    assert subjects(tmp_path, simulated=True) == [2]
-    assert path_of(tmp_path, 1234, simulated=False).name == "subject-1234.jsonl"

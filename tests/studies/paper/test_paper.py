@@ -1,23 +1,14 @@
-"""The claims of the paper: savings computed by hand, verdicts by source, and the command on a small scope."""
+"""The claims of the paper: savings computed by hand, and verdicts by source."""
 
-import re
 from math import exp, inf, log, nan
-from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pandas import DataFrame
-from typer.testing import CliRunner
 
 from tests.examples import examples
-from tests.system.systems import CONFIGS
-from weberlink.cli import app
-from weberlink.studies.evaluate.traces import read_traces
-from weberlink.studies.frame import FrameResult
 from weberlink.studies.paper.claims import (
-    CLAIMS,
     FAILS,
     HOLDS,
     NO_CLAIM,
@@ -28,7 +19,6 @@ from weberlink.studies.paper.claims import (
     rate_at,
     verdict,
 )
-from weberlink.studies.paper.command import PAGE, PAPER, SCENE_STUDY, SCENES, STUDY, PaperOptions
 
 RATES = {"zoh": 40.0, "linear": 30.0, "plane": 20.0, "sphere": 44.0, "hybrid": 16.0}
 WEBERS = (0.05, 0.1, 0.2)
@@ -56,11 +46,6 @@ def claim(rows: list[dict[str, object]], predictor: str, reference: str, at: str
     """One claim on every source."""
     judged = judge(DataFrame(rows), len(PREDICTORS) * len(WEBERS))
     return judged[(judged.predictor == predictor) & (judged.reference == reference) & (judged["at"] == at)]
-
-
-def test_claims_are_shares_of_known_predictors() -> None:
-    assert {name for claim in CLAIMS for name in (claim.predictor, claim.reference)} == set(PREDICTORS)
-    assert all(0.0 < claim.fewer < 1.0 for claim in CLAIMS)
 
 
 def test_a_source_counts_once_by_the_geometric_mean_of_its_signals() -> None:
@@ -128,71 +113,3 @@ def test_the_rate_lies_between_those_of_the_curve(errors: list[float], error: fl
         assert rates[-1] <= rate * (1 + 1e-9)
         assert rate <= rates[0] * (1 + 1e-9)
         assert is_bound == (errors[-1] < error)
-
-
-# --- the command
-
-OPERATOR = CONFIGS / "traces" / "operator.npz"
-
-
-@pytest.fixture(scope="module")
-def options(tmp_path_factory: pytest.TempPathFactory) -> PaperOptions:
-    """The beginning of the shipped recording, and a scene."""
-    path = tmp_path_factory.mktemp("recorded") / OPERATOR.name
-    with np.load(OPERATOR) as whole:
-        np.savez(path, **{name: array[:2499] for name, array in whole.items()})
-    return PaperOptions(read_traces([path]), (SCENES[2],), (0.10,), 2.0)
-
-
-@pytest.fixture(scope="module")
-def result(options: PaperOptions) -> FrameResult:
-    return PAPER.result(options, workers=1)
-
-
-def test_every_claim_is_measured_under_every_condition(result: FrameResult) -> None:
-    claims = DataFrame(result.document["claims"])
-    assert claims.condition.unique().tolist() == ["recordings", "scenes", "systems"]
-    assert len(claims) == 3 * len(CLAIMS)
-    assert set(claims.signals[claims["at"] == "weber"]) == {1}
-    assert {row["source"] for row in result.rows} == {"files", SCENES[2].name}
-
-
-def test_the_numbers_are_those_of_codec_and_whole_system(options: PaperOptions, result: FrameResult) -> None:
-    rows = DataFrame(result.rows).set_index(["condition", "predictor"])
-    for row in STUDY.rows(options.traces[0]):
-        if row["weber"] == 0.10:
-            assert rows.loc[("recordings", row["predictor"])].packets_per_s == row["packets_per_s"]
-    assert rows.packets_per_s["systems", "hybrid"] < 0.5 * rows.packets_per_s["systems", "zoh"]
-    assert SCENE_STUDY.position_step < STUDY.position_step
-
-
-def test_signals_that_are_not_done_are_not_judged(options: PaperOptions, result: FrameResult) -> None:
-    """As after Ctrl-C."""
-    some = DataFrame(result.rows)
-    some = some[(some.condition == "systems") & (some.predictor != "hybrid")]
-    assert PAPER.summary(options, some) == {"claims": []}
-    assert PAPER.tables(options, some, 1.0, "machine").row_count == 1  # the paper's own
-
-
-def test_the_page_has_every_source_and_three_figures(result: FrameResult, tmp_path: Path) -> None:
-    result.draw(tmp_path)
-    page = (tmp_path / PAGE).read_text(encoding="utf-8")
-    table = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith("|")]
-    assert [line[0].strip() for line in table if line[1].strip()][2:] == [
-        "the paper",
-        "files (1)",
-        *[SCENES[2].name] * 2,
-    ]
-    assert {len(line) for line in table} == {1 + len(CLAIMS)}
-    pictures = re.findall(r"\]\(([\w/]+\.png)\)", page)
-    assert len(pictures) == 3
-    assert all((tmp_path / picture).stat().st_size > 10_000 for picture in pictures)
-
-
-def test_a_wrong_trace_is_refused_before_any_work(tmp_path: Path) -> None:
-    wrong = tmp_path / "wrong.csv"
-    wrong.write_text("a,b\n1,2\n", encoding="utf-8")
-    for traces, said in (([wrong], "wrong.csv: row 1: missing column"), ([OPERATOR, OPERATOR], "listed twice")):
-        result = CliRunner().invoke(app, ["study", "paper", *map(str, traces)])
-        assert result.exit_code == 2
-        assert said in result.stderr

@@ -11,7 +11,6 @@ from weberlink.studies.precision.equations import MotionState, beginning
 from weberlink.studies.precision.problems import (
     PROBLEMS,
     TICK,
-    Ball,
     CoulombFriction,
     HalfSpace,
     Problem,
@@ -129,13 +128,6 @@ def test_an_oblique_corner_projects_the_depths() -> None:
     assert phase.force(state) == pytest.approx((20.0, 0.0, 20.0))
 
 
-def test_friction_on_a_ball_is_refused() -> None:
-    surface = ProblemSurface(Ball((0.0,) * 3, 0.01), 1e3, friction=CoulombFriction(0.5, 0.4))
-    problem = Problem("ball", "", ControlledMass(1.0, 0.0, 0.0), (surface,), ((0.0, (0.0,) * 3),), (0.0, 0.0, 0.02))
-    with pytest.raises(ValueError, match="half-space"):
-        reference(problem)
-
-
 OMEGA = 1000.0
 
 
@@ -159,20 +151,3 @@ def test_the_first_guard_to_fall_ends_the_stretch(solver: str) -> None:
     assert outcome.at == pytest.approx(pi / 2.0 / OMEGA, abs=1e-14)
     assert outcome.state[3] == pytest.approx(-OMEGA * sin(pi / 2.0), rel=1e-11)
     assert len(outcome.samples) == 1
-
-
-def test_a_guard_that_rises_through_zero_ends_nothing(solver: str) -> None:
-    outcome = SOLVERS[solver](
-        Stretch(swing, [lambda state: -state[0]], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.0, 0.003, [0.003])
-    )
-    assert outcome.fallen is None
-
-
-def test_a_stiff_decay_is_exact(solver: str) -> None:
-    rate = 1e5
-
-    def decay(state: MotionState) -> list[float]:
-        return [*state[3:], -rate * state[3], 0.0, 0.0]
-
-    outcome = SOLVERS[solver](Stretch(decay, (), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0], 0.0, 0.01, [0.01]))
-    assert outcome.state[0] == pytest.approx(1.0 / rate, rel=1e-9)

@@ -4,10 +4,6 @@ import numpy as np
 import pytest
 
 from weberlink.studies import recordings
-from weberlink.studies.recordings.catalogue import DATA
-
-MOST_BYTES = 3_000_000
-"""All archives together; they are part of the wheel."""
 
 
 @pytest.mark.parametrize("name", recordings.names())
@@ -41,15 +37,3 @@ def test_the_catalogue_says_which_recordings_touch_a_surface() -> None:
     counts = {source: sum(name in touching for name in recordings.names(source)) for source in recordings.SOURCES}
     assert counts == {"tue": 17, "omega3": 0, "ochoa_polish": 2, "panda_comanip": 0, "stroke_iiwa_teleop": 2}
     assert not any("free" in name for name in touching)
-
-
-def test_archives_are_small_and_have_their_licence_and_source() -> None:
-    assert sum(source.archive.stat().st_size for source in recordings.SOURCES.values()) < MOST_BYTES
-    page, licence = (DATA / "README.md").read_text(encoding="utf-8"), (DATA / "MIT.txt").read_text(encoding="utf-8")
-    for source in recordings.SOURCES.values():
-        count = len(source.recordings())
-        assert f"| `{source.archive.name}` | {count} | {source.repository} | {source.licence} |" in page
-        assert source.licence == "Apache-2.0" or f"for {source.archive.name}" in licence
-    assert {path.name for path in DATA.iterdir()} == {
-        "README.md", "MIT.txt", *(source.archive.name for source in recordings.SOURCES.values())
-    }  # fmt: skip

@@ -1,18 +1,12 @@
 """What is felt of a scene: its cells, its figures and its table."""
 
-import json
-from dataclasses import replace
-from io import StringIO
-from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from weberlink.studies.frame import Row, data_frame
-from weberlink.studies.stability.display import SCENES, DisplayCell, cells, rows_of
-from weberlink.studies.stability.display_study import STUDY, former, judged, run, summary
-from weberlink.system.configuration import ConfigurationError
+from weberlink.studies.stability.display import DisplayCell, cells, rows_of
+from weberlink.studies.stability.display_study import former, judged, summary
 
 FINE: Row = {
     "error_n": 0.3, "contacts": 12, "ghost_s": 0.0, "energy_out_j": 0.01, "tracking_m": 1e-3, "bound_share": 0.5,
@@ -22,13 +16,6 @@ FINE: Row = {
 
 def row(cell: DisplayCell, scheme: str = "ours", **figures: Any) -> Row:
     return cell._asdict() | {"scheme": scheme} | FINE | figures
-
-
-def test_every_cell_comes_once() -> None:
-    found = cells()
-    assert len(found) == len(set(found)) == 156
-    assert {cell.scene for cell in found} == set(SCENES)
-    assert {cell.hand for cell in found} == {"default", "light", "stiff", "pinch"}
 
 
 def test_the_schemes_before_are_stored_for_the_cells() -> None:
@@ -70,33 +57,3 @@ def test_a_cell_that_cannot_run_has_failed() -> None:
 def test_a_run_is_judged(cell: DisplayCell, figures: Row, judgement: Row) -> None:
     found = judged(data_frame([row(cell, **figures)])).iloc[0]
     assert {name: bool(found[name]) for name in judgement} == judgement
-
-
-def test_tracking_counts_up_to_100_ms() -> None:
-    rows = [row(DisplayCell("plane", 0)), row(DisplayCell("plane", 250), tracking_m=1.0)]
-    found = summary(data_frame(rows)).iloc[0]
-    assert (found.cells, found.tracking_m) == (2, 1e-3)
-
-
-def wide(case: tuple[DisplayCell, str]) -> list[Row]:
-    return [row(*case, energy_out_j=9.9, error_n=12.0)]
-
-
-def test_table_document_and_figure(tmp_path: Path) -> None:
-    result = replace(STUDY, run=wide).result(["baseline-tdpa"], workers=1)
-    console = Console(width=80, record=True, file=StringIO())
-    console.print(result.table)
-    text = console.export_text()
-    assert "…" not in text
-    assert "12.00" in text
-    document = json.loads(json.dumps(result.document, allow_nan=False))
-    assert len(document["rows"]) == 156
-    assert document["summary"][0]["scheme"] == "baseline-tdpa"
-    pytest.importorskip("matplotlib")
-    result.draw(tmp_path)
-    assert (tmp_path / "stability_display.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_an_unknown_scheme_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"--scheme: 'bound' is none of none, bounded, .*baseline-tdpa"):
-        run(["bound"])

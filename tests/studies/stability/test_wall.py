@@ -14,7 +14,6 @@ from tests.examples import examples
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.studies.stability.measured_wall import (
     activity,
-    generated,
     grows,
     measured_limit,
     plane,
@@ -156,38 +155,6 @@ def test_no_motion_gets_energy_from_passive_walls(
     assert activity(wall, share * passive) <= 1e-9
 
 
-@given(path_um=st.lists(st.integers(-2000, 1000), min_size=2, max_size=12, unique=True), delay=st.integers(0, 3))
-@examples(40)
-def test_no_random_path_gets_energy_from_passive_walls(path_um: list[int], delay: int) -> None:
-    wall = SampledWall(0.3, 8.0, 0.01, 1e-3, delay)
-    assert generated(wall, passivity_limit(wall), [1e-6 * height for height in path_um]) <= 1e-9
-
-
-def bounce(wall: SampledWall, stiffness: float, speed: float = 0.1) -> float:
-    """Energy of a free device after the wall, as a share of its energy before; 0 if it does not leave."""
-    scene = plane(stiffness, wall.wall_damping_n_s_m)
-    start = 0.3 * speed * wall.tick_period  # the surface lies between two samples
-    hand = modelled_hand(wall.hand, (0.0, 0.0, start))
-    hand.velocity = (0.0, 0.0, -speed)
-    on_the_way = deque([0.0] * wall.delay_ticks)
-    for _ in range(2000):
-        on_the_way.append(scene.force(hand.position, wall.tick_period)[2])
-        force = on_the_way.popleft()
-        if hand.position[2] > 0.0 and hand.velocity[2] > 0.0 and force == 0.0 and not any(on_the_way):
-            return (hand.velocity[2] / speed) ** 2
-        hand.advance(hand.position, (0.0, 0.0, force), wall.tick_period)
-    return 0.0
-
-
-@pytest.mark.parametrize("delay", [0, 1])
-def test_only_active_walls_bounce_with_more_energy(delay: int) -> None:
-    wall = SampledWall(0.3, 5.0, 0.01, 1e-3, delay)
-    passive = passivity_limit(wall)
-    for share in (0.1, 0.5, 1.0):
-        assert 0.0 < bounce(wall, share * passive) < 1.0
-    assert bounce(wall, 2.0 * passive) > 1.0
-
-
 def test_a_survey_row_agrees_with_theory() -> None:
     row = survey(SampledWall(0.1, 5.0, 0.01, 1e-3))
     assert abs(row["deviation"]) < 0.02
@@ -196,8 +163,3 @@ def test_a_survey_row_agrees_with_theory() -> None:
     assert beyond
     assert min(beyond) > 0.0
     assert json.loads(json.dumps(row, allow_nan=False))["mass_kg"] == 0.1
-
-
-def test_a_never_passive_wall_has_no_activities() -> None:
-    row = survey(SampledWall(0.1, 5.0, 0.01, 1e-3, wall_damping_n_s_m=6.0))
-    assert (row["passive_to_n_m"], row["cells"]) == (0.0, [])

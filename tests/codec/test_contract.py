@@ -1,0 +1,339 @@
+"""The contract of every channel: force, position and joints, with each predictor."""
+
+from collections.abc import Callable, Sequence
+from math import inf, nan
+from random import Random
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.codec.law import KINDS, Kind, Law, ends
+from tests.codec.signals import rubbing_stream
+from tests.examples import examples
+from weberlink.codec import Update
+from weberlink.codec.deadband import (
+    ConeDeadband,
+    Deadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    PositionDeadband,
+    VelocityDeadband,
+)
+from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.quantizer import INT16_MAX
+from weberlink.codec.rate import UpdateRate
+from weberlink.codec.smoothing import Smoothing
+from weberlink.update import MAX_GAP, ModelParameters, PreviousSample
+
+every = pytest.mark.parametrize("kind", KINDS, ids="-".join)
+seeds = st.integers(0, 2**32 - 1)
+SHAPES: dict[str, Callable[[float, float], Deadband]] = {
+    **{
+        reference: (lambda k, floor, which=reference: ForceDeadband(k, floor, which))
+        for reference in ("actual", "displayed", "sent")
+    },
+    "cone": ConeDeadband,
+    "levels": lambda k, floor: LevelCrossingDeadband(k, max(floor, 1e-3)),
+    "velocity": lambda k, floor: VelocityDeadband(k, floor, "displayed"),
+}
+
+
+def is_slow(kind: Kind) -> bool:
+    """Whether the sender learns from all samples."""
+    return kind.predictor in ("path", "elastic", "adaptive")
+
+
+# The law.
+
+
+@st.composite
+def options(draw: st.DrawFn, kind: Kind) -> dict[str, Any]:
+    """Of a channel."""
+    weber = draw(st.sampled_from([0.0, 0.1]) | st.floats(0.005, 0.5))
+    rate = draw(st.none() | st.builds(UpdateRate, st.floats(0.001, 1.5), st.floats(4.0, 40.0)))
+    if kind.of == "joints":
+        return {"weber": weber, "rate": rate, "axes": draw(st.integers(1, 7))}
+    found: dict[str, Any] = {"axes": draw(st.sampled_from(["z", "xz", "xyz"])), "rate": rate}
+    found["lookahead"] = draw(st.sampled_from([0, 0, 1, 2, 7] if is_slow(kind) else [0, 0, 1, 2, 7, 37]))
+    if kind.of == "position":
+        return found | {"weber": weber, "bound": draw(st.sampled_from([0.0, 1e-5, 2e-4]))}
+    found["deadband"] = SHAPES[draw(st.sampled_from(list(SHAPES)))](weber, draw(st.sampled_from([0.0, 0.002, 0.02])))
+    if found["deadband"].is_ball and not found["lookahead"]:
+        ramps = st.builds(Smoothing, st.integers(1, 30), st.sampled_from([0.4, 0.7]))
+        found["smoothing"] = draw(st.none() | ramps)
+    return found
+
+
+def retuned(kind: Kind, weber: float, selectors: set[int], count: int) -> tuple[Any, list[int]]:
+    """The arguments of a live change."""
+    chosen = sorted({each % count for each in selectors})
+    if kind.of == "joints":
+        return weber, [0]
+    return (PositionDeadband(weber, 1e-4) if kind.of == "position" else ForceDeadband(weber, 0.01)), chosen
+
+
+EVENTS = st.one_of(
+    st.sampled_from(["restart", "restart and retune", "reset", "skip", "not finite", "huge", "limit"]),
+    st.tuples(st.sampled_from([0.0, 0.05, 0.3]), st.sets(st.integers(0, 9), min_size=1)),
+    st.sampled_from([2, 20, MAX_GAP, MAX_GAP + 1]),
+)
+"""A live change of Weber factor and predictors is a tuple; a number of ticks without a sample is a number."""
+
+
+@every
+@given(
+    data=st.data(), seed=seeds, rubbing=st.booleans(), events=st.dictionaries(st.integers(0, 119), EVENTS, max_size=9)
+)
+@examples(20)
+def test_at_every_tick_the_ends_hold_the_same_within_the_deadband(
+    kind: Kind, data: st.DataObject, seed: int, rubbing: bool, events: dict[int, Any]
+) -> None:
+    """With any options, through restarts, live changes, gaps and samples that are none.
+
+    And a sample is sent exactly if its prediction is outside the deadband, and no more often than the rate permits.
+    """
+    chosen = data.draw(options(kind))
+    channel = kind.channel(**chosen)
+    law, tick, selected = Law(channel), 0, range(len(channel.bank))
+    ticks, axes = (60 if is_slow(kind) else 120), chosen["axes"]
+    for index, (value, place) in enumerate(kind.stream(seed, ticks=ticks, axes=axes, rubbing=rubbing)):
+        event = events.get(index)
+        tick += 1 + (event if isinstance(event, int) else 0)
+        if event in ("restart", "restart and retune"):
+            law.restart()
+        if event == "reset":
+            law.reset()
+        if isinstance(event, tuple) or event == "restart and retune":
+            deadband, selected = retuned(kind, *(event if isinstance(event, tuple) else (0.1, {0})), len(channel.bank))
+            law.retune(deadband, selected, tick)
+        sample = None if event == "skip" else (spoilt(value, event), place)
+        found = law.tick(tick, sample, 1e-3 if event == "limit" else inf)
+        assert found is None or found.update is None or found.update.selector in selected
+    if law.rate is not None:
+        assert law.beyond <= law.rate.burst + 1e-6
+
+
+def spoilt(value: Sequence[float], event: object) -> tuple[float, ...]:
+    """A value, or what an event makes of it."""
+    if event == "not finite":
+        return (nan, *value[1:]) if value[0] > 0.0 else (*value[:-1], inf)
+    if event == "huge":
+        return tuple(1e300 if each > 0.0 else -1e300 for each in value)
+    return tuple(value)
+
+
+@every
+@pytest.mark.parametrize("lookahead", [0, 7])
+def test_any_update_that_arrives_restores_the_state(kind: Kind, lookahead: int) -> None:
+    """After loss and reordering the ends agree until an update is lost again; a decoder that starts late agrees too."""
+    channel = kind.channel(**({} if kind.of == "joints" else {"lookahead": lookahead}))
+    (encoder, decoder), random = ends(channel), Random(7)
+    agree, delayed, compared, lost = True, None, 0, 0
+    stream = kind.stream(7, ticks=900, rubbing=kind.of != "joints")
+    for tick, (value, place) in enumerate(stream):
+        update = encoder.encode(tick, value, place)
+        coded_at = stream[max(0, tick - getattr(channel, "lookahead", 0))][1]
+        if update is not None:
+            _, late_starter = ends(channel)
+            late_starter.apply(update)
+            assert repr(late_starter.state) == repr(encoder.mirror.state)
+            if random.random() < 0.5:
+                agree, delayed, lost = False, update, lost + 1
+            else:
+                if delayed is not None:
+                    decoder.apply(delayed)
+                decoder.apply(update)
+                agree, delayed = True, None
+        shown = decoder.value(tick, coded_at)
+        if agree and (encoder.predicted is not None or update is not None):
+            compared += 1
+            assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, coded_at))
+    assert compared > 150
+    assert lost > 1
+
+
+@every
+def test_a_reset_encoder_sends_the_same_bits_as_a_fresh_one(kind: Kind) -> None:
+    (used, _), (fresh, _) = ends(kind.channel()), ends(kind.channel())
+    for tick, (value, place) in enumerate(kind.stream(12, ticks=400)):
+        used.encode(tick, value, place)
+    used.reset()
+    sent = 0
+    for tick, (value, place) in enumerate(kind.stream(2, ticks=500, rubbing=True), 400):
+        # A channel of positions or joints does not read the second position.
+        update = used.encode(tick, value, place if kind.of == "force" else (float(tick), 1.0, -1e6))
+        assert update == fresh.encode(tick, value, place)
+        assert (used.bound, used.predicted, used.coded) == (fresh.bound, fresh.predicted, fresh.coded)
+        sent += update is not None
+    assert sent > 1
+
+
+@every
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_samples_that_are_not_finite_are_counted_and_change_nothing(kind: Kind, bad: float) -> None:
+    (encoder, _), (clean, _) = ends(kind.channel()), ends(kind.channel())
+    rejected = 0
+    for tick, (value, place) in enumerate(kind.stream(3, ticks=120)):
+        if tick % 10 == 5:
+            axis = tick // 10 % len(value)
+            assert encoder.encode(tick, (*value[:axis], bad, *value[axis + 1 :]), place) is None
+            rejected += 1
+            if kind.of == "force":
+                assert encoder.encode(tick, value, (place[0], bad, place[2])) is None
+                rejected += 1
+            continue
+        assert encoder.encode(tick, value, place) == clean.encode(tick, value, place)
+        assert encoder.coded == value
+    assert (encoder.rejected, clean.rejected) == (rejected, 0)
+
+
+@every
+def test_values_beyond_the_wire_are_saturated_and_sent_once(kind: Kind) -> None:
+    channel = kind.channel()
+    encoder, _ = ends(channel)
+    size = 5 if kind.of == "joints" else 3
+    sends = [encoder.encode(tick, (*(0.0,) * (size - 2), 1e6, -1e300)) for tick in range(10)]
+    assert [update is not None for update in sends] == [True] + [False] * 9
+    assert sends[0].newest[:size] == (*(0,) * (size - 2), INT16_MAX, -INT16_MAX)
+
+
+@every
+def test_after_a_restart_the_next_sample_is_sent_once_without_history(kind: Kind) -> None:
+    """Also one that the rest of the channel would display, and if the tuning changes in between."""
+    channel = kind.channel()
+    encoder, _ = ends(channel)
+    rest = (0.0,) * (5 if kind.of == "joints" else 3)
+    first = encoder.encode(0, rest)
+    assert (first is None) == (kind.of == "force")
+    assert (encoder.predicted is None) == (kind.of != "force")
+    for tick, retunes in ((1, False), (5, True)):
+        encoder.restart()
+        if retunes:
+            encoder.retune(*retuned(kind, 0.1, {0}, 1))
+        update = encoder.encode(tick, rest)
+        assert update is not None
+        assert not isinstance(update.payload, PreviousSample)
+        assert [encoder.encode(tick + ahead, rest) for ahead in (1, 2)] == [None, None]
+
+
+# Updates.
+
+
+@every
+def test_an_update_that_does_not_fit_is_refused_and_changes_nothing(kind: Kind) -> None:
+    channel = kind.channel()
+    encoder, decoder = ends(channel)
+    for tick, sample in enumerate(kind.stream(5, ticks=60)):
+        update = encoder.encode(tick, *sample)
+        if update is not None:
+            decoder.apply(update)
+    before = repr((decoder.state, decoder.newest, decoder.first, decoder.selected))
+    wrong = [Update(99, len(channel.bank), (0,) * 6), Update(99, -1, (0,) * 6)]
+    for selector, form in enumerate(channel.forms):
+        newest = (0,) * sum(form.newest)
+        wrong += [Update(99, selector, (*newest, 0)), Update(99, selector, newest[1:])]
+        if form.previous is None:
+            wrong += [
+                Update(99, selector, newest, PreviousSample(1, newest)),
+                Update(99, selector, newest, ModelParameters(b"\x24" + bytes(99))),
+            ]
+        else:
+            size = sum(form.previous)
+            wrong += [
+                Update(99, selector, newest, PreviousSample(1, (0,) * (size + 1))),
+                Update(99, selector, newest, PreviousSample(1, (0,) * (size - 1))),
+                Update(99, selector, newest, ModelParameters(b"")),
+            ]
+    for update in wrong:
+        with pytest.raises(ValueError, match="update"):
+            decoder.apply(update)
+        assert repr((decoder.state, decoder.newest, decoder.first, decoder.selected)) == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "reads"),
+    [
+        (Kind("force", "zoh"), False), (Kind("force", "linear"), True), (Kind("force", "plane"), True),
+        (Kind("force", "sphere"), True), (Kind("position", "linear"), True), (Kind("joints", "zoh"), False),
+        (Kind("joints", "linear"), True),
+    ],
+)  # fmt: skip
+def test_the_previous_sample_travels_where_it_is_read_and_fits_in_the_gap(kind: Kind, reads: bool) -> None:
+    size = 5 if kind.of == "joints" else 3
+    for second, anew, carries in [
+        (1, False, True), (MAX_GAP, False, True), (MAX_GAP + 1, False, False), (0, False, False), (-5, False, False),
+        (1, True, False),
+    ]:  # fmt: skip
+        encoder, decoder = ends(kind.channel(**({"lookahead": 0} if kind.of != "joints" else {})))
+        encoder.encode(0, (0.3,) * size)
+        if anew:
+            encoder.reset()
+        update = encoder.encode(second, (0.2,) * size)
+        assert update is not None
+        payload = update.payload
+        assert isinstance(payload, PreviousSample) == (reads and carries)
+        if isinstance(payload, PreviousSample):
+            assert payload.gap == second
+            assert payload.levels[:size] == tuple(round(0.3 / law_step(kind)) for _ in range(size))
+        decoder.apply(update)
+        assert repr(decoder.state) == repr(encoder.mirror.state)
+
+
+def law_step(kind: Kind) -> float:
+    return 1e-5 if kind.of == "position" else 1e-3
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.of != "joints"], ids="-".join)
+@pytest.mark.parametrize("selectors", [[], [99], [-1], [0, 9], "len"])
+def test_refuses_invalid_selectors_and_stays_as_it_was(kind: Kind, selectors: Any) -> None:
+    channel = kind.channel()
+    (encoder, _), (other, _) = ends(channel), ends(channel)
+    with pytest.raises(ValueError, match="selectors"):
+        encoder.retune(ForceDeadband(0.5, 5.0), [len(channel.bank)] if selectors == "len" else selectors)
+    for tick, sample in enumerate(kind.stream(4, ticks=30)):
+        assert encoder.encode(tick, *sample) == other.encode(tick, *sample)
+
+
+@pytest.mark.parametrize("bank", [("zoh", "linear", "plane", "sphere"), tuple(PREDICTORS)], ids=["hybrid", "adaptive"])
+def test_a_predictor_that_is_deselected_is_left_at_the_next_sample(bank: tuple[str, ...]) -> None:
+    for only in range(len(bank)):
+        law, left = Law(Kind("force", "hybrid" if len(bank) == 4 else "adaptive").channel(bank=bank)), 0
+        for tick, sample in enumerate(rubbing_stream(4, ticks=250)):
+            if tick == 100:
+                left = law.decoder.selected
+                law.retune(ForceDeadband(0.05, 0.02), [only])
+            if tick == 150:
+                law.tick(tick, ((nan, 0.0, 0.0), sample[1]))  # one that is no sample does not count
+                continue
+            if tick == 175:
+                law.retune(ForceDeadband(0.10, 0.02), [each for each in range(len(bank)) if each != only])
+            found = law.tick(tick, sample)
+            assert found is not None
+            if tick == 175 or (tick == 100 and left != only):
+                assert found.update is not None
+            if found.update is not None and tick >= 100:
+                assert (found.update.selector == only) == (tick < 175)
+
+
+@pytest.mark.parametrize("retunings", [[[1], [0]], [[0, 1]], [[1, 0, 0]]])
+def test_nothing_is_sent_for_a_model_that_may_stay(retunings: list[list[int]]) -> None:
+    law = Law(Kind("force", "hybrid").channel())
+    law.tick(0, ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    for selectors in retunings:
+        law.retune(ForceDeadband(0.10, 0.02), selectors)
+    found = law.tick(1, ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    assert found is not None
+    assert found.update is None
+
+
+def test_a_reset_keeps_the_tuning() -> None:
+    encoder, _ = ends(Kind("force", "hybrid").channel())
+    encoder.retune(ForceDeadband(0.30, 0.5), [3, 2])
+    for _ in range(2):
+        assert encoder.encode(0, (0.0, 0.0, 0.4)) is None
+        update = encoder.encode(1, (0.0, 0.0, 1.0))
+        assert update is not None
+        assert update.selector == 2
+        encoder.reset()
