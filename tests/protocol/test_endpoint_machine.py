@@ -28,6 +28,7 @@ from weberlink.protocol import (
     Role,
     SessionExpired,
     State,
+    TakenOver,
     UpdateReceived,
 )
 from weberlink.protocol.checksum import Checksum
@@ -312,7 +313,7 @@ class Endpoints(RuleBasedStateMachine):
         self.world.go(EXPIRY + SILENCE + 0.2)
 
     @rule(
-        delays=st.tuples(*[st.sampled_from([0.0, 0.001, 0.02, 0.045, 0.1])] * 2),
+        delays=st.tuples(*[st.sampled_from([0.0, 0.001, 0.02, 0.045, 0.1, 0.18])] * 2),
         loss=st.sampled_from([0.0, 0.0, 0.1, 0.3]),
         burst=st.sampled_from([1.0, 5.0]),
         disorder=st.sampled_from([0.0, 0.2]),
@@ -457,12 +458,16 @@ class Endpoints(RuleBasedStateMachine):
         """Another master with the key calls; it gets the slave only if it takes over, and the former one is told."""
         world = self.world
         former, sessions = world.master, world.slave.endpoint.sessions
+        is_reached = (
+            self.is_shared() and world.slave.endpoint.peer == former.address and not (self.is_bad or world.dark)
+        )
         guest = Side(self.new(Role.INITIATOR, name="bob@desk", take_over=take_over), (MASTER[0], 50_000 + self.runs))
         guest.offset = former.offset
         world.guests.append(guest)
         world.go(0.3)
         if guest.endpoint.sessions and world.slave.endpoint.peer_name == "bob@desk":
             world.master = guest
+            assert not is_reached or former.of(TakenOver) == [TakenOver("bob@desk")]
         world.guests = []
         if not take_over and world.slave.endpoint.state is State.ENGAGED and world.slave.endpoint.sessions == sessions:
             assert not guest.of(Connected)
