@@ -1,7 +1,7 @@
 """A process that writes a ring as a daemon does: `daemon_process.py PATH SIDE COUNT [CAPACITY]`.
 
-At 1 kHz; COUNT records and then an end in order, or 0 for no end. Record i holds i in every number and i modulo 251 in
-every byte, and its deadline.
+At 1 kHz; COUNT records and then, when its input ends, an end in order; or 0 for no end. Record i holds i in every number
+and i modulo 251 in every byte, and its deadline.
 """
 
 import sys
@@ -26,3 +26,4 @@ with RingWriter.create(path, side=side, rate_hz=1000.0, capacity=capacity) as wr
         byte = i % 251
         writer.write([at, *(byte if each else i for each in is_byte)])
         i += 1
+    sys.stdin.read()
