@@ -5,7 +5,7 @@ from math import inf
 import pytest
 
 from tests.protocol.harness import Pair, make_endpoint
-from weberlink.protocol import ChangeAnswered, ChangeProposed, Role
+from weberlink.protocol import ChangeAnswered, ChangeProposed, DropReason, Role
 from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
 from weberlink.protocol.wire import LONGEST_CHANGE
 
@@ -106,11 +106,13 @@ def test_a_body_that_does_not_fit_is_refused(body: bytes) -> None:
         Pair().engage().master.endpoint.propose_change(0.0, 1, body)
 
 
-def test_change_too_far_ahead_is_dropped() -> None:
-    pair = Pair().engage()
-    assert pair.master.endpoint.propose_change(pair.now, pair.ticks + 60_000, BODY)
+@pytest.mark.parametrize(("ahead", "is_told"), [(-30_100, False), (-29_900, True), (29_900, True), (30_100, False)])
+def test_change_too_far_ahead_or_back_is_dropped(ahead: int, is_told: bool) -> None:
+    pair = Pair(master={"epoch": -100.0}).engage()
+    assert pair.master.endpoint.propose_change(pair.now, 100_000 + pair.ticks + ahead, BODY)
     pair.run(0.05)
-    assert not proposals(pair)
+    assert bool(proposals(pair)) is is_told
+    assert is_told or set(pair.slave.faults()) == {DropReason.IMPLAUSIBLE}
 
 
 def test_answer_without_a_matching_proposal_is_ignored() -> None:

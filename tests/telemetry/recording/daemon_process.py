@@ -1,7 +1,7 @@
 """A process that writes a ring as a daemon does: `daemon_process.py PATH SIDE COUNT [CAPACITY]`.
 
-At 1 kHz; COUNT records and then, when its input ends, an end in order; or 0 for no end. Record i holds i in every number
-and i modulo 251 in every byte, and its deadline.
+At 1 kHz; COUNT records and then, when its input ends, an end in order; or 0 for no end. Record i holds i in every
+number and i modulo 251 in every byte, and its deadline.
 """
 
 import sys

@@ -157,7 +157,7 @@ def test_a_killed_recorder_leaves_what_it_had_written(session):
     assert (recording.complete, recording.outcome) == (False, "cut off")
     for side in SIDES:
         assert_whole(recording.records[side])
-    assert all(len(recording.records[side]) >= len(records) > 0 for side, records in before.records.items())
+    assert all(len(recording.records[side]) >= len(records) for side, records in before.records.items())
 
 
 @pytest.mark.parametrize(
