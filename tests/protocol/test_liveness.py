@@ -47,6 +47,10 @@ def test_nothing_heard_within_limit_echoes_deaf() -> None:
 def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    assert end.in_touch_at == -inf and not end.drives(0.0)
+    end.hear_encoder(1, 0.01, runs=True)
+    assert end.drives(0.01 + SILENCE) and not end.drives(0.0101 + SILENCE)
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear_encoder(2, 0.03, runs=False)
     end.hear_encoder(1, 0.04, runs=True)
     assert end.encodes_until == end.encoder_heard_at == -inf
