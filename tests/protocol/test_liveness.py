@@ -2,6 +2,7 @@
 
 from math import floor, inf, nextafter
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,6 +36,14 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     for arrival in (now, nextafter(now, -inf), nextafter(now, inf)):
         assert end.hear(now, peer.echo(now), 0, arrival)
+
+
+@pytest.mark.parametrize("units", [0, 1, 200, 253])
+def test_an_echo_is_unambiguous_for_almost_four_limits(units: int) -> None:
+    unit = SILENCE / UNITS
+    now = 1000.5 * unit
+    confirmed = Liveness(0.0, SILENCE, 0.0, 0.0).confirmation((1000 - units) % 255, 0, now)
+    assert confirmed == pytest.approx((1000 - units) * unit)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:

@@ -179,6 +179,32 @@ def test_a_report_that_is_overtaken_changes_nothing() -> None:
     assert counted.outgoing_loss == newest
 
 
+def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
+    """The delays rise, and fall back; the least delay falls; losses come, and are forgotten."""
+    sender, receiver, *_ = pair(Checksum(), silence=10.0)
+    now = 0.1
+
+    def reports() -> bool:
+        data = receiver.sender.send_heartbeat(now)
+        return len(data) > len(receiver.sender.send_heartbeat(now))
+
+    def hear(count: int, delay: float = 0.0, lost: int = 0) -> bool:
+        nonlocal now
+        for _ in range(count):
+            now += 0.001
+            for _ in range(lost):
+                sender.sender.send_heartbeat(now - delay)
+            deliver(receiver, sender.sender.send_heartbeat(now - delay), now)
+        return reports()
+
+    assert not reports()
+    assert hear(1, delay=0.05) and not reports()
+    assert hear(100) and not hear(1)
+    assert hear(1, delay=-0.003) and not hear(1, delay=-0.003)
+    assert hear(10, delay=-0.003, lost=1) and not reports()
+    assert hear(200, delay=-0.003) and not reports()
+
+
 def test_a_farewell_arrives_however_late() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     data = sender.sender.send_bye(0.1, "robot: fault")
