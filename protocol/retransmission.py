@@ -93,12 +93,12 @@ class Allowance:
         self._held_until = -inf
 
     def left(self, now: float) -> int:
-        """Early repeats that may be sent now."""
+        """Early repeats that may be sent now; 0 also where the streams together have spent more than there was."""
         passed = now - self._filled_at
         tokens = self._tokens + self.rate * (passed if passed < 1.0 else 1.0)
         self._tokens = tokens if tokens < self.rate else self.rate
         self._filled_at = now
-        return int(self._tokens)
+        return max(0, int(self._tokens))
 
     def pay(self, now: float) -> None:
         """An early repeat is sent."""

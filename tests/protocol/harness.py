@@ -17,6 +17,7 @@ from weberlink.protocol import (
     Endpoint,
     Event,
     PeerReturned,
+    PeerSilent,
     Refused,
     Role,
     UpdateLost,
@@ -56,6 +57,8 @@ class Side:
     sessions: int = 0
     renewals: int = 0
     """Events after which the owner must send a new state."""
+    silences: int = 0
+    """Events after which what the peer has sent counts no more."""
 
     def local(self, world: float) -> float:
         return self.offset + world * (1.0 + self.drift)
@@ -68,6 +71,7 @@ class Side:
             self.events.append(event)
             self.sessions += isinstance(event, Connected)
             self.renewals += isinstance(event, Connected | PeerReturned | UpdateLost)
+            self.silences += isinstance(event, PeerSilent)
             if isinstance(event, UpdateReceived):
                 self.received_at.append((world, event))
 
@@ -253,18 +257,26 @@ class Pair:
             for data, (source, target) in link.receive(self.now):
                 for to in self.everyone:
                     if target == to.address:
-                        to.endpoint.receive_datagram(data, source, to.local(self.now))
+                        self.deliver(to, data, source)
+
+    def deliver(self, to: Side, data: bytes, source: Address) -> None:
+        """Let a datagram arrive now."""
+        to.endpoint.receive_datagram(data, source, to.local(self.now))
 
     def _transmit(self) -> None:
         for side in self.everyone:
-            link = self.backward if side is self.slave else self.forward
-            for data, target in side.endpoint.datagrams_to_send():
-                self.tap.append((self.now, side, data))
-                self.sent_to.append((target, kind_of(data) if data else -1))
-                if not self.swallow(side, data):
-                    link.send(data, (side.address, target), self.now)
+            self.flush(side)
         for side in self.everyone:
             side.collect(self.now)
+
+    def flush(self, side: Side) -> None:
+        """Send what an end has ready."""
+        link = self.backward if side is self.slave else self.forward
+        for data, target in side.endpoint.datagrams_to_send():
+            self.tap.append((self.now, side, data))
+            self.sent_to.append((target, kind_of(data) if data else -1))
+            if not self.swallow(side, data):
+                link.send(data, (side.address, target), self.now)
 
 
 def suites() -> list[Security]:

@@ -2,6 +2,7 @@
 
 from math import floor, inf, nextafter
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,6 +38,14 @@ def test_echo_of_just_now_is_current(ticks: int) -> None:
         assert end.hear(now, peer.echo(now), 0, arrival)
 
 
+@pytest.mark.parametrize("units", [0, 1, 200, 253])
+def test_an_echo_is_unambiguous_for_almost_four_limits(units: int) -> None:
+    unit = SILENCE / UNITS
+    now = 1000.5 * unit
+    confirmed = Liveness(0.0, SILENCE, 0.0, 0.0).confirmation((1000 - units) % 255, 0, now)
+    assert confirmed == pytest.approx((1000 - units) * unit)
+
+
 def test_nothing_heard_within_limit_echoes_deaf() -> None:
     peer = Liveness(0.0, SILENCE, 5.0, 5.0)
     assert peer.echo(5.0 + SILENCE) != DEAF
@@ -46,6 +55,10 @@ def test_nothing_heard_within_limit_echoes_deaf() -> None:
 
 def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     """The dead-man button was released; an update that left before it comes later."""
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    assert end.in_touch_at == -inf and not end.drives(0.0)
+    end.hear_encoder(1, 0.01, runs=True)
+    assert end.drives(0.01 + SILENCE) and not end.drives(0.0101 + SILENCE)
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear_encoder(2, 0.03, runs=False)
     end.hear_encoder(1, 0.04, runs=True)

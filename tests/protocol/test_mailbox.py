@@ -12,7 +12,10 @@ def test_datagrams_leave_in_order_and_once() -> None:
     mailbox.post(b"bc", ("h", 2))
     assert mailbox.datagrams() == [(b"a", ("h", 1)), (b"bc", ("h", 2))]
     assert mailbox.datagrams() == []
+    mailbox.count(b"abcd")
+    mailbox.count(b"e")
     assert (statistics.sent, statistics.bytes_sent) == (2, 3)
+    assert (statistics.received, statistics.bytes_received) == (2, 5)
 
 
 def test_full_queue_drops_the_oldest_datagram() -> None:

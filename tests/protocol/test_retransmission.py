@@ -91,6 +91,23 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
         assert repeats <= 13 + (now - begun_at) / LONGEST_PACE
 
 
+def test_streams_that_have_overdrawn_their_allowance_repeat_nothing_early() -> None:
+    """Each took what was left before the other had paid."""
+    allowance = Allowance()
+    streams = [Retransmission(allowance), Retransmission(allowance)]
+    for stream in streams:
+        stream.begin(1, 0.0, copies=6)
+    repeats = 0
+    for stream in streams:
+        while stream.due_at(0.0, inf) < inf:
+            repeats += 1
+            stream.repeated(1 + repeats, 0.005 * repeats)
+    assert repeats == 2 * LEAST_EARLY_PER_S and allowance.left(0.06) == 0
+    for stream in streams:
+        stream.begin(20, 0.06, copies=6)
+        assert stream.due_at(0.0, inf) == inf
+
+
 REPORTS = st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-5, 400)), max_size=60)
 
 

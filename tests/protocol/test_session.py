@@ -1,6 +1,7 @@
 """Two sessions without endpoints: counters near their wrap, single timers."""
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -16,32 +17,31 @@ from weberlink.protocol.wire import PHASE, DirectionLayout
 from weberlink.update import PreviousSample, Update
 
 
-def pair(
+def sessions(
     security: Security, first_sequence: int = 1, silence: float = 0.1, rekey_after: int = REKEY_AFTER
 ) -> tuple[Session, Session, Statistics, Statistics]:
+    """Both ends of a session that have agreed on no round trip, and what each counts."""
     layout = DirectionLayout([forms(3)])
     parameters = Parameters(layout, layout, 0.0, 0.001, silence, 0.4, opens=False, rekey_after=rekey_after)
-    made: list[Session] = []
-    counted: list[Statistics] = []
-    for side, protection in enumerate(exchanged(security)):
-        counted.append(Statistics())
-        session = agreed(
-            Session(
-                protection, parameters, counted[side], 0.0, 0.0, longest_round_trip=0.4, first_sequence=first_sequence
-            )
-        )
+    counted = Statistics(), Statistics()
+    first, second = (
+        Session(protection, parameters, count, 0.0, 0.0, longest_round_trip=0.4, first_sequence=first_sequence)
+        for protection, count in zip(exchanged(security), counted, strict=True)
+    )
+    for session in (first, second):
+        session.liveness.agree(0.0, 0.0)
+    return first, second, *counted
+
+
+def pair(security: Security, **changes: Any) -> tuple[Session, Session, Statistics, Statistics]:
+    """The same whose ends have introduced themselves."""
+    first, second, *counted = sessions(security, **changes)
+    for session in (first, second):
         session.clock.learn(0.0, 0.0, 0.0)
-        made.append(session)
     for _ in range(INTRODUCTIONS + 1):
-        deliver(made[1], made[0].sender.send_heartbeat(0.0), 0.0)
-        deliver(made[0], made[1].sender.send_heartbeat(0.0), 0.0)
-    return made[0], made[1], counted[0], counted[1]
-
-
-def agreed(session: Session) -> Session:
-    """A session whose ends have agreed on no round trip."""
-    session.liveness.agree(0.0, 0.0)
-    return session
+        deliver(second, first.sender.send_heartbeat(0.0), 0.0)
+        deliver(first, second.sender.send_heartbeat(0.0), 0.0)
+    return first, second, *counted
 
 
 def deliver(receiver: Session, data: bytes, now: float) -> UpdateReceived | PeerClosed | DropReason | None:
@@ -128,33 +128,37 @@ def test_question_is_answered_at_once() -> None:
 
 
 def test_updates_before_the_first_report_are_untimed() -> None:
-    layout = DirectionLayout([forms(3)])
-    parameters = Parameters(layout, layout, 0.0, 0.001, 0.1, 0.4, opens=False)
-    protections = exchanged(Checksum())
-    sender = agreed(Session(protections[0], parameters, Statistics(), 0.0, 0.0, longest_round_trip=0.4))
-    receiver = agreed(Session(protections[1], parameters, Statistics(), 0.0, 0.0, longest_round_trip=0.4))
+    sender, receiver, *_ = sessions(Checksum())
     assert deliver(receiver, sender.sender.send_update(0.01, sample_update(1)), 0.01) is DropReason.UNTIMED
     assert deliver(receiver, sender.sender.send_heartbeat(0.01), 0.01) is None
     assert isinstance(deliver(receiver, sender.sender.send_update(0.02, sample_update(2)), 0.02), UpdateReceived)
 
 
 @pytest.mark.parametrize(
-    ("lag", "extra", "reason"), [(0, b"\1", DropReason.MALFORMED), (20, b"", DropReason.IMPLAUSIBLE)]
+    ("lag", "extra", "reason"),
+    [
+        (0, b"", None),
+        (0, b"\1", DropReason.MALFORMED),
+        (10, b"", None),  # of tick 0
+        (11, b"", DropReason.IMPLAUSIBLE),
+        (-1000, b"", None),
+        (-1001, b"", DropReason.IMPLAUSIBLE),
+    ],
 )
-def test_an_update_beyond_its_end_or_before_its_clock_is_dropped(lag: int, extra: bytes, reason: DropReason) -> None:
-    """No owner can send it, a peer with a fault can: bytes too many, or a tick below 0."""
-    direction = DirectionLayout([forms(3)])
-    layout = direction.updates[0]
-    parameters = Parameters(direction, direction, 0.0, 0.001, 0.1, 0.4, opens=False)
-    protections = exchanged(Checksum())
-    receiver = agreed(Session(protections[1], parameters, Statistics(), 0.0, 0.0, longest_round_trip=0.4))
+def test_an_update_beyond_its_end_or_of_another_time_is_dropped(
+    lag: int, extra: bytes, reason: DropReason | None
+) -> None:
+    """No owner can send it, a peer with a fault can: bytes too many, a tick below 0, or more than a second ahead."""
+    protection, _ = exchanged(Checksum())
+    _, receiver, *_ = sessions(Checksum())
     receiver.clock.learn(0.0, 0.0, 0.0)
     outcomes = []
     for sequence, behind, more in ((1, lag, extra), (2, 0, b"")):
         envelope = (sequence, 0, receiver.clock.stamp(0.01)[0], receiver.liveness.echo(0.01), (None,))
-        clear = layout.pack(envelope, behind, Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))) + more
-        outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
-    assert outcomes[0] is reason
+        update = Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))
+        clear = DirectionLayout([forms(3)]).updates[0].pack(envelope, behind, update) + more
+        outcomes.append(deliver(receiver, protection.seal(sequence, clear), 0.01))
+    assert outcomes[0] is reason if reason else isinstance(outcomes[0], UpdateReceived)
     assert isinstance(outcomes[1], UpdateReceived)
 
 
@@ -173,6 +177,32 @@ def test_a_report_that_is_overtaken_changes_nothing() -> None:
     assert newest > 0.0
     deliver(sender, reports[0], 5.0)
     assert counted.outgoing_loss == newest
+
+
+def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
+    """The delays rise, and fall back; the least delay falls; losses come, and are forgotten."""
+    sender, receiver, *_ = pair(Checksum(), silence=10.0)
+    now = 0.1
+
+    def reports() -> bool:
+        data = receiver.sender.send_heartbeat(now)
+        return len(data) > len(receiver.sender.send_heartbeat(now))
+
+    def hear(count: int, delay: float = 0.0, lost: int = 0) -> bool:
+        nonlocal now
+        for _ in range(count):
+            now += 0.001
+            for _ in range(lost):
+                sender.sender.send_heartbeat(now - delay)
+            deliver(receiver, sender.sender.send_heartbeat(now - delay), now)
+        return reports()
+
+    assert not reports()
+    assert hear(1, delay=0.05) and not reports()
+    assert hear(100) and not hear(1)
+    assert hear(1, delay=-0.003) and not hear(1, delay=-0.003)
+    assert hear(10, delay=-0.003, lost=1) and not reports()
+    assert hear(200, delay=-0.003) and not reports()
 
 
 def test_a_farewell_arrives_however_late() -> None:

@@ -3,7 +3,6 @@
 import json
 import socket
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 import zenoh
 
 from tests.ros2.ports import endpoint
+from tests.wait import until
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
 from weberlink.ros2.node import CONFIG_VARIABLE, Node, NodeError
@@ -18,16 +18,7 @@ from weberlink.telemetry.recording.message import ENCAPSULATION
 
 STRING = "std_msgs/msg/String"
 BODY = encode_body(types().types[STRING]("hello"), STRING)
-PATIENCE_S = 10.0
-
 Heard = list[tuple[bytes, int, bytes]]
-
-
-def wait(until: Callable[[], object]) -> None:
-    give_up = time.monotonic() + PATIENCE_S
-    while not until():
-        assert time.monotonic() < give_up
-        time.sleep(0.01)
 
 
 def hear(node: Node, topic: str = "/chatter") -> Heard:
@@ -37,21 +28,22 @@ def hear(node: Node, topic: str = "/chatter") -> Heard:
 
 
 @pytest.mark.realtime
-def test_messages_come_with_time_and_source() -> None:
-    where = endpoint()
+def test_messages_come_with_time_and_source_and_nodes_listen_on_loopback_alone() -> None:
+    before, where = listening(), endpoint()
     with Node("first", connect=where) as first, Node("second", connect=where) as second:
         heard, elsewhere = hear(second), hear(second, "/other")
         one, other = first.publisher("/chatter", STRING), first.publisher("/chatter", STRING, Qos(reliable=False))
-        wait(lambda: one.put_body(BODY, 5) or heard)
+        until(lambda: one.put_body(BODY, 5) or heard, "a message")
         first_source = heard[0][2]
         heard.clear()
         other.put_body(BODY, 6)
-        wait(lambda: any(stamp == 6 for _, stamp, _ in heard))
+        until(lambda: any(stamp == 6 for _, stamp, _ in heard), "a message")
         (message,) = [message for message in heard if message[1] == 6]
         assert message[0] == ENCAPSULATION + BODY
         assert len(message[2]) == 16 and message[2] != first_source
         assert not elsewhere
         assert first.is_router and not second.is_router and first.connections == second.connections == 1
+        assert {address for address, _ in listening() - before} <= {socket.inet_aton("127.0.0.1")[::-1].hex().upper()}
 
 
 @pytest.mark.realtime
@@ -60,8 +52,8 @@ def test_other_domains_hear_nothing() -> None:
     with Node("first", 1, where) as first, Node("second", 1, where) as same, Node("third", 2, where) as other:
         heard, unheard = hear(same), hear(other)
         publisher = first.publisher("/chatter", STRING)
-        wait(lambda: publisher.put_body(BODY, 0) or heard)
-        wait(lambda: other.connections)
+        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
+        until(lambda: other.connections, "a connection")
         publisher.put_body(BODY, 0)
         time.sleep(0.1)
         assert not unheard
@@ -74,10 +66,10 @@ def test_nodes_talk_on_without_the_first() -> None:
     with first, Node("second", connect=where) as second, Node("third", connect=where) as third:
         heard = hear(third)
         publisher = second.publisher("/chatter", STRING)
-        wait(lambda: second.connections == 2)
+        until(lambda: second.connections == 2, "both connections")
         first.close()
         heard.clear()
-        wait(lambda: publisher.put_body(BODY, 0) or heard)
+        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
 
 
 @pytest.mark.realtime
@@ -90,19 +82,8 @@ def test_a_router_elsewhere_forwards_messages() -> None:
     with zenoh.open(config), Node("first", connect=where) as first, Node("second", connect=where) as second:
         heard = hear(second)
         publisher = first.publisher("/chatter", STRING)
-        wait(lambda: publisher.put_body(BODY, 0) or heard)
+        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
         assert not first.is_router and first.connections == second.connections == 1
-
-
-@pytest.mark.realtime
-def test_nodes_listen_on_loopback_alone() -> None:
-    before = listening()
-    where = endpoint()
-    with Node("first", connect=where), Node("second", connect=where):
-        opened = listening() - before
-    if not opened:
-        pytest.skip("the kernel does not tell the sockets of this process")
-    assert {address for address, _ in opened} == {socket.inet_aton("127.0.0.1")[::-1].hex().upper()}
 
 
 def listening() -> set[tuple[str, str]]:

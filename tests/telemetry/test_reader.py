@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.telemetry.recording.records import assert_whole
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import COLUMNS, FIELDS
 from weberlink.telemetry.ring import RECORDS_AT, RingFormatError, RingWriter
@@ -28,15 +29,6 @@ def create(path, capacity=8):
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "test.ring"
-
-
-def assert_whole(records):
-    """Every value of every record of the writer process is that of its own tick."""
-    tick = records["tick"]
-    for field in FIELDS:
-        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
-        values = records[field.name]
-        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, axis=1))
 
 
 def test_what_was_written_is_read_once_and_in_order(path):
@@ -86,7 +78,7 @@ def test_what_a_writer_published_before_it_closed_is_still_read(path):
 
 def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
     # So small a ring is lapped in microseconds: most copies are overwritten while they are made.
-    start("writer_process.py", path, 4)
+    start("writer_process.py", path, "master", 0, 4, 0)
     with RingReader(path) as reader:
         first, last, got = None, -1, 0
         for _ in range(20_000):
@@ -146,7 +138,7 @@ def assert_record_of(tick, records):
 
 
 def test_a_killed_writer_leaves_all_that_it_published(path, start):
-    process = start("writer_process.py", path, 50)
+    process = start("writer_process.py", path, "master", 0, 50, 0)
     with RingReader(path) as reader:
         while reader.written < 1000:
             pass

@@ -60,7 +60,7 @@ def test_the_file_has_all_its_memory_and_belongs_to_this_user(path):
 
 
 def test_a_living_writer_is_not_replaced_not_even_by_its_own_process(path, start):
-    process = start("writer_process.py", path, 8, 0.01)
+    process = start("writer_process.py", path, "master", 0, 8, 0.01)
     with pytest.raises(RingInUseError, match=f"process {process.pid} is writing it"):
         create(path)
     with create(path.with_name("own")), pytest.raises(RingInUseError, match=f"process {os.getpid()}"):
@@ -68,7 +68,7 @@ def test_a_living_writer_is_not_replaced_not_even_by_its_own_process(path, start
 
 
 def test_the_file_of_a_killed_writer_is_replaced(path, start):
-    process = start("writer_process.py", path, 8, 0.01)
+    process = start("writer_process.py", path, "master", 0, 8, 0.01)
     process.kill()
     # Not reaped yet: what is left of it still has a process id, and counts as dead.
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)

@@ -7,6 +7,7 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import FIELDS
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 
 SIDES = ("master", "slave")
@@ -47,3 +48,12 @@ def same(records: NDArray[np.void], expected: NDArray[np.void]) -> bool:
 def frames_of(data: bytes) -> list:
     """The frames of a finished file, as the library reads them, its chunks as such."""
     return list(StreamReader(io.BytesIO(data), emit_chunks=True).records)
+
+
+def assert_whole(records: NDArray[np.void]) -> None:
+    """Every value of every record of the writer process is that of its own tick; but for its deadline."""
+    tick = records["tick"]
+    for field in FIELDS[1:]:
+        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
+        values = records[field.name]
+        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, axis=1))

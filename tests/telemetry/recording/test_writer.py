@@ -6,6 +6,7 @@ import resource
 import struct
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import mcap_ros2.decoder
@@ -251,58 +252,48 @@ def test_a_limit_of_size_leaves_a_file_that_is_whole_as_far_as_it_goes(path, lim
     assert limit - 60_000 < path.stat().st_size <= limit
 
 
-def test_without_room_for_the_index_the_file_still_has_an_end(path):
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+@contextmanager
+def room(size):
+    """No file grows beyond that."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large") as error:
+            yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert error.value.errno == errno.EFBIG
+
+
+@pytest.mark.parametrize(
+    ("left", "outcome"), [(400, "File too large"), (10, "cut off")], ids=["for an end, not for the index", "for no end"]
+)
+def test_with_little_room_the_file_is_a_row_of_whole_chunks(path, left, outcome):
     writer = RecordingWriter.create(path, FACTS)
     writer.add_side(origin("master"))
     writer.write("master", noise(5, 1))
     writer.flush()
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (writer.size + 400, limit[1]))
+    size = writer.size
+    with room(size + left):
         writer.write("master", noise(500, 2, first=5))
-        with pytest.raises(OSError, match="too large") as error:
-            writer.flush()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
-    assert error.value.errno == errno.EFBIG
+        writer.flush()
     with pytest.raises(OSError, match="too large"):
         writer.write("master", noise(1, 1))
     writer.close()
     recording = read_recording(path)
-    assert (len(recording.records["master"]), recording.outcome) == (5, "File too large")
+    assert (len(recording.records["master"]), recording.complete, recording.outcome) == (5, False, outcome)
+    if outcome == "cut off":
+        assert path.stat().st_size == size
+        return
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_summary() is None
         assert len(list(reader.iter_messages())) == 5
 
 
-def test_without_room_for_an_end_the_file_is_a_row_of_whole_chunks(path):
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    writer = RecordingWriter.create(path, FACTS)
-    writer.add_side(origin("master"))
-    writer.write("master", noise(5, 1))
-    writer.flush()
-    size = writer.size
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 10, limit[1]))
-        with pytest.raises(OSError, match="too large"):
-            writer.close()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
-    writer.close()
-    assert path.stat().st_size == size
-    recording = read_recording(path)
-    assert (len(recording.records["master"]), recording.complete, recording.outcome) == (5, False, "cut off")
-
-
 def test_no_room_for_a_beginning_leaves_nothing(path):
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20, limit[1]))
-        with pytest.raises(OSError, match="too large"):
-            RecordingWriter.create(path, FACTS)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    with room(20):
+        RecordingWriter.create(path, FACTS)
     assert not path.exists()
 
 
