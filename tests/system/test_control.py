@@ -180,21 +180,3 @@ def test_credit_costs_four_bytes_in_a_heartbeat_and_nothing_where_none_is_carrie
     ]
     for with_credit, without in zip(*sizes, strict=True):
         assert {size - 4 for size in with_credit} <= without
-
-
-@pytest.mark.parametrize(
-    ("overrides", "complaint"),
-    [
-        (("control.scheme=bounded", "control.scheme=none"), "control.scheme: master has 'bounded', slave has 'none'"),
-        (
-            ("control.allowance_j=0.02", "control.allowance_j=0.1"),
-            "control.allowance_j: master has 0.02, slave has 0.1",
-        ),
-    ],
-)
-def test_ends_that_control_otherwise_name_both_values(overrides: tuple[str, str], complaint: str) -> None:
-    simulation = system(overrides[0])
-    simulation.slave = system(overrides[1]).slave
-    for _ in steps(simulation, 0.5):
-        pass
-    assert simulation.master.failure == f"refused: {complaint}"
