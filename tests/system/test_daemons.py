@@ -1,28 +1,19 @@
 """`weberlink master FILE` and `weberlink slave FILE`: two programs that find, lose and refuse each other."""
 
 import os
-import random
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
-from time import sleep
-from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.program import ENGAGED, PATIENT, Program, Records, Telemetry, document, faults_of, free_port, weberlink
+from tests.program import ENGAGED, Program, Records, Telemetry, document, faults_of, free_port, weberlink
 from tests.wait import until
 from weberlink.cli import app
-from weberlink.protocol import DropReason
-from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
 from weberlink.protocol.states import State
-from weberlink.protocol.wire import Kind
 from weberlink.system.launcher import sweep
 from weberlink.telemetry.fault import Fault
 
@@ -250,176 +241,3 @@ def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) ->
             os.utime(path, (0, 0))
     sweep([tmp_path])
     assert {path.name for path in tmp_path.iterdir()} == {*names[4:], fresh.name, other.name}
-
-
-# --- explored
-
-
-@realtime
-@pytest.mark.hunt
-def test_master_that_starts_first_finds_the_slave(system: Path) -> None:
-    """Started as `python -m weberlink.SIDE`; the other tests start the slave first, as `weberlink SIDE`."""
-    with Program(system, "--json", "-", *PATIENT, module="weberlink.master") as master:
-        waiting = master.telemetry("master")
-        until(lambda: waiting.last["tick"] > 100, "ticks without a peer")
-        assert ENGAGED not in waiting.records["state"]
-        with Program(system, "--json", "-", *PATIENT, module="weberlink.slave") as slave:
-            for side, program in (("master", master), ("slave", slave)):
-                program.engaged(side)
-            ended = {"master": stop(master), "slave": stop(slave)}
-    for side, (status, output, errors) in ended.items():
-        summary = document(output)
-        told = [line for line in errors.splitlines() if "the slave did not answer" not in line]  # it starts too slowly
-        assert (status, told, summary["outcome"]) == (0, [], "terminated")
-        assert faults_of(summary) == {side: {}}
-
-
-@realtime
-@pytest.mark.hunt
-def test_a_second_master_is_refused_unless_it_takes_over(system: Path) -> None:
-    own = ("--set", "link.names.master=bob")
-    with Program("slave", system, "--json", "-") as slave, Program("master", system, "--json", "-") as first:
-        first.engaged("master")
-        with Program("master", system, "--json", "-", *own) as second:
-            status, output, _ = second.finish()
-            assert status == 1
-            assert all(word in document(output)["outcome"] for word in ("refused", "serves master", "--take-over"))
-        with Program("master", system, "--take-over", *own) as third:
-            third.engaged("master")
-            status, output, _ = first.finish()
-            assert (status, document(output)["outcome"]) == (1, "failed: taken over by bob")
-            assert "refused" not in document(stop(slave)[1])["faults"]["slave"]
-
-
-@realtime
-@pytest.mark.hunt
-def test_ends_that_disagree_name_both_values_and_the_slave_serves_the_next(system: Path) -> None:
-    with Program("slave", system, "--json", "-") as slave:
-        listening = slave.telemetry("slave")
-        with Program("master", system, "--set", "codec.force.weber=0.2", "--json", "-") as other:
-            status, output, _ = other.finish()
-        summary = document(output)
-        assert status == 1
-        assert "codec.force.weber: master has 0.2, slave has 0.1" in summary["outcome"]
-        assert faults_of(summary) == {"master": {"refused": 1}}
-        assert listening.last["state"] == State.LISTENING.value
-        with Program("master", system, "--json", "-") as right:
-            right.engaged("master")
-            assert stop(right)[0] == 0
-        status, output, errors = stop(slave)
-    assert (status, errors) == (0, "weberlink: refused: codec.force.weber: master has 0.2, slave has 0.1\n")
-    assert set(faults_of(document(output))["slave"]) == {"refused"}  # once for each time that it was called
-
-
-class Tap:
-    """Stands between master and slave, passes on what they say and keeps what the master said."""
-
-    def __init__(self, slave: int) -> None:
-        self._slave = ("127.0.0.1", slave)
-        self._inside, self._outside = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-        self._outside.bind(("127.0.0.1", 0))
-        self._inside.bind(("127.0.0.1", 0))
-        self._master: Any = None
-        self._closing = False
-        self.heard: list[bytes] = []
-        self._threads = [Thread(target=pump) for pump in (self._inward, self._outward)]
-        for thread in self._threads:
-            thread.start()
-
-    @property
-    def port(self) -> int:
-        """Where the master finds it."""
-        number: int = self._outside.getsockname()[1]
-        return number
-
-    def _inward(self) -> None:
-        while True:
-            data, self._master = self._outside.recvfrom(4096)
-            if self._closing:
-                return
-            self.heard.append(data)
-            self._inside.sendto(data, self._slave)
-
-    def _outward(self) -> None:
-        while True:
-            data, _ = self._inside.recvfrom(4096)
-            if self._closing:
-                return
-            if self._master is not None:
-                self._outside.sendto(data, self._master)
-
-    def close(self) -> None:
-        self._closing = True
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as waker:
-            for end in (self._inside, self._outside):
-                waker.sendto(b"", end.getsockname())
-        for thread in self._threads:
-            thread.join()
-        self._inside.close()
-        self._outside.close()
-
-
-@contextmanager
-def tapped(slave: int) -> Iterator[Tap]:
-    tap = Tap(slave)
-    try:
-        yield tap
-    finally:
-        tap.close()
-
-
-def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
-    """Noise, and genuine datagrams cut short, lengthened, altered and played back."""
-    draw = random.Random(7)  # seeded: the same garbage in every run, but for what was overheard
-    for _ in range(count):
-        yield draw.randbytes(draw.randrange(80))
-        yield bytes((Kind.HELLO, PROTOCOL_VERSION)) + draw.randbytes(PADDED_HELLO)
-        original = draw.choice(genuine)
-        yield original[: draw.randrange(len(original))]
-        yield original + draw.randbytes(1 + draw.randrange(40))
-        place = draw.randrange(len(original))
-        yield original[:place] + bytes((original[place] ^ 1 << draw.randrange(8),)) + original[place + 1 :]
-        yield original
-
-
-@realtime
-@pytest.mark.hunt
-def test_thousands_of_bad_datagrams_do_not_disturb_a_session(system: Path) -> None:
-    thrown = 0
-    with Program("slave", system, *PATIENT, "--json", "-") as slave, tapped(port_of(system)) as tap:
-        slave.telemetry("slave")
-        with Program("master", system, *PATIENT, "--set", f"link.slave=127.0.0.1:{tap.port}", "--json", "-") as master:
-            felt, moved = master.engaged("master"), slave.engaged("slave")
-            until(lambda: in_contact(felt) and len(tap.heard) > 50, "a conversation")
-            answered = int(moved.last["datagrams_received"])
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thrower:
-                for number, data in enumerate(garbage(list(tap.heard), 800)):
-                    thrower.sendto(data, ("127.0.0.1", port_of(system)))
-                    thrown += 1
-                    if number % 20 == 0:
-                        sleep(0.002)  # the receive buffer of a socket is finite
-                with suppress(BlockingIOError):
-                    thrower.setblocking(False)
-                    assert not thrower.recv(4096)  # nobody who has not proved the key is answered
-            until(lambda: moved.last["datagrams_received"] > answered + 5, "the conversation to go on")
-            # The slave takes its time for strangers, and a call that is examined after the session would be a fault.
-            until(lambda: np.ptp(moved.records["datagrams_dropped"][-QUIET:]) == 0, "the last of them")
-            summaries = [document(stop(program)[1]) for program in (master, slave)]
-            states = felt.records["state"], moved.records["state"]
-    for records in states:
-        session = np.flatnonzero(records == ENGAGED)
-        assert set(records[session[0] : session[-1]]) == {ENGAGED}  # one, from first to last
-    assert [faults_of(summary) for summary in summaries] == [{"master": {}}, {"slave": {}}]
-    assert [summary["outcome"] for summary in summaries] == ["terminated", "terminated"]
-    drops = summaries[1]["drops"]["slave"]
-    expected = {
-        DropReason.TRUNCATED,
-        DropReason.WRONG_LENGTH,
-        DropReason.UNKNOWN_KIND,
-        DropReason.UNPROVEN,
-        DropReason.UNEXPECTED,
-        DropReason.BAD_TAG,
-        DropReason.REPLAYED,
-    }
-    assert set(drops) >= {str(reason) for reason in expected}
-    assert summaries[1]["link"]["dropped"] == sum(drops.values()) <= thrown
