@@ -241,12 +241,11 @@ def test_daemon_answers_on_its_control_socket_and_both_ends_change_at_the_tick(s
 
 def test_a_force_that_fades_slowly_is_not_cut_by_the_stop(session: Session) -> None:
     master = session.records["master"]
-    forces, elapsed = sizes(master), np.diff(master["tick"]) * 1e-3
-    assert master["tick"][forces > 0.01][-1] - session.stopped_at > 1000, "still felt a second after the stop"
+    forces, decoded = sizes(master), np.linalg.norm(master["decoded"], axis=1)
+    felt = np.flatnonzero(forces > 0.0)
+    assert master["tick"][felt[-1]] - session.stopped_at > 1000, "still felt a second after the stop"
+    assert forces[felt[-1]] < 0.02 * decoded[felt[-1]], "a tick or two before the end of the fade"
     assert forces[-1] == 0.0
-    after = master["tick"][1:] > session.stopped_at
-    change = np.abs(np.diff(forces))[after]
-    assert (change <= LIMIT * (elapsed[after] + 1e-3) / 1.5 + 0.3 * forces.max()).all()
 
 
 # --- on a terminal; ends that are out of order
