@@ -56,21 +56,21 @@ mutants: $(DEV)  ## small faults in what codes, carries, controls and protects, 
 	$(BIN)/python -m trials.mutants --count $(COUNT)
 
 lerobot: $(LEROBOT)/.made  ## both LeRobot plugins under the released LeRobot, beside live sessions; installs torch: 7 GB
-	$(LEROBOT)/bin/python -m tests.plugins.lerobot_trial
+	$(LEROBOT)/bin/python -m trials.lerobot
 
 isaaclab: $(ISAACLAB)/.made  ## Isaac Lab's client of the Haply Inverse Service at the emulated one; installs torch
-	$(ISAACLAB)/bin/python -m tests.master.devices.inverse3.isaaclab_trial
+	$(ISAACLAB)/bin/python -m trials.isaaclab
 
 foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against the live view of running sessions; needs node and npm
-	$(BIN)/python -m tests.foxglove.trial
+	$(BIN)/python -m trials.foxglove
 
 franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
-	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/franka tests/slave/robots/franka
-	$(FRANKA)/bin/python -m tests.franka.trial --json build/franka.json
+	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/slave/robots/franka
+	$(FRANKA)/bin/python -m trials.franka --json build/franka.json
 
 anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in contact; needs root, coturn and nftables
 	mkdir -p build
-	$(BIN)/python -m tests.anywhere.trial --json build/anywhere.json
+	$(BIN)/python -m trials.anywhere --json build/anywhere.json
 
 lint: $(DEV) $(PAGE_TOOLS)  ## style, types (also of the page's scripts), and the direction of imports
 	$(BIN)/ruff check .
@@ -84,18 +84,18 @@ format: $(DEV)
 	$(BIN)/ruff format .
 
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
-	$(BIN)/python -m tests.protocol.fuzz --seconds 60
+	$(BIN)/python -m trials.fuzz --seconds 60
 
 safety: $(DEV)  ## in virtual time: links that fail in one direction, held datagrams, force without a contact: build/safety.md
 	mkdir -p build
-	$(BIN)/python -m tests.safety --out build/safety
-	$(BIN)/python -m tests.safety.unfounded
+	$(BIN)/python -m trials.safety --out build/safety
+	$(BIN)/python -m trials.safety.unfounded
 
 model: $(DEV)  ## every state of the models of the protocol: the present one holds, the former one fails, each seeded fault is found
-	$(BIN)/python -m tests.protocol.model
+	$(BIN)/python -m trials.model
 
 soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
-	$(BIN)/python -m tests.soak --minutes $(MINUTES)
+	$(BIN)/python -m trials.soak --minutes $(MINUTES)
 
 bench: $(DEV)  ## real-time and throughput figures beside the machine's limits
 	$(BIN)/python -m benchmarks
@@ -158,17 +158,17 @@ $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" -e ".[mujoco]" \
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest -e ".[mujoco]" \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 
 $(ISAACLAB)/.made: $(RUN)  # without what isaaclab depends on: only its client is imported
 	$(PYTHON) -m venv $(ISAACLAB)
-	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch -e ".[inverse3]"
+	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch pytest -e ".[inverse3]"
 	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps "isaaclab==2.3.2.post1"
 	touch $@
 
-$(FOXGLOVE)/.made: tests/foxglove/package.json
+$(FOXGLOVE)/.made: trials/foxglove/package.json
 	mkdir -p $(FOXGLOVE)
 	cp $< $(FOXGLOVE)
 	npm install --prefix $(FOXGLOVE) --no-audit --no-fund --ignore-scripts --silent

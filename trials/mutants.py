@@ -207,26 +207,40 @@ def stages(mutant: Mutant, tests: Path) -> list[list[str]]:
 
 
 def judge(mutant: Mutant, tree: Path) -> str:
-    """The first test that fails with the mutant; "" if none does."""
+    """The first test that fails with the mutant, and passes without it; "" if none does."""
     source = tree / mutant.path
     text = source.read_text()
-    source.write_text(text[: mutant.begin] + mutant.new + text[mutant.end :])
-    environment = os.environ | {"PYTHONPATH": str(tree / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
-    options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:randomly", "-m", "not realtime"]
+    broken: list[str] = []
     try:
         for paths in stages(mutant, tree):
-            ran = subprocess.run(
-                [sys.executable, "-m", "pytest", *options, *paths],
-                check=False, cwd=tree, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S,
-            )  # fmt: skip
-            if ran.returncode not in (0, 5):
-                failed = [line for line in ran.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return failed[0].split(" - ")[0] if failed else f"pytest ended with {ran.returncode}"
+            while True:
+                source.write_text(text[: mutant.begin] + mutant.new + text[mutant.end :])
+                failed = first_failure(tree, *paths, *(part for test in broken for part in ("--deselect", test)))
+                source.write_text(text)
+                if not failed:
+                    break
+                if "::" not in failed or not first_failure(tree, failed):
+                    return failed  # what cannot even be collected has no test to try again
+                broken.append(failed)
     except subprocess.TimeoutExpired:
         return "a test did not end"
     finally:
         source.write_text(text)
     return ""
+
+
+def first_failure(tree: Path, *arguments: str) -> str:
+    """The first test of these paths that fails; "" if all pass."""
+    environment = os.environ | {"PYTHONPATH": str(tree / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    options = ["-q", "-x", "-p", "no:cacheprovider", "-p", "no:randomly", "-m", "not realtime"]
+    ran = subprocess.run(
+        [sys.executable, "-m", "pytest", *options, *arguments],
+        check=False, cwd=tree, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S,
+    )  # fmt: skip
+    if ran.returncode in (0, 5):
+        return ""
+    failed = [line for line in ran.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].split(" - ")[0].partition(" ")[2] if failed else f"pytest ended with {ran.returncode}"
 
 
 def grown(folder: Path, tests: Path) -> Path:

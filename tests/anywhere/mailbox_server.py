@@ -13,8 +13,8 @@ from typing import Self
 
 import pytest
 
-PATIENCE = 30.0
-"""Until a start counts as failed [s]."""
+from tests.wait import PATIENCE
+
 _STARTED = re.compile(r"PrivacyEnhancedSite starting on (\d+)")
 
 

@@ -19,8 +19,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 Message = dict[str, Any]
-Rule = Callable[["Trial", str, Message], list[Message]]
-"""Takes the trial, who is to get the message, and it; returns what arrives instead, in order."""
+ROLES = ("slave", "master")
+LATEST_S = 0.6
+"""How late a message may arrive by the rule \"shuffled\"."""
 
 
 class Trial:
@@ -34,58 +35,44 @@ class Trial:
         self.held: dict[str, list[Message]] = defaultdict(list)
         self.seen: list[str] = []
 
-    def concerns(self, to: str, message: Message) -> bool:
-        """Whether the rule is about this message: its phase, and who gets it ("both" for either)."""
-        return message["phase"] == self.words[1] and self.words[2] in (to, "both")
 
-
-def honest(trial: Trial, to: str, message: Message) -> list[Message]:
-    return [message]
-
-
-def drop(trial: Trial, to: str, message: Message) -> list[Message]:
-    return [] if trial.concerns(to, message) else [message]
-
-
-def twice(trial: Trial, to: str, message: Message) -> list[Message]:
-    return [message, message]
-
-
-def changed(trial: Trial, to: str, message: Message) -> list[Message]:
+def changed(trial: Trial, message: Message) -> list[Message]:
     """The last bit of a message is another one."""
     body = bytearray.fromhex(message["body"])
     body[-1] ^= 1
-    return [message | {"body": body.hex()} if trial.concerns(to, message) else message]
+    return [message | {"body": body.hex()}]
 
 
-def renumbered(trial: Trial, to: str, message: Message) -> list[Message]:
-    """A message arrives again under the number of the next one, which is dropped."""
-    following = str(int(trial.words[1]) + 1)
-    if message["phase"] == following and trial.words[2] in (to, "both"):
-        return []
-    return [message, message | {"phase": following}] if trial.concerns(to, message) else [message]
-
-
-def reflected(trial: Trial, to: str, message: Message) -> list[Message]:
+def reflected(trial: Trial, message: Message) -> list[Message]:
     """A host gets its own message as that of the other one."""
-    if not trial.concerns(to, message):
+    own = (m for m in trial.sent if m["phase"] == message["phase"] and m["side"] != message["side"])
+    return [message | {"body": found["body"]} for found in list(own)[:1]]
+
+
+def renumbered(trial: Trial, message: Message) -> list[Message]:
+    """A message arrives again under the number of the next one, which is dropped."""
+    return [message, message | {"phase": str(int(message["phase"]) + 1)}]
+
+
+RULES: dict[str, Callable[[Trial, Message], list[Message]]] = {
+    "drop": lambda trial, message: [],
+    "changed": changed,
+    "renumbered": renumbered,
+    "reflected": reflected,
+    "foreign": lambda trial, message: [message | {"side": "0123456789"}],
+}
+"""What arrives instead of a message of the phase and to the host that the path names ("both" for either)."""
+
+
+def arriving(trial: Trial, to: str, message: Message) -> list[Message]:
+    rule, phase, whom = (*trial.words, "", "", "")[:3]
+    if rule == "twice":
+        return [message, message]
+    if rule not in RULES or whom not in (to, "both"):
         return [message]
-    own = next((m for m in trial.sent if m["phase"] == message["phase"] and m["side"] != message["side"]), None)
-    return [] if own is None else [message | {"body": own["body"]}]
-
-
-def foreign(trial: Trial, to: str, message: Message) -> list[Message]:
-    """A message claims another sender."""
-    return [message | {"side": "0123456789"} if trial.concerns(to, message) else message]
-
-
-RULES: dict[str, Rule] = {
-    rule.__name__: rule
-    for rule in (honest, drop, twice, changed, renumbered, reflected, foreign)
-}  # fmt: skip
-ROLES = ("slave", "master")
-LATEST_S = 0.6
-"""How late a message may arrive by the rule \"shuffled\"."""
+    if rule == "renumbered" and message["phase"] == str(int(phase) + 1):
+        return []
+    return RULES[rule](trial, message) if message["phase"] == phase else [message]
 
 
 class MaliciousMailbox:
@@ -97,16 +84,16 @@ class MaliciousMailbox:
 
     def __init__(self, real: str) -> None:
         self._real = real
-        self.trials: dict[str, Trial] = {}
+        self._trials: dict[str, Trial] = {}
         self._loop = asyncio.new_event_loop()
         self._is_ready = threading.Event()
-        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread = threading.Thread(target=lambda: self._loop.run_until_complete(self._main()), daemon=True)
 
     def url(self, rule: str, token: object) -> str:
         return f"ws://127.0.0.1:{self._port}/{rule}/{token}"
 
     def trial(self, url: str) -> Trial:
-        return self.trials["/" + url.split("/", 3)[3]]
+        return self._trials["/" + url.split("/", 3)[3]]
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -116,10 +103,6 @@ class MaliciousMailbox:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join(10)
-
-    def _serve(self) -> None:
-        self._loop.run_until_complete(self._main())
-        self._loop.close()
 
     async def _main(self) -> None:
         self._end = asyncio.Event()
@@ -133,14 +116,10 @@ class MaliciousMailbox:
     async def _meet(self, client: ServerConnection) -> None:
         assert client.request is not None
         path = client.request.path
-        trial = self.trials.setdefault(path, Trial(path.strip("/").split("/")))
-        what = trial.words[0]
-        if what == "mute":
+        trial = self._trials.setdefault(path, Trial(path.strip("/").split("/")))
+        if trial.words[0] == "mute":
             await client.wait_closed()
-        elif what == "garbage":
-            await client.send("{" * 500)
-            await client.wait_closed()
-        elif what == "unwelcome":
+        elif trial.words[0] == "unwelcome":
             await client.send(json.dumps({"type": "welcome", "welcome": {"error": "no weberlink\x1b[2J here"}}))
             await client.wait_closed()
         else:
@@ -168,24 +147,20 @@ class MaliciousMailbox:
     async def _down(self, trial: Trial, own: str, client: ServerConnection, server: ClientConnection) -> None:
         """What the server sends to the host of the side `own`."""
         order = trial.sides.index(own)
+        to = ROLES[order % 2]
         async for text in server:
             message = json.loads(text)
-            arriving = [message]
+            is_of_peer = message["type"] == "message" and message["side"] != own
             if message["type"] == "claimed":
                 trial.mailboxes[order] = message["mailbox"]
                 if trial.words[0] == "crossed" and order in (2, 3):
                     message["mailbox"] = trial.mailboxes[3 - order]
-            elif message["type"] == "message" and message["side"] == own:
-                trial.sent.append(message)
             elif message["type"] == "message":
-                to = ROLES[order % 2]
-                if trial.words[0] == "recorded":
-                    trial.held[to].append(message)
-                arriving = RULES.get(trial.words[0], honest)(trial, to, message)
+                trial.held[to].append(message) if is_of_peer else trial.sent.append(message)
             if trial.words[0] == "shuffled" and message["type"] == "message":
                 self._loop.create_task(self._late(client, message))
                 continue
-            for one in arriving:
+            for one in arriving(trial, to, message) if is_of_peer else [message]:
                 await client.send(json.dumps(one))
 
     async def _late(self, client: ServerConnection, message: Message) -> None:

@@ -1,101 +1,253 @@
-"""Pairings of two hosts in one process: many random ones, and attacks of the mailbox and of third parties.
+"""Pairings of two hosts in one process: attacks of the mailbox, message by message, and of third parties.
 
-    python -m tests.anywhere.pairings --number 1000     random pairings; their time and failures
-    python -m tests.anywhere.pairings --attacks every   one JSON object: the outcome of each attack
+    python -m tests.anywhere.pairings "wrong code,drop 0 both"     one JSON object: the outcome of each trial
 
-Both use a real mailbox server on loopback, and real folders of peers.
+A process of its own, since the reactor of Twisted runs once. Uses a real mailbox server on loopback, and real folders
+of peers. A trial is a course of events, or a rule of the malicious mailbox.
 """
 
 import argparse
 import json
-import random
-import statistics
 import sys
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from twisted.internet.defer import Deferred, DeferredSemaphore, gatherResults
+from twisted.internet.task import deferLater
+from twisted.internet.threads import deferToThread
+from wormhole._wordlist import PGPWordList
 
 from tests.anywhere.mailbox_server import MailboxServer
-from tests.anywhere.pairing_attacks import EVERY, FEW, OTHERS, as_json, attacks
-from tests.anywhere.pairing_hosts import Rig, is_sound, wrong
-from weberlink.anywhere.pairing import events_out, reactor
+from tests.anywhere.malicious_mailbox import MaliciousMailbox
+from weberlink.anywhere.introduction import PairingError
+from weberlink.anywhere.pairing import Meeting, events_out, reactor
+from weberlink.anywhere.pairing_order import PairingOrder
+from weberlink.anywhere.peers import Peer, PeerStore
+
+LONG = 60.0
+"""Patience where all messages come [s]."""
 
 
-def random_name(draw: random.Random) -> str:
-    letters = "abcXYZ019 .:@-_äßéλя漢字🤖'\"$%"
-    return "".join(draw.choices(letters, k=draw.randint(1, 40)))
+class End(NamedTuple):
+    """How it ended for one host: the peer, or why there is none, and what is in its store then."""
+
+    peer: Peer | None
+    reason: str
+    stored: list[Peer]
 
 
-async def one_random(rig: Rig, mailbox: str, draw: random.Random, times: list[float]) -> str:
-    """What was wrong; "" if nothing: one in ten types a wrong code, and both must refuse."""
-    slave, master = rig.host("slave", random_name(draw)), rig.host("master", random_name(draw))
-    is_wrong = draw.random() < 0.1
-    began = perf_counter()
-    ends = await rig.pair(slave, master, mailbox, typed=wrong if is_wrong else str)
-    took = perf_counter() - began
-    paired = [end.peer is not None for end in ends.values()]
-    if not is_sound(ends) or paired != [not is_wrong] * 2:
-        return f"{slave.name!r} and {master.name!r}, wrong code {is_wrong}: {ends}"
-    if not is_wrong:
-        times.append(took)
-        if (ends["slave"].peer.name, ends["master"].peer.name) != (master.name, slave.name):  # type: ignore[union-attr]
-            return f"{slave.name!r} and {master.name!r} know each other by other names"
-    return ""
+Ends = dict[str, End]
 
 
-async def many(number: int, seed: int, at_once: int) -> dict[str, Any]:
-    draw, times = random.Random(seed), []
-    with MailboxServer() as server, TemporaryDirectory() as folder:
-        rig, turns = Rig(Path(folder)), DeferredSemaphore(at_once)
-        began = perf_counter()
-        work = [
-            turns.run(lambda: Deferred.fromCoroutine(one_random(rig, server.url, draw, times))) for _ in range(number)
-        ]
-        failures = [text for text in await gatherResults(work) if text]
-        seconds = perf_counter() - began
-    keys = {"number": number, "seed": seed, "seconds": seconds, "paired": len(times), "failures": failures}
-    return keys | {"median_s": statistics.median(times), "longest_s": max(times)}
+class Host:
+    """One end of a pairing, with a store of its own."""
+
+    def __init__(self, side: str, name: str, folder: Path) -> None:
+        self.side, self.name, self.store = side, name, PeerStore(folder)
+
+    async def meet(self, mailbox: str, code: str = "", patience_s: float = LONG, shown: Any = None) -> End:
+        """Pair; calls `shown` back with the code."""
+        words = (self.side, self.name, str(self.store.folder), mailbox, code, "", 2 * patience_s, patience_s)
+
+        def tell(key: str, text: str) -> None:
+            if key == "code":
+                shown.callback(text)
+
+        try:
+            peer = await Meeting(PairingOrder(*words), tell).run()
+        except PairingError as error:
+            if shown is not None and not shown.called:
+                shown.callback("")
+            return End(None, str(error), list(self.store))
+        return End(peer, "", list(self.store))
+
+    async def join(self, mailbox: str, code: str, patience_s: float = LONG) -> End:
+        return await self.meet(mailbox, code, patience_s) if code else End(None, "no code was shown", [])
 
 
-def in_reactor(work: Callable[[], Any]) -> Any:
-    """What the work returns."""
-    found: list[Any] = []
+class Rig:
+    """Makes hosts and lets them meet.
+
+    Args:
+        folder: of all stores.
+        short: patience where a message never comes [s].
+    """
+
+    def __init__(self, folder: Path, short: float) -> None:
+        self._folder, self._hosts, self.short = folder, 0, short
+
+    def host(self, side: str, name: str = "") -> Host:
+        self._hosts += 1
+        return Host(side, name or f"{side} {self._hosts}", self._folder / str(self._hosts))
+
+    async def pair(
+        self,
+        mailbox: str,
+        patience_s: float = LONG,
+        *,
+        slave: Host | None = None,
+        master: Host | None = None,
+        typed: Callable[[str], str] = str,
+        between: Callable[[str], Awaitable[object]] | None = None,
+    ) -> Ends:
+        """One invites, the other joins with what it `typed` for the code; `between` runs before it joins."""
+        slave, master = slave or self.host("slave"), master or self.host("master")
+        shown: Deferred[str] = Deferred()
+        invited = Deferred.fromCoroutine(slave.meet(mailbox, "", patience_s, shown))
+        code = await shown
+        if between is not None and code:
+            await between(code)
+        joined = await master.join(mailbox, typed(code) if code else "", patience_s)
+        return {"slave": await invited, "master": joined}
+
+
+def wrong(code: str) -> str:
+    """The code with another last word of the list."""
+    number, first, last = code.split("-")
+    other = next(word for word in iter(lambda: PGPWordList().choose_words(2).split("-")[1], "") if word != last)
+    return f"{number}-{first}-{other}"
+
+
+def is_sound(ends: Ends) -> bool:
+    """What one holds for a peer is what it said to have paired with, and two that hold each other have one key."""
+    if any(end.stored != ([] if end.peer is None else [end.peer]) for end in ends.values()):
+        return False
+    one, other = (ends[side].peer for side in ("slave", "master"))
+    return one is None or other is None or (one.key, one.own, one.name) == (other.key, other.name, other.own)
+
+
+async def crossed(rig: Rig, url: str) -> Ends:
+    """The mailbox connects each of two masters to the slave of the other one."""
+    shown: list[Deferred[str]] = [Deferred(), Deferred()]
+    invited, codes = [], []
+    for one in shown:
+        invited.append(Deferred.fromCoroutine(rig.host("slave").meet(url, "", rig.short, one)))
+        codes.append(await one)
+        await deferLater(reactor, 0.3)  # so that each is connected before the next one
+    joined = []
+    for code in codes:
+        joined.append(Deferred.fromCoroutine(rig.host("master").join(url, code, rig.short)))
+        await deferLater(reactor, 0.3)
+    names = ("slave", "other slave", "master", "other master")
+    return dict(zip(names, await gatherResults(invited + joined), strict=True))
+
+
+async def recorded(rig: Rig, url: str) -> Ends:
+    """After a pairing, the mailbox gives the next one that invites what the first got."""
+    first = await rig.pair(url)
+    return first | {"second slave": await rig.host("slave").meet(url, "", LONG, Deferred())}
+
+
+async def known_already(rig: Rig, url: str) -> Ends:
+    """Two that know each other pair again."""
+    hosts = {"slave": rig.host("slave"), "master": rig.host("master")}
+    first, again = await rig.pair(url, **hosts), await rig.pair(url, **hosts)
+    return first | {f"{side} again": end for side, end in again.items()}
+
+
+async def odd_names(rig: Rig, url: str) -> Ends:
+    """Any printable name is known to the other one as it is."""
+    names = {"slave": "äßéλя漢字🤖 '\"$%", "master": "@_-:.'" * 10}
+    ends = await rig.pair(url, **{side: rig.host(side, name) for side, name in names.items()})
+    assert [ends[side].peer and ends[side].peer.name for side in names] == [*names.values()][::-1]
+    return ends
+
+
+async def with_third(rig: Rig, url: str, when: str, patience_s: float) -> Ends:
+    """A third host comes before the master with a wrong code, or while the two are held up, or after them."""
+    thief, codes, late = rig.host("master", "thief"), [], list[Any]()
+
+    async def between(code: str) -> None:
+        codes.append(code)
+        if when == "first":
+            late.append(await thief.meet(url, wrong(code)))
+        elif when == "between":
+            late.append(deferLater(reactor, 1.0, lambda: Deferred.fromCoroutine(thief.meet(url, code, rig.short))))
+
+    ends = await rig.pair(url, patience_s, between=between)
+    if when == "after":
+        late.append(await thief.join(url, "".join(codes), rig.short))
+    if late and isinstance(late[0], Deferred):
+        late = [await late[0]]
+    return ends | dict(zip(("thief",), late, strict=False))
+
+
+async def server_restarted(rig: Rig, server: MailboxServer) -> Ends:
+    """The mailbox server ends, and starts again, while the code waits."""
+    return await rig.pair(server.url, between=lambda _: deferToThread(server.restart))
+
+
+COURSES: dict[str, tuple[Callable[[Rig, str], Awaitable[Ends]], str]] = {
+    "wrong code": (lambda rig, url: rig.pair(url, typed=wrong), ""),
+    "two slaves": (lambda rig, url: rig.pair(url, master=rig.host("slave")), ""),
+    "odd names": (odd_names, ""),
+    "known already": (known_already, ""),
+    "third party between": (lambda rig, url: with_third(rig, url, "between", 2 * rig.short), "drop/pake/both"),
+    "crossed": (crossed, "crossed"),
+    "recorded": (recorded, "recorded"),
+}
+"""What happens, and the rule of the mailbox; "" for the real one."""
+ALONE: dict[str, Callable[[Rig, MailboxServer], Awaitable[Ends]]] = {
+    "third party first": lambda rig, server: with_third(rig, server.url, "first", rig.short),
+    "code used twice": lambda rig, server: with_third(rig, server.url, "after", LONG),
+    "server restarted": server_restarted,
+}
+"""With a server of their own, which gives the number of a void code to nobody else."""
+HARMLESS = ("twice", "shuffled")
+
+
+async def attacks(names: tuple[str, ...], patience_s: float) -> dict[str, Any]:
+    """Run the trials of these names at once, after an honest pairing, whose messages are searched for secrets."""
+    with ExitStack() as stack:
+        server = stack.enter_context(MailboxServer())
+        evil = stack.enter_context(MaliciousMailbox(server.url))
+        rig = Rig(Path(stack.enter_context(TemporaryDirectory())), patience_s)
+
+        def trial(name: str) -> Awaitable[Ends]:
+            if name in ALONE:
+                return ALONE[name](rig, stack.enter_context(MailboxServer()))
+            if name in COURSES:
+                course, rule = COURSES[name]
+                return course(rig, evil.url(rule, name.replace(" ", "")) if rule else server.url)
+            return rig.pair(evil.url(name.replace(" ", "/"), 0), LONG if name in HARMLESS else rig.short)
+
+        url, turns = evil.url("honest", 0), DeferredSemaphore(32)
+        honest = await rig.pair(url)
+        done = await gatherResults([turns.run(Deferred.fromCoroutine, trial(name)) for name in names])
+        peer = honest["slave"].peer
+        assert peer is not None, honest
+        told = "".join(evil.trial(url).seen)
+        secrets = [peer.key.hex(), peer.name, peer.name.encode().hex(), peer.own, "hello"]
+        ends = {"honest": honest} | dict(zip(names, done, strict=True))
+        return {
+            "ends": {
+                name: {who: "paired" if e.peer else e.reason for who, e in of.items()} for name, of in ends.items()
+            },
+            "unsound": [name for name, of in ends.items() if not is_sound({s: of[s] for s in ("slave", "master")})],
+            "learnt": [secret for secret in secrets if secret in told],
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("trials", help="their names, with commas")
+    parser.add_argument("--patience", type=float, default=3.0)
+    arguments, found, out = parser.parse_args(), [], events_out()
 
     def begin() -> None:
-        done: Any = Deferred.fromCoroutine(work())
+        done: Any = Deferred.fromCoroutine(attacks(tuple(arguments.trials.split(",")), arguments.patience))
         done.addCallback(found.append)
         done.addErrback(lambda failure: failure.printTraceback(sys.stderr))
         done.addBoth(lambda _: reactor.stop())
 
     reactor.callWhenRunning(begin)
     reactor.run()
-    if not found:
-        sys.exit(1)
-    return found[0]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--number", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=random.randrange(10**6))
-    parser.add_argument("--at-once", type=int, default=16)
-    parser.add_argument("--attacks", help="few, every, or the names of some, with commas")
-    parser.add_argument("--patience", type=float, default=3.0)
-    arguments = parser.parse_args()
-    out = events_out()
-    if arguments.attacks:
-        known = {"few": FEW + OTHERS, "every": EVERY + OTHERS}
-        names = known.get(arguments.attacks) or tuple(arguments.attacks.split(","))
-        found = as_json(in_reactor(lambda: attacks(names, arguments.at_once, arguments.patience)))
-    else:
-        found = in_reactor(lambda: many(arguments.number, arguments.seed, arguments.at_once))
-    out.write(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    out.write(json.dumps(found[0], ensure_ascii=False) + "\n" if found else "")
     out.flush()
-    sys.exit(bool(found.get("failures")))
+    sys.exit(not found)
 
 
 if __name__ == "__main__":

@@ -29,12 +29,22 @@ def offered(caller: OutgoingCall, waiter: IncomingCalls, now: float = 0.0) -> Me
     return caller.offer(PATHS, take_over=True)
 
 
-def test_offer_and_answer_arrive_as_they_were() -> None:
+def called(caller: OutgoingCall, waiter: IncomingCalls, serves: str | None = None) -> Called:
+    told = waiter.receive(offered(caller, waiter), 0.0, serves)
+    assert isinstance(told, Called)
+    return told
+
+
+@pytest.mark.parametrize("reply", [Answer(PATHS[::-1]), Busy("bob")])
+def test_offer_and_reply_arrive_as_they_were_and_count_once(reply: Answer | Busy) -> None:
     caller, waiter = ends()
-    called = waiter.receive(offered(caller, waiter), 1.0, None)
-    assert isinstance(called, Called)
-    assert called.offer == Offer(caller.attempt, PATHS, take_over=True)
-    assert caller.receive(waiter.reply(called, Answer(PATHS[::-1]))) == Answer(PATHS[::-1])
+    offer = offered(caller, waiter)
+    told = waiter.receive(offer, 1.0, None)
+    assert isinstance(told, Called)
+    assert told.offer == Offer(caller.attempt, PATHS, take_over=True)
+    assert waiter.receive(offer, 1.0, None) is None
+    assert waiter.receive(caller.first(), 1.0, None) is None
+    assert caller.receive(waiter.reply(told, reply)) == reply
 
 
 def test_caller_is_told_who_is_served() -> None:
@@ -42,16 +52,7 @@ def test_caller_is_told_who_is_served() -> None:
     ready = waiter.receive(caller.first(), 0.0, "bob")
     assert isinstance(ready, Message)
     assert caller.receive(ready) == Ready("bob")
-    called = waiter.receive(caller.offer(PATHS, take_over=False), 0.0, "bob")
-    assert isinstance(called, Called)
-    assert caller.receive(waiter.reply(called, Busy("bob"))) == Busy("bob")
-
-
-def test_offer_counts_once() -> None:
-    caller, waiter = ends()
-    offer = offered(caller, waiter)
-    assert isinstance(waiter.receive(offer, 0.0, None), Called)
-    assert waiter.receive(offer, 0.0, None) is None
+    assert caller.receive(ready._replace(phase="busy")) is None, "told to be of another kind"
 
 
 @pytest.mark.parametrize(("delay", "counts"), [(OFFER_LIMIT_S, True), (OFFER_LIMIT_S + 0.001, False)])
@@ -62,17 +63,14 @@ def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
 
 def test_offer_to_a_slave_that_started_again_does_not_count() -> None:
     caller, waiter = ends()
-    offer = offered(caller, waiter)
-    assert ends()[1].receive(offer, 0.0, None) is None
+    assert ends()[1].receive(offered(caller, waiter), 0.0, None) is None
 
 
 def test_answer_to_another_call_does_not_count() -> None:
     first, waiter = ends()
     second, _ = ends()
-    for caller in (first, second):
-        called = waiter.receive(offered(caller, waiter), 0.0, None)
-        assert isinstance(called, Called)
-    answer = waiter.reply(called, Answer(PATHS))
+    called(first, waiter)
+    answer = waiter.reply(called(second, waiter), Answer(PATHS))
     assert first.receive(answer) is None
     assert second.receive(answer) == Answer(PATHS)
 
@@ -85,14 +83,6 @@ def test_message_reflected_to_its_sender_does_not_count() -> None:
     assert waiter.receive(Message("call", ready.body), 0.0, None) is None
 
 
-def test_message_told_to_be_of_another_kind_does_not_count() -> None:
-    caller, waiter = ends()
-    ready = waiter.receive(caller.first(), 0.0, "bob")
-    assert isinstance(ready, Message)
-    assert caller.receive(ready) == Ready("bob")
-    assert caller.receive(ready._replace(phase="busy")) is None
-
-
 def test_repeated_call_does_not_disturb_the_first() -> None:
     caller, waiter = ends()
     offer = offered(caller, waiter)
@@ -100,13 +90,13 @@ def test_repeated_call_does_not_disturb_the_first() -> None:
     assert isinstance(waiter.receive(offer, 0.0, None), Called)
 
 
-def test_call_is_remembered_within_bounds() -> None:
-    _, waiter = ends()
-    for _ in range(3 * LARGEST_MEMORY):
+def test_calls_are_remembered_within_bounds() -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    for _ in range(LARGEST_MEMORY):
         assert isinstance(waiter.receive(ends()[0].first(), 0.0, None), Message)
-    caller, _ = ends()
-    assert isinstance(waiter.receive(offered(caller, waiter), 0.0, None), Called)
-    assert len(waiter._given) == LARGEST_MEMORY
+    assert waiter.receive(offer, 0.0, None) is None, "the oldest is forgotten"
+    called(ends()[0], waiter)
 
 
 @pytest.mark.parametrize("body", ["", "0", "zz", "00" * 12, "00" * 28, "é" * 60, "00" * LONGEST_BODY])

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,10 @@ from weberlink.protocol.keys import KeyFileError
 SECRET = "north-star-of-the-relay"
 
 
-def private_file(folder: Path, content: str) -> Path:
+def file_of(folder: Path, content: str, mode: int = 0o600) -> Path:
     path = folder / "turn.secret"
     path.write_text(content)
-    path.chmod(0o600)
+    path.chmod(mode)
     return path
 
 
@@ -20,40 +21,26 @@ def test_password_is_hmac_of_expiry_and_name() -> None:
     assert credentials(SECRET, "op", 1e9, 600.0) == ("1000000600:op", "eu05EBFpQGhiMsHYObQnILIDjUk=")
 
 
-def test_secret_is_the_word_in_the_file(tmp_path: Path) -> None:
-    assert read_secret(private_file(tmp_path, f"{SECRET}\n")) == SECRET
-
-
-def test_credentials_are_both_words_in_the_file(tmp_path: Path) -> None:
-    assert read_credentials(private_file(tmp_path, "name password\n")) == ("name", "password")
-
-
-def test_secret_open_to_others_is_refused_with_remedy(tmp_path: Path) -> None:
-    path = private_file(tmp_path, SECRET)
-    path.chmod(0o640)
-    with pytest.raises(KeyFileError, match=f"chmod 600 {path}"):
-        read_secret(path)
-
-
-def test_missing_secret_says_what_belongs_there(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="does not exist; write into it the secret of the relay"):
-        read_secret(tmp_path / "turn.secret")
+def test_file_holds_a_secret_or_name_and_password(tmp_path: Path) -> None:
+    assert read_secret(file_of(tmp_path, f"{SECRET}\n")) == SECRET
+    assert read_secret(file_of(tmp_path, "s" * 16)) == "s" * 16
+    assert read_credentials(file_of(tmp_path, "name password\n")) == ("name", "password")
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("read", "content", "mode"),
     [
-        ("", "something else"),
-        ("two words", "something else"),
-        ("s\u00e4cret-of-the-relay", "something else"),
-        ("short", "this one 5"),
+        *((read_secret, content, 0o600) for content in ("", "two words", "s\u00e4cret-of-the-relay", "s" * 15)),
+        (read_secret, SECRET, 0o640),
+        (read_credentials, "name", 0o600),
+        (read_credentials, "name password more", 0o600),
     ],
 )
-def test_other_contents_are_no_secret(tmp_path: Path, content: str, message: str) -> None:
-    with pytest.raises(KeyFileError, match=message):
-        read_secret(private_file(tmp_path, content))
+def test_other_files_are_refused(read: Callable[[Path], object], content: str, mode: int, tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match=r"turn\.secret"):
+        read(file_of(tmp_path, content, mode))
 
 
-def test_one_word_is_no_credentials(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="user name and password"):
-        read_credentials(private_file(tmp_path, "name"))
+def test_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match=r"turn\.secret"):
+        read_secret(tmp_path / "turn.secret")

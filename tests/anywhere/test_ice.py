@@ -1,7 +1,7 @@
 """Attempts to find a path between two ends in this process, and calls that bring no session."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from functools import partial
 from socket import AF_INET
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from aioice import stun
 
+from tests.anywhere.meetings import in_loop
 from weberlink.anywhere import ice
 from weberlink.anywhere.calling import SESSION_S, Calling
 from weberlink.anywhere.order import FinderOrder
@@ -21,7 +22,7 @@ from weberlink.protocol.keys import KEY_BYTES
 TWO_WAYS = {"127.0.0.1": "lo", "::1": "lo"}
 LOST = 3
 """Answers: to the check, to its repetition at once, and to the first repetition by time."""
-HANG_S = 10.0
+in_socket_loop = partial(in_loop, loop_factory=SocketLoop)
 
 
 class LosesAnswers(asyncio.DatagramProtocol):
@@ -41,33 +42,22 @@ class LosesAnswers(asyncio.DatagramProtocol):
         self._protocol.connection_lost(exc)
 
 
-def run(main: Callable[[], Awaitable[None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(HANG_S):
-            await main()
-
-    with asyncio.Runner(loop_factory=SocketLoop) as runner:
-        runner.run(bounded())
-
-
 @pytest.mark.parametrize("losing", [0, 1], ids=["master", "slave"])
-def test_lost_answers_leave_both_ends_on_one_pair(losing: int) -> None:
-    async def meet() -> None:
-        bindings = [Binding(TWO_WAYS, frozenset(), 0) for _ in range(2)]
-        ends = [ice.PathAttempt(bindings[i], ice.Servers(), controlling=i == 0) for i in range(2)]
-        try:
-            described = [await end.gather() for end in ends]
-            (carrier,) = (each for each in bindings[losing].sockets if each.socket.family == AF_INET)
-            carrier.protocol = losing_one = LosesAnswers(carrier.protocol)
-            found = await asyncio.gather(*(ends[i].connect(described[1 - i], 5.0) for i in range(2)))
-            assert losing_one.lost > 0
-            for i in range(2):
-                assert found[i].remote == found[1 - i].socket.socket.getsockname()[:2]
-        finally:
-            for end in ends:
-                await end.close()
-
-    run(meet)
+@in_socket_loop
+async def test_lost_answers_leave_both_ends_on_one_pair(losing: int) -> None:
+    bindings = [Binding(TWO_WAYS, frozenset(), 0) for _ in range(2)]
+    ends = [ice.PathAttempt(bindings[i], ice.Servers(), controlling=i == 0) for i in range(2)]
+    try:
+        described = [await end.gather() for end in ends]
+        (carrier,) = (each for each in bindings[losing].sockets if each.socket.family == AF_INET)
+        carrier.protocol = losing_one = LosesAnswers(carrier.protocol)
+        found = await asyncio.gather(*(ends[i].connect(described[1 - i], 5.0) for i in range(2)))
+        assert losing_one.lost > 0
+        for i in range(2):
+            assert found[i].remote == found[1 - i].socket.socket.getsockname()[:2]
+    finally:
+        for end in ends:
+            await end.close()
 
 
 class StandIn:
@@ -95,18 +85,16 @@ class StandIn:
 
 
 @pytest.mark.realtime
-def test_path_without_session_is_followed_by_another_call() -> None:
-    async def wait() -> None:
-        stand_in: Any = StandIn()
-        peer = Peer("robot", "robot", "anna", "slave", bytes(KEY_BYTES))
-        calling = Calling(FinderOrder("master", ("robot",), "", ""), peer, stand_in, stand_in)
-        task = asyncio.create_task(calling.run())
-        await asyncio.sleep(0.5 * SESSION_S)
-        assert stand_in.calls == 1
-        await asyncio.sleep(SESSION_S)
-        assert stand_in.calls == 2
-        calling.hear(SessionState("robot", ENGAGED))
-        await asyncio.sleep(0)
-        task.cancel()
-
-    run(wait)
+@in_socket_loop
+async def test_path_without_session_is_followed_by_another_call() -> None:
+    stand_in: Any = StandIn()
+    peer = Peer("robot", "robot", "anna", "slave", bytes(KEY_BYTES))
+    calling = Calling(FinderOrder("master", ("robot",), "", ""), peer, stand_in, stand_in)
+    task = asyncio.create_task(calling.run())
+    await asyncio.sleep(0.5 * SESSION_S)
+    assert stand_in.calls == 1
+    await asyncio.sleep(SESSION_S)
+    assert stand_in.calls == 2
+    calling.hear(SessionState("robot", ENGAGED))
+    await asyncio.sleep(0)
+    task.cancel()

@@ -15,7 +15,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from tests.anywhere.meetings import PATIENCE, Pair
+from tests.anywhere.meetings import PATIENCE, Pair, in_loop
 from weberlink.anywhere.mailbox import MailboxRefuses, open_mailbox
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.peers import PeerStore
@@ -61,55 +61,46 @@ def is_line(text: str) -> bool:
 
 
 @pytest.mark.parametrize("words", WORDS.values(), ids=WORDS)
-def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None:
-    async def test() -> None:
-        async with saying(*words) as url:
-            with pytest.raises(MailboxRefuses) as raised:
-                await Pair(url).call(PATIENCE)
-        assert is_line(str(raised.value))
-
-    asyncio.run(test())
+@in_loop
+async def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None:
+    async with saying(*words) as url:
+        with pytest.raises(MailboxRefuses) as raised:
+            await Pair(url).call(PATIENCE)
+    assert is_line(str(raised.value))
 
 
 @pytest.mark.parametrize("status", [0, HTTPStatus.FORBIDDEN])
-def test_connection_that_the_server_ends_is_told_in_one_line(status: int) -> None:
-    async def test() -> None:
-        async with saying(status=status) as url:
-            with pytest.raises(MailboxUnreachable) as raised:
-                await Pair(url).call(0.3)
-        assert is_line(str(raised.value))
-
-    asyncio.run(test())
+@in_loop
+async def test_connection_that_the_server_ends_is_told_in_one_line(status: int) -> None:
+    async with saying(status=status) as url:
+        with pytest.raises(MailboxUnreachable) as raised:
+            await Pair(url).call(0.3)
+    assert is_line(str(raised.value))
 
 
 @pytest.mark.parametrize("told", ["1e999", "NaN", "1" + "0" * 400, '"x"', "[]", "null"])
-def test_any_time_of_the_server_is_read(told: str) -> None:
+@in_loop
+async def test_any_time_of_the_server_is_read(told: str) -> None:
     """A message of the server with a time that is none is a message like any other."""
     stored = f'{{"type": "message", "side": "a", "phase": "b", "body": "c", "server_rx": {told}, "server_tx": {told}}}'
-
-    async def test() -> None:
-        async with saying(WELCOME, stored, '{"type": "pong"}') as url, open_mailbox(url, Pair(url).sealing) as mailbox:
-            (received,) = await mailbox.stored()
-        assert received.message.body == "c"
-
-    asyncio.run(test())
+    async with saying(WELCOME, stored, '{"type": "pong"}') as url, open_mailbox(url, Pair(url).sealing) as mailbox:
+        (received,) = await mailbox.stored()
+    assert received.message.body == "c"
 
 
 @pytest.mark.parametrize("side", ["master", "slave"])
-def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str, tmp_path: Path) -> None:
-    async def test() -> None:
-        async with saying(*WORDS["error"]) as url:
-            pair = Pair(url)
-            peer = pair.slave if side == "master" else pair.master
-            PeerStore(tmp_path).add(peer)
-            process, end = start_finder(FinderOrder(side, (peer.label,), str(tmp_path), url))
-            with process, end:
-                news = await asyncio.to_thread(first_news, end)
-                assert is_line(news.text) and "xxx" in news.text
-                assert process.poll() is None
-                end.close()
-
-    asyncio.run(test())
+@in_loop
+async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str, tmp_path: Path) -> None:
+    async with saying(*WORDS["error"]) as url:
+        pair = Pair(url)
+        peer = pair.slave if side == "master" else pair.master
+        PeerStore(tmp_path).add(peer)
+        process, end = start_finder(FinderOrder(side, (peer.label,), str(tmp_path), url))
+        with process, end:
+            news = await asyncio.to_thread(first_news, end)
+            assert is_line(news.text) and "xxx" in news.text
+            assert process.poll() is None
+            end.close()
 
 
 def first_news(end: socket) -> PathNews:

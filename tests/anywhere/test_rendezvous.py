@@ -3,14 +3,12 @@
 import asyncio
 import os
 import socket
-from collections.abc import Coroutine
 from time import monotonic
-from typing import Any
 
 import pytest
 
 from tests.anywhere.mailbox_server import MailboxServer, mailbox
-from tests.anywhere.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, running, waiting
+from tests.anywhere.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
 from weberlink.anywhere.peers import Peer
 from weberlink.anywhere.rendezvous import MANY, QUIET_S, TOO_MANY, presence
 from weberlink.anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
@@ -19,49 +17,33 @@ __all__ = ["mailbox"]
 pytestmark = pytest.mark.realtime
 
 
-def run(work: Coroutine[Any, Any, Any]) -> None:
-    async def limited() -> None:
-        async with asyncio.timeout(3 * PATIENCE):
-            await work
-
-    asyncio.run(limited())
-
-
-def test_call_is_answered(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair) as host:
-            for _ in range(3):
-                assert await pair.call() == Answer(PATHS)
-        assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
-        assert len({offer.attempt for _, offer in host.offers}) == 3
-        assert host.notes == []
-
-    run(test())
+@in_loop
+async def test_call_is_answered(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        for _ in range(3):
+            assert await pair.call() == Answer(PATHS)
+    assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
+    assert len({offer.attempt for _, offer in host.offers}) == 3
+    assert host.notes == []
 
 
-def test_call_waits_for_a_slave_that_comes_later(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with running(pair.call()) as call:
-            await asyncio.sleep(0.3)
-            began = monotonic()
-            async with waiting(pair):
-                assert await call == Answer(PATHS)
-            assert monotonic() - began < 3.0, "without being called again"
-
-    run(test())
+@in_loop
+async def test_call_waits_for_a_slave_that_comes_later(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with running(pair.call()) as call:
+        await asyncio.sleep(0.3)
+        async with waiting(pair):
+            assert await call == Answer(PATHS)
 
 
-def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
-            await pair.call(timeout=0.4)
-        async with waiting(Pair(mailbox.url)):
-            assert await presence(pair.slave, 0.4) == Presence(here=False)
-
-    run(test())
+@in_loop
+async def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
+        await pair.call(timeout=0.4)
+    async with waiting(Pair(mailbox.url)):
+        assert await presence(pair.slave, 0.4) == Presence(here=False)
 
 
 @pytest.mark.parametrize(
@@ -73,194 +55,169 @@ def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
         ("{url}2", "HTTP 404"),
     ],
 )
-def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str, reason: str) -> None:
-    async def test() -> None:
-        pair = Pair(url.format(url=mailbox.url))
-        with pytest.raises(MailboxUnreachable, match=reason) as raised:
-            await pair.call(timeout=0.3)
-        assert "\n" not in str(raised.value)
-        assert (await presence(pair.slave, 0.3)).note == str(raised.value)
-
-    run(test())
+@in_loop
+async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str, reason: str) -> None:
+    pair = Pair(url.format(url=mailbox.url))
+    with pytest.raises(MailboxUnreachable, match=reason) as raised:
+        await pair.call(timeout=0.3)
+    assert "\n" not in str(raised.value)
+    assert (await presence(pair.slave, 0.3)).note == str(raised.value)
 
 
-def test_silent_server_is_not_an_absent_peer() -> None:
-    async def test() -> None:
-        with socket.create_server(("127.0.0.1", 0)) as silent:
-            url = f"ws://127.0.0.1:{silent.getsockname()[1]}/v1"
-            found = await presence(Pair(url).slave, 0.3)
-        assert found == Presence(here=False, note=f"the mailbox server {url} does not answer")
-
-    run(test())
+@in_loop
+async def test_silent_server_is_not_an_absent_peer() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"ws://127.0.0.1:{silent.getsockname()[1]}/v1"
+        found = await presence(Pair(url).slave, 0.3)
+    assert found == Presence(here=False, note=f"the mailbox server {url} does not answer")
 
 
-def test_presence_says_whom_a_slave_serves(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair) as host:
-            assert await presence(pair.slave, PATIENCE) == Presence(here=True)
-            host.waiter.serves = "bob"
-            assert await presence(pair.slave, PATIENCE) == Presence(here=True, serves="bob")
-        assert host.offers == [], "nobody was called"
-        assert (await presence(pair.master, PATIENCE)).note.startswith("an operator calls")
-
-    run(test())
+@in_loop
+async def test_presence_says_whom_a_slave_serves(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+        host.waiter.serves = "bob"
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True, serves="bob")
+    assert host.offers == [], "nobody was called"
+    assert (await presence(pair.master, PATIENCE)).note.startswith("an operator calls")
 
 
-def test_slave_waits_for_several_masters_at_once(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pairs = [Pair(mailbox.url, name) for name in ("anna", "bob", "carla")]
-        host = Host(pairs)
+@in_loop
+async def test_slave_waits_for_several_masters_at_once(mailbox: MailboxServer) -> None:
+    pairs = [Pair(mailbox.url, name) for name in ("anna", "bob", "carla")]
+    host = Host(pairs)
 
-        async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-            return Answer(offer.paths) if peer.label == "bob" else Busy("bob")
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        return Answer(offer.paths) if peer.label == "bob" else Busy("bob")
 
-        async with running(host.waiter.serve(answer)):
-            assert await asyncio.gather(*(pair.call() for pair in pairs)) == [Busy("bob"), Answer(PATHS), Busy("bob")]
-
-    run(test())
+    async with running(host.waiter.serve(answer)):
+        assert await asyncio.gather(*(pair.call() for pair in pairs)) == [Busy("bob"), Answer(PATHS), Busy("bob")]
 
 
-def test_peer_that_is_there_and_does_not_answer_is_told(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        host = Host([pair])
+@in_loop
+async def test_peer_that_is_there_and_does_not_answer_is_told(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    host = Host([pair])
 
-        async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-            return await asyncio.Future()
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        return await asyncio.Future()
 
-        async with running(host.waiter.serve(answer)):
-            await presence(pair.slave, PATIENCE)
-            with pytest.raises(PeerAbsent, match=r"^robot is there, and does not answer$"):
-                await pair.call(timeout=0.5)
-
-    run(test())
+    async with running(host.waiter.serve(answer)):
+        await presence(pair.slave, PATIENCE)
+        with pytest.raises(PeerAbsent, match=r"^robot is there, and does not answer$"):
+            await pair.call(timeout=0.5)
 
 
-def test_newer_offer_cancels_the_handler_of_the_older(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair, started, ended = Pair(mailbox.url), asyncio.Event(), []
-        host = Host([pair])
+@in_loop
+async def test_newer_offer_cancels_the_handler_of_the_older(mailbox: MailboxServer) -> None:
+    pair, started, ended = Pair(mailbox.url), asyncio.Event(), []
+    host = Host([pair])
 
-        async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-            if not started.is_set():
-                started.set()
-                try:
-                    await asyncio.Future()
-                finally:
-                    ended.append(offer.attempt)
-            return Answer(offer.paths)
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        if not started.is_set():
+            started.set()
+            try:
+                await asyncio.Future()
+            finally:
+                ended.append(offer.attempt)
+        return Answer(offer.paths)
 
-        async with running(host.waiter.serve(answer)), running(pair.call()):
-            await started.wait()
-            assert await pair.call() == Answer(PATHS)
-            assert len(ended) == 1
-
-    run(test())
+    async with running(host.waiter.serve(answer)), running(pair.call()):
+        await started.wait()
+        assert await pair.call() == Answer(PATHS)
+        assert len(ended) == 1
 
 
-def test_failure_of_a_handler_ends_the_waiting(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        host = Host([pair])
+@in_loop
+async def test_failure_of_a_handler_ends_the_waiting(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    host = Host([pair])
 
-        async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-            raise ZeroDivisionError
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        raise ZeroDivisionError
 
-        async with running(pair.call()):
-            with pytest.raises(ExceptionGroup):
-                await host.waiter.serve(answer)
-
-    run(test())
+    async with running(pair.call()):
+        with pytest.raises(ExceptionGroup):
+            await host.waiter.serve(answer)
 
 
 # --- outages
 
 
-def test_both_ends_survive_a_restart_of_the_server(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair) as host:
-            assert await pair.call() == Answer(PATHS)
-            await asyncio.to_thread(mailbox.stop)
-            async with running(pair.call()) as call:
-                await asyncio.sleep(0.1)
-                await asyncio.to_thread(mailbox.start)
-                assert await call == Answer(PATHS)
-        lost, found = host.notes
-        assert lost.startswith(f"the mailbox server {mailbox.url} cannot be reached: ")
-        assert found == f"the mailbox server {mailbox.url} is reached again"
-
-    run(test())
+@in_loop
+async def test_both_ends_survive_a_restart_of_the_server(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await pair.call() == Answer(PATHS)
+        await asyncio.to_thread(mailbox.stop)
+        async with running(pair.call()) as call:
+            await asyncio.sleep(0.1)
+            await asyncio.to_thread(mailbox.start)
+            assert await call == Answer(PATHS)
+    lost, found = host.notes
+    assert lost.startswith(f"the mailbox server {mailbox.url} cannot be reached: ")
+    assert found == f"the mailbox server {mailbox.url} is reached again"
 
 
 @pytest.mark.hunt
-def test_call_survives_an_outage_between_offer_and_answer(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair, offered, again = Pair(mailbox.url), asyncio.Event(), asyncio.Event()
-        host = Host([pair])
+@in_loop
+async def test_call_survives_an_outage_between_offer_and_answer(mailbox: MailboxServer) -> None:
+    pair, offered, again = Pair(mailbox.url), asyncio.Event(), asyncio.Event()
+    host = Host([pair])
 
-        async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-            offered.set()
-            await again.wait()
-            return Answer(offer.paths)
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        offered.set()
+        await again.wait()
+        return Answer(offer.paths)
 
-        async with running(host.waiter.serve(answer)), running(pair.call()) as call:
-            await offered.wait()
-            await asyncio.to_thread(mailbox.restart)
-            again.set()
-            assert await call == Answer(PATHS)
-
-    run(test())
+    async with running(host.waiter.serve(answer)), running(pair.call()) as call:
+        await offered.wait()
+        await asyncio.to_thread(mailbox.restart)
+        again.set()
+        assert await call == Answer(PATHS)
 
 
-def test_restarts_of_either_end_never_crowd_the_mailbox(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        for _ in range(5):
-            async with waiting(pair) as host:
-                assert await pair.call() == Answer(PATHS)
-                host.waiter.renew()
-                assert await presence(pair.slave, PATIENCE) == Presence(here=True)
-            assert host.notes == []
-
-    run(test())
+@in_loop
+async def test_restarts_of_either_end_never_crowd_the_mailbox(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    for _ in range(5):
+        async with waiting(pair) as host:
+            assert await pair.call() == Answer(PATHS)
+            host.waiter.renew()
+            assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+        assert host.notes == []
 
 
 @pytest.mark.parametrize(("count", "pause"), [(TOO_MANY, 0.0), pytest.param(MANY, QUIET_S, marks=pytest.mark.hunt)])
-def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer, count: int, pause: float) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
-            assert await presence(pair.slave, PATIENCE) == Presence(here=True)
-            for _ in range(count):
-                await party.add("call", "00" * 40)
-            assert len(await party.stored()) == count + 2
-            await asyncio.sleep(pause)
-            host.waiter.renew()
-            await until_stored(pair, 0)
-            assert await pair.call() == Answer(PATHS)
-            assert host.notes == []
-
-    run(test())
+@in_loop
+async def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer, count: int, pause: float) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+        for _ in range(count):
+            await party.add("call", "00" * 40)
+        assert len(await party.stored()) == count + 2
+        await asyncio.sleep(pause)
+        host.waiter.renew()
+        await until_stored(pair, 0)
+        assert await pair.call() == Answer(PATHS)
 
 
 @pytest.mark.hunt
-def test_master_empties_a_mailbox_that_no_slave_tends(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
+@in_loop
+async def test_master_empties_a_mailbox_that_no_slave_tends(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair):
+        pass
+    async with ThirdParty(pair, pair.sealing.other_side) as party:
+        for _ in range(TOO_MANY):
+            await party.add("call", "00" * 40)
+        await party.stored()
+    async with running(pair.call(timeout=2 * PATIENCE)) as call:
+        await until_stored(pair, 1)  # the call alone
         async with waiting(pair):
-            pass
-        async with ThirdParty(pair, pair.sealing.other_side) as party:
-            for _ in range(TOO_MANY):
-                await party.add("call", "00" * 40)
-            await party.stored()
-        async with running(pair.call(timeout=2 * PATIENCE)) as call:
-            await until_stored(pair, 1)  # the call alone
-            async with waiting(pair):
-                assert await call == Answer(PATHS)
-
-    run(test())
+            assert await call == Answer(PATHS)
 
 
 async def until_stored(pair: Pair, count: int) -> None:
@@ -276,91 +233,79 @@ async def until_stored(pair: Pair, count: int) -> None:
 # --- attacks by who knows the mailbox: the server, or who listens to it
 
 
-def test_repeated_messages_are_not_answered_again(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair) as host:
-            assert await pair.call() == Answer(PATHS)
-            async with ThirdParty(pair, pair.sealing.other_side) as party:
-                overheard = await party.stored()
-                assert [each["phase"] for each in overheard] == ["call", "ready", "offer", "answer"]
-                for each in 3 * overheard:
-                    await party.add(each["phase"], each["body"])
-                await presence(pair.slave, PATIENCE)  # answered after them
-                ours = [each for each in await party.stored() if each["side"] == pair.sealing.side]
-            assert [each["phase"] for each in ours] == ["ready"], "to the question above alone"
-            assert len(host.offers) == 1
-        async with waiting(pair) as other:  # after a start, which forgets what it heard
-            await presence(pair.slave, PATIENCE)
-            assert other.offers == []
-
-    run(test())
+@in_loop
+async def test_repeated_messages_are_not_answered_again(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await pair.call() == Answer(PATHS)
+        async with ThirdParty(pair, pair.sealing.other_side) as party:
+            overheard = await party.stored()
+            assert [each["phase"] for each in overheard] == ["call", "ready", "offer", "answer"]
+            for each in 3 * overheard:
+                await party.add(each["phase"], each["body"])
+            await presence(pair.slave, PATIENCE)  # answered after them
+            ours = [each for each in await party.stored() if each["side"] == pair.sealing.side]
+        assert [each["phase"] for each in ours] == ["ready"], "to the question above alone"
+        assert len(host.offers) == 1
+    async with waiting(pair) as other:  # after a start, which forgets what it heard
+        await presence(pair.slave, PATIENCE)
+        assert other.offers == []
 
 
-def test_answer_of_an_earlier_call_does_not_count(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair):
+@in_loop
+async def test_answer_of_an_earlier_call_does_not_count(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair):
+        await pair.call()
+    with pytest.raises(PeerAbsent):
+        async with running(pair.call(timeout=1.0)) as call, ThirdParty(pair, pair.sealing.side) as party:
+            for each in await party.stored():
+                await party.add(each["phase"], each["body"])
+            await call
+
+
+@in_loop
+async def test_messages_without_the_key_change_nothing(mailbox: MailboxServer) -> None:
+    pair, stranger = Pair(mailbox.url), Pair(mailbox.url)
+    async with waiting(pair) as host:
+        for side in (pair.sealing.side, pair.sealing.other_side):
+            async with ThirdParty(pair, side) as party:
+                for phase in ("call", "ready", "offer", "answer", "busy", "nonsense"):
+                    await party.add(phase, os.urandom(80).hex())
+                    await party.add(phase, "no hexadecimal")
+                    await party.add(phase, stranger.sealing.seal(phase, [b"a", b"n", "bob"]))
+                await party.stored()
+        assert await pair.call() == Answer(PATHS)
+        assert len(host.offers) == 1
+        assert host.notes == []
+
+
+@in_loop
+async def test_third_side_that_joins_first_is_told_to_a_person(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with ThirdParty(pair, "first"), ThirdParty(pair, "second"):
+        with pytest.raises(MailboxUnreachable, match="refuses: a third party opened the mailbox of this pair"):
             await pair.call()
-        with pytest.raises(PeerAbsent):
-            async with running(pair.call(timeout=1.0)) as call, ThirdParty(pair, pair.sealing.side) as party:
-                for each in await party.stored():
-                    await party.add(each["phase"], each["body"])
-                await call
-
-    run(test())
-
-
-def test_messages_without_the_key_change_nothing(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair, stranger = Pair(mailbox.url), Pair(mailbox.url)
         async with waiting(pair) as host:
-            for side in (pair.sealing.side, pair.sealing.other_side):
-                async with ThirdParty(pair, side) as party:
-                    for phase in ("call", "ready", "offer", "answer", "busy", "nonsense"):
-                        await party.add(phase, os.urandom(80).hex())
-                        await party.add(phase, "no hexadecimal")
-                        await party.add(phase, stranger.sealing.seal(phase, [b"a", b"n", "bob"]))
-                    await party.stored()
-            assert await pair.call() == Answer(PATHS)
-            assert len(host.offers) == 1
-            assert host.notes == []
-
-    run(test())
+            while not host.notes:
+                await asyncio.sleep(0.02)
+            assert host.notes[0].startswith(f"anna: the mailbox server {mailbox.url} refuses: a third party")
+    assert host.offers == []
 
 
-def test_third_side_that_joins_first_is_told_to_a_person(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with ThirdParty(pair, "first"), ThirdParty(pair, "second"):
-            with pytest.raises(MailboxUnreachable, match="refuses: a third party opened the mailbox of this pair"):
-                await pair.call()
-            async with waiting(pair) as host:
-                while not host.notes:
-                    await asyncio.sleep(0.02)
-                assert host.notes[0].startswith(f"anna: the mailbox server {mailbox.url} refuses: a third party")
-        assert host.offers == []
-
-    run(test())
-
-
-def test_error_of_the_server_is_told_to_a_person() -> None:
-    async def test() -> None:
-        with MailboxServer(options=("--signal-error=moved away",)) as server:
-            pair = Pair(server.url)
-            with pytest.raises(MailboxUnreachable, match="refuses: moved away"):
-                await pair.call()
-
-    run(test())
-
-
-def test_mailbox_learns_no_address(mailbox: MailboxServer) -> None:
-    async def test() -> None:
-        pair = Pair(mailbox.url)
-        async with waiting(pair), ThirdParty(pair, pair.sealing.side) as party:
+@in_loop
+async def test_error_of_the_server_is_told_to_a_person() -> None:
+    with MailboxServer(options=("--signal-error=moved away",)) as server:
+        pair = Pair(server.url)
+        with pytest.raises(MailboxUnreachable, match="refuses: moved away"):
             await pair.call()
-            told = b"".join(bytes.fromhex(each["body"]) for each in await party.stored())
-        for secret in (b"192.0.2.1", b"ufrag", b"p" * 22, pair.master.key, b"anna", b"robot"):
-            assert secret not in told
 
-    run(test())
+
+@in_loop
+async def test_mailbox_learns_no_address(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair), ThirdParty(pair, pair.sealing.side) as party:
+        await pair.call()
+        told = b"".join(bytes.fromhex(each["body"]) for each in await party.stored())
+    for secret in (b"192.0.2.1", b"ufrag", b"p" * 22, pair.master.key, b"anna", b"robot"):
+        assert secret not in told

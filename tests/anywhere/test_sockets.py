@@ -2,18 +2,19 @@
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 import pytest
 
+from tests.anywhere.meetings import in_loop
 from weberlink.anywhere.sockets import BINDING, HOLD_S, Binding, OwnSocket, SocketLoop
 
 STUN = bytes.fromhex("000100002112a442") + bytes(12)
 IN_CHANNEL = b"\x40\x00" + len(STUN).to_bytes(2, "big") + STUN
 OF_SESSION = b"a datagram of a session"
 EF = 46
-HANG_S = 10.0
+in_socket_loop = partial(in_loop, loop_factory=SocketLoop)
 
 
 class Heard(asyncio.DatagramProtocol):
@@ -46,59 +47,44 @@ def send(transport: OwnSocket, *datagrams: bytes) -> None:
             peer.sendto(data, transport.socket.getsockname())
 
 
-def run(main: Callable[[], Awaitable[None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(HANG_S):
-            await main()
-
-    with asyncio.Runner(loop_factory=SocketLoop) as runner:
-        runner.run(bounded())
-
-
-def test_handed_over_socket_is_left_to_its_taker() -> None:
-    async def main() -> None:
-        transport, heard = await opened()
-        taken = transport.hand_over()
-        send(transport, STUN, OF_SESSION)
-        await asyncio.sleep(0.02)
-        assert heard.data == []
-        assert [taken.recv(100), taken.recv(100)] == [STUN, OF_SESSION]
-        transport.deliver(STUN, ("127.0.0.1", 9))
-        assert heard.data == [STUN]
-        transport.close()
-
-    run(main)
+@in_socket_loop
+async def test_handed_over_socket_is_left_to_its_taker() -> None:
+    transport, heard = await opened()
+    taken = transport.hand_over()
+    send(transport, STUN, OF_SESSION)
+    await asyncio.sleep(0.02)
+    assert heard.data == []
+    assert [taken.recv(100), taken.recv(100)] == [STUN, OF_SESSION]
+    transport.deliver(STUN, ("127.0.0.1", 9))
+    assert heard.data == [STUN]
+    transport.close()
 
 
-def test_datagram_of_session_waits_for_hand_over() -> None:
-    async def main() -> None:
-        transport, heard = await opened()
-        held = asyncio.Event()
-        transport.held = held.set
-        send(transport, STUN, IN_CHANNEL, OF_SESSION, STUN)
-        await held.wait()
-        assert heard.data == [STUN, IN_CHANNEL]
-        taken = transport.hand_over()
-        assert [taken.recv(100), taken.recv(100)] == [OF_SESSION, STUN]
-        await asyncio.sleep(1.5 * HOLD_S)
-        assert len(heard.data) == 2, "the wait ended with the hand-over"
-        transport.close()
-
-    run(main)
+@in_socket_loop
+async def test_datagram_of_session_waits_for_hand_over() -> None:
+    transport, heard = await opened()
+    held = asyncio.Event()
+    transport.held = held.set
+    send(transport, STUN, IN_CHANNEL, OF_SESSION, STUN)
+    await held.wait()
+    assert heard.data == [STUN, IN_CHANNEL]
+    taken = transport.hand_over()
+    assert [taken.recv(100), taken.recv(100)] == [OF_SESSION, STUN]
+    await asyncio.sleep(1.5 * HOLD_S)
+    assert len(heard.data) == 2, "the wait ended with the hand-over"
+    transport.close()
 
 
-def test_wait_for_hand_over_ends_and_happens_once() -> None:
-    async def main() -> None:
-        transport, heard = await opened()
-        times = []
-        transport.held = lambda: times.append(asyncio.get_running_loop().time())
-        send(transport, OF_SESSION, STUN, OF_SESSION, STUN)
-        await heard.wait(4)
-        assert heard.data == [OF_SESSION, STUN, OF_SESSION, STUN]
-        assert len(times) == 1
-        transport.close()
-
-    run(main)
+@in_socket_loop
+async def test_wait_for_hand_over_ends_and_happens_once() -> None:
+    transport, heard = await opened()
+    times = []
+    transport.held = lambda: times.append(asyncio.get_running_loop().time())
+    send(transport, OF_SESSION, STUN, OF_SESSION, STUN)
+    await heard.wait(4)
+    assert heard.data == [OF_SESSION, STUN, OF_SESSION, STUN]
+    assert len(times) == 1
+    transport.close()
 
 
 @pytest.mark.parametrize(
@@ -108,43 +94,37 @@ def test_wait_for_hand_over_ends_and_happens_once() -> None:
         ("::1", socket.IPPROTO_IPV6, socket.IPV6_TCLASS),
     ],
 )
-def test_socket_has_class_and_interface(host: str, level: int, option: int) -> None:
-    async def main() -> None:
-        transport, _ = await opened(host, frozenset({"lo"}))
-        assert transport.socket.getsockopt(level, option) == EF << 2
-        name = transport.socket.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
-        assert name.rstrip(b"\0") in (b"lo", b""), "nameless before Linux 5.7 without rights"
-        assert transport.interface == "lo"
+@in_socket_loop
+async def test_socket_has_class_and_interface(host: str, level: int, option: int) -> None:
+    transport, _ = await opened(host, frozenset({"lo"}))
+    assert transport.socket.getsockopt(level, option) == EF << 2
+    name = transport.socket.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
+    assert name.rstrip(b"\0") in (b"lo", b""), "nameless before Linux 5.7 without rights"
+    assert transport.interface == "lo"
+    transport.close()
+
+
+@in_socket_loop
+async def test_socket_for_server_hears_only_the_server() -> None:
+    BINDING.set(Binding({"127.0.0.1": "lo"}, frozenset(), 0))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        transport, heard = await asyncio.get_running_loop().create_datagram_endpoint(
+            Heard, remote_addr=server.getsockname()
+        )
+        assert isinstance(transport, OwnSocket)
+        transport.sendto(STUN)
+        data, source = server.recvfrom(100)
+        assert data == STUN
+        send(transport, STUN)
+        server.sendto(IN_CHANNEL, source)
+        await heard.wait(1)
+        assert heard.data == [IN_CHANNEL]
         transport.close()
 
-    run(main)
 
-
-def test_socket_for_server_hears_only_the_server() -> None:
-    async def main() -> None:
-        BINDING.set(Binding({"127.0.0.1": "lo"}, frozenset(), 0))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-            server.bind(("127.0.0.1", 0))
-            transport, heard = await asyncio.get_running_loop().create_datagram_endpoint(
-                Heard, remote_addr=server.getsockname()
-            )
-            assert isinstance(transport, OwnSocket)
-            transport.sendto(STUN)
-            data, source = server.recvfrom(100)
-            assert data == STUN
-            send(transport, STUN)
-            server.sendto(IN_CHANNEL, source)
-            await heard.wait(1)
-            assert heard.data == [IN_CHANNEL]
-            transport.close()
-
-    run(main)
-
-
-def test_sockets_without_binding_are_those_of_asyncio() -> None:
-    async def main() -> None:
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(Heard, local_addr=("127.0.0.1", 0))
-        assert not isinstance(transport, OwnSocket)
-        transport.close()
-
-    run(main)
+@in_socket_loop
+async def test_sockets_without_binding_are_those_of_asyncio() -> None:
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(Heard, local_addr=("127.0.0.1", 0))
+    assert not isinstance(transport, OwnSocket)
+    transport.close()

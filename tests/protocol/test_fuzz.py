@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.fuzz import sessions
 from tests.protocol.harness import MASTER, SLAVE, engaged, forms, make_endpoint, sample_update, suites
+from trials.fuzz import sessions
 from weberlink.protocol import Role, State
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import DirectionLayout, Kind

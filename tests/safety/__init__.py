@@ -1,6 +1,1 @@
-"""What the whole system does when the link fails, in one direction or both, measured from outside in virtual time.
-
-`make safety` runs every case and writes build/safety.md; the tests beside it run a short selection. Nothing here
-looks into the protocol: a link records when each datagram left and arrived, and telemetry records what robot and hand
-did.
-"""
+"""Links that record when each datagram left and arrived, and whole sessions in which no force is without a contact."""

@@ -3,19 +3,19 @@
 It can also hold datagrams for any time while others pass.
 """
 
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from itertools import accumulate, count
+from itertools import count
 from math import inf
 from random import Random
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
+from weberlink.system.configuration import Configuration
+from weberlink.system.simulate import build_simulation
+from weberlink.system.simulation import Simulation
 
 Hold = Callable[[float], float | None]
 """Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""
@@ -87,25 +87,10 @@ class ObservedLink:
         self._executed_before, self._last = executed, None
 
 
-def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The true age of the loop at one end, whatever the protocol knows of it.
-
-    Args:
-        outward, inward: the links from and to that end.
-        times: shape (n,) [s].
-
-    Returns:
-        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
-        infinite before the first.
-    """
-    outward_at = [arrival for arrival, _ in outward.arrivals]
-    newest = list(accumulate((departure for _, departure in outward.arrivals), max))
-    told_at: list[float] = []
-    confirmed: list[float] = []
-    for arrival, departure in inward.arrivals:
-        heard = bisect_right(outward_at, departure)
-        told_at.append(arrival)
-        confirmed.append(newest[heard - 1] if heard else -inf)
-    best = np.array([-inf, *accumulate(confirmed, max)])
-    ages: NDArray[np.float64] = times - best[np.searchsorted(np.array(told_at), times, side="right")]
-    return ages
+def observed(loaded: Configuration, forward: ObservedLink, backward: ObservedLink) -> Simulation:
+    """Both sides of a configuration with these links between them."""
+    built = build_simulation(loaded)
+    forward.executed = lambda: sum(built.slave.endpoint.statistics.updates_received)
+    backward.executed = lambda: sum(built.master.endpoint.statistics.updates_received)
+    links: Any = (forward, backward)
+    return Simulation(master=built.master, slave=built.slave, links=links, tick_period=loaded.system.tick_period)

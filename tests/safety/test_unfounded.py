@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.safety.unfounded import Cell, Finding, found, records, run
 from tests.system.systems import configuration
+from trials.safety.unfounded import Cell, Finding, found, records, run
 from weberlink.system.channels import UNREACHED_S
 from weberlink.system.scoring.session import score_of
 from weberlink.system.simulate import build_simulation
@@ -97,9 +97,9 @@ def test_a_clean_session_is_never_at_fault(scheme: str, delay_ms: int) -> None:
     assert any(abs(master.output_z) > 1.0 for master in masters)
 
 
-@pytest.mark.parametrize("seed", [*FORMER, LONG, *CLAIMED, *range(1000, 1006)])
+@pytest.mark.parametrize("seed", [*FORMER, LONG, *CLAIMED, *range(1000, 1003)])
 def test_in_random_sessions_no_force_lasts_without_a_contact(seed: int) -> None:
-    """`python -m tests.safety.unfounded` runs more."""
+    """`python -m trials.safety.unfounded` runs more."""
     finding = run(seed)
     assert finding.contact > 0.0
     assert (finding.ticks, finding.rash) == (0, 0)

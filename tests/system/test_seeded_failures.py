@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 
 from tests.program import ROOT, document
-from tests.safety.observed_link import ObservedLink
-from tests.safety.run import simulation
+from tests.safety.observed_link import ObservedLink, observed
 from tests.system.systems import CONFIGS, configuration
 from weberlink.protocol.emulation import Emulation
 from weberlink.system.composition.channels import banks
@@ -67,7 +66,7 @@ def cut(for_s: float, *, to_slave: bool = True) -> Row:
     loaded = configuration()
     score = SessionScore(loaded.system.rate_hz, *banks(loaded.system))
     links = ObservedLink(Emulation(blackouts=((2.0, for_s),))), ObservedLink()
-    simulation(loaded, *(links if to_slave else links[::-1])).run(6.0, [score])
+    observed(loaded, *(links if to_slave else links[::-1])).run(6.0, [score])
     summary = score.summary() | {"outcome": "completed"}
     return of(summary | {"status": verdict(summary).status})
 

@@ -1,0 +1,219 @@
+"""Run a case, measure from outside what robot and hand did, and check the laws."""
+
+from bisect import bisect_right
+from dataclasses import asdict, dataclass
+from itertools import accumulate
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.program import ENGAGED, Records
+from tests.safety.observed_link import ObservedLink, observed
+from tests.system.systems import configuration
+from trials.safety.cases import AFTER, BOTH, CUT, ROBOT_N_M, TO_MASTER, TO_SLAVE, Case
+from weberlink.protocol.emulation import Emulation
+from weberlink.system.configuration import Configuration
+from weberlink.system.simulation import as_array
+from weberlink.telemetry.fault import Fault
+
+STILL = 1e-9
+"""Smaller steps [m] and forces [N] count as none."""
+WALL_M_S = 1.0
+"""The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
+BACK_S = 0.5
+"""In this time after the link is good again, and two round trips, both ends engage, the robot approaches and the force
+fades in [s]."""
+CODING_M = 0.5e-3
+"""What the coding of a position may be off, twice: its deadband at rest and a step of the wire [m]."""
+Ticks = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one run.
+
+    Attributes:
+        robot_ms, force_ms: from the cut to the last tick in which the robot was still commanded to move, and with a
+            force on the hand; None where it flaps.
+        robot_age_ms, force_age_ms: largest true age of the loop in such a tick.
+        beyond_mm: how far the robot was from the nearest place where the hand had been by then.
+        allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
+        backed_mm, astray_mm: how far the robot was sent up from where it was without a session, and how far otherwise.
+        hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
+        step_n: largest change of the force on the hand in a tick, from the cut on.
+        early_n: how far the force was above an even rise to its limit, in the ramp after the link is good again.
+        step_mm: largest change of the robot in a tick as it comes back once the link is good, less that of the hand.
+        fault_ms: from the cut to the first named fault of each end; None for none.
+        faults: their names.
+        returned: whether both ends are in a session at the end.
+        round_trip_ms: largest round trip that the ends agreed on until the link was good again; the age and the time
+            after a cut may exceed the silence limit by this.
+    """
+
+    robot_ms: float | None
+    force_ms: float | None
+    robot_age_ms: float
+    force_age_ms: float
+    beyond_mm: float
+    allowed_mm: float
+    backed_mm: float
+    astray_mm: float
+    hand_n: float
+    robot_n: float
+    step_n: float
+    early_n: float
+    step_mm: float
+    fault_ms: tuple[float | None, ...]
+    faults: tuple[tuple[str, ...], ...]
+    returned: bool
+    round_trip_ms: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A case, its figures (None if a side raised an error), and the laws that it broke."""
+
+    case: Case
+    figures: Figures | None
+    violations: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        figures = {} if self.figures is None else asdict(self.figures)
+        return {"fault": self.case.fault, **asdict(self.case), **figures, "violations": self.violations}
+
+
+def run(case: Case) -> Run:
+    """Run a case and judge it."""
+    loaded = configuration(*case.overrides)
+    ways = [
+        ObservedLink(Emulation(delay_s=delay, blackouts=case.blackouts if case.direction in (way, BOTH) else ()))
+        for way, delay in zip((TO_SLAVE, TO_MASTER), case.delay_s, strict=True)
+    ]
+    simulated = observed(loaded, *ways)
+    ticks = round((case.restored + AFTER + 4.0 * sum(case.delay_s)) / loaded.system.tick_period)
+    records, agreed = [], 0.0
+    try:
+        for number in range(ticks):
+            records.append(simulated.step())
+            if number * loaded.system.tick_period < case.restored:
+                agreed = max(agreed, *(side.endpoint.round_trip_limit for side in (simulated.master, simulated.slave)))
+    except Exception as error:
+        return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
+    masters, slaves = zip(*records, strict=True)
+    figures = measure(case, as_array(masters), as_array(slaves), ways, agreed, loaded)
+    return Run(case, figures, tuple(violated(case, figures, loaded)))
+
+
+def measure(
+    case: Case, master: Records, slave: Records, ways: list[ObservedLink], agreed: float, loaded: Configuration
+) -> Figures:
+    """The figures of a run, from the records of both sides and of the two links, and the agreed round trip [s]."""
+    at, limit, tick = master["at"], loaded.system.link.silence_ms * 1e-3 + agreed, loaded.system.tick_period
+    failing = (at >= CUT) & (at < case.restored)
+    force = np.linalg.norm(master["output"], axis=1)
+    moved, went = (_steps(each) for each in (slave["output"], master["position"]))
+    alone = failing & (slave["state"] != ENGAGED)
+    moving = failing & (moved > STILL) & ~(alone & case.retract)  # how it backs off is measured apart
+    felt = failing & (force > STILL)
+    after = (at >= case.restored - tick) & (at < case.restored + BACK_S + 2.0 * sum(case.delay_s))
+    back = after & (master["state"] == ENGAGED)
+    before = (at > CUT - limit) & (at < CUT + limit)
+    retreat = np.diff(slave["output"][alone], axis=0) if alone.any() and not case.flap_hz else np.zeros((0, 3))
+    pressed = float(slave["raw"][alone][0, 2]) / ROBOT_N_M if len(retreat) else 0.0
+    envelope = loaded.system.master.limits.force_n / (loaded.system.master.limits.ramp_ms * 1e-3)
+    named = [failing & (side["fault"] != Fault.NONE) for side in (master, slave)]
+    return Figures(
+        robot_ms=None if case.flap_hz else 1e3 * float((at[moving] - CUT).max(initial=0.0)),
+        force_ms=None if case.flap_hz else 1e3 * float((at[felt] - CUT).max(initial=0.0)),
+        robot_age_ms=1e3 * float(loop_ages(ways[1], ways[0], at)[moving].max(initial=0.0)),
+        force_age_ms=1e3 * float(loop_ages(ways[0], ways[1], at)[felt].max(initial=0.0)),
+        beyond_mm=1e3 * _beyond(master["position"], slave["output"], np.flatnonzero(failing)),
+        allowed_mm=1e3 * float(went[before].max()) / tick * limit,
+        backed_mm=1e3 * (float(retreat[:, 2].sum()) - pressed),  # it counts from the tip, not from the command
+        astray_mm=1e3 * float(np.abs(retreat[:, :2]).sum() - np.minimum(retreat[:, 2], 0.0).sum()),
+        hand_n=float(force[at >= CUT].max()),
+        robot_n=float(np.linalg.norm(slave["raw"][failing], axis=1).max()),
+        step_n=float(_steps(master["output"][at >= CUT]).max()),
+        early_n=float((force[back] - envelope * (at[back] - at[back][:1] + tick)).max(initial=0.0)),
+        step_mm=1e3 * max(0.0, float(moved[after][1:].max() - went[after].max())),
+        fault_ms=tuple(1e3 * float(at[when][0] - CUT) if when.any() else None for when in named),
+        faults=tuple(
+            tuple(sorted(Fault(value).name for value in set(side["fault"][when].tolist())))
+            for side, when in zip((master, slave), named, strict=True)
+        ),
+        returned=bool(master["state"][-1] == slave["state"][-1] == ENGAGED),
+        round_trip_ms=1e3 * agreed,
+    )
+
+
+def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
+    """The laws that a run has broken."""
+    system, limits, coding_mm = loaded.system, loaded.system.master.limits, 1e3 * CODING_M
+    limit_ms, tick = system.link.silence_ms + figures.round_trip_ms, system.tick_period
+    within = limit_ms + 1e3 * tick + 0.01
+    assert loaded.device is not None
+    wall_n = loaded.device.options.stiffness_n_m * WALL_M_S * tick  # type: ignore[attr-defined]
+    is_silent = case.longest_dark > 1e-3 * limit_ms + sum(case.delay_s)  # cut for longer than the limits
+    is_one_cut = is_silent and not case.flap_hz
+    approach_mm = 1e3 * system.slave.limits.approach_speed_m_s * tick + coding_mm
+    backs_off = is_silent and case.retract
+    laws = (
+        ("the robot moved at a loop age of [ms]", figures.robot_age_ms, within, True),
+        ("force was on the hand at a loop age of [ms]", figures.force_age_ms, within, True),
+        ("the robot moved after the cut for [ms]", figures.robot_ms or 0.0, within, True),
+        ("force was on the hand after the cut for [ms]", figures.force_ms or 0.0, within, True),
+        ("the robot went beyond the hand [mm]", figures.beyond_mm, figures.allowed_mm + coding_mm, True),
+        ("force on the hand [N]", figures.hand_n, limits.force_n * (1.0 + 1e-9), True),
+        ("change of the force in a tick [N]", figures.step_n, wall_n * (1.0 + 1e-9), True),
+        ("without a session at the end", float(not figures.returned), 0.0, True),
+        ("the force came back above its ramp [N]", figures.early_n, STILL, is_one_cut),
+        ("the robot came back in a tick by [mm]", figures.step_mm, approach_mm, is_one_cut),
+        ("the robot backed off [mm]", figures.backed_mm, 1e3 * system.slave.limits.retract_m + 0.1, backs_off),
+        ("the robot moved otherwise [mm]", figures.astray_mm, coding_mm, backs_off),
+        *(
+            (f"the {side} names a fault after [ms]", inf if first is None else first, within, not case.flap_hz)
+            if is_one_cut
+            else (f"the {side} names no fault", float(first is None), 0.0, is_silent)
+            for side, first in zip(("master", "slave"), figures.fault_ms, strict=True)
+        ),
+    )
+    return [f"{law}: {figure:.4g}, {most:.4g} allowed" for law, figure, most, holds in laws if holds and figure > most]
+
+
+def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true age of the loop at one end, whatever the protocol knows of it.
+
+    Args:
+        outward, inward: the links from and to that end.
+        times: shape (n,) [s].
+
+    Returns:
+        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
+        infinite before the first.
+    """
+    outward_at = [arrival for arrival, _ in outward.arrivals]
+    newest = [-inf, *accumulate((departure for _, departure in outward.arrivals), max)]
+    confirmed = [newest[bisect_right(outward_at, departure)] for _, departure in inward.arrivals]
+    best = np.array([-inf, *accumulate(confirmed, max)])
+    told_at = np.array([arrival for arrival, _ in inward.arrivals])
+    ages: NDArray[np.float64] = times - best[np.searchsorted(told_at, times, side="right")]
+    return ages
+
+
+def _steps(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far it went in each tick, shape (n,)."""
+    steps: NDArray[np.float64] = np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)
+    return steps
+
+
+def _beyond(hand: NDArray[np.float64], robot: NDArray[np.float64], ticks: NDArray[np.int64]) -> float:
+    """Largest distance of the robot, at these ticks, from the nearest place where the hand had been by then [m]."""
+    farthest = 0.0
+    where: NDArray[np.float64] | None = None
+    for tick in ticks[::5]:
+        if where is None or np.any(robot[tick] != where):
+            where = robot[tick]
+            farthest = max(farthest, float(np.min(np.linalg.norm(hand[: tick + 1] - where, axis=1))))
+    return farthest

@@ -1,0 +1,97 @@
+"""What a flood consists of: the kinds of datagrams that somebody without the key, or with a recording, can send.
+
+Pure, but for the key of the one kind that stands for a long recording. Knows no socket and no rate.
+"""
+
+from collections.abc import Sequence
+from random import Random
+
+from weberlink.protocol.counters import SEQUENCE_MASK
+from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.handshake import (
+    HELLO_HEADER,
+    PROTOCOL_VERSION,
+    LocalEnd,
+    read_hello,
+    read_hello_header,
+    read_map,
+)
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of, sequence_of
+
+KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
+"""
+- forged: the shape of genuine datagrams, newer numbers, other contents
+- replayed: genuine ones
+- truncated: genuine ones cut short
+- random: any bytes, up to what a network carries
+- handshake: HELLOs without proof of the key
+- calls: HELLOs with it, as someone has who recorded very many calls
+"""
+ROUNDS = 1024
+_LONGEST_RANDOM = 1400
+_PROOF = 16
+_AHEAD = 200
+
+
+def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
+    """Datagrams of a kind, to be sent over and over.
+
+    Args:
+        kind: one of `KINDS`.
+        genuine: what the peer has sent lately, oldest first.
+        key: that the two ends share.
+        calls: how many different ones.
+
+    Raises:
+        ValueError: there is no such kind, or nothing genuine to make it of.
+    """
+    sealed = [data for data in genuine if kind_of(data) in (Kind.UPDATE, Kind.HEARTBEAT)]
+    if kind in ("forged", "replayed", "truncated") and not sealed:
+        raise ValueError(f"{kind}: nothing genuine was recorded to make it of")
+    match kind:
+        case "forged":
+            newest = sequence_of(sealed[-1])
+            return [_forge(random.choice(sealed), newest + random.randint(1, _AHEAD), random) for _ in range(ROUNDS)]
+        case "replayed":
+            return list(sealed[-ROUNDS:])
+        case "truncated":
+            return [cut[: random.randrange(1, len(cut))] for cut in random.choices(sealed, k=ROUNDS)]
+        case "random":
+            return [random.randbytes(random.randint(1, _LONGEST_RANDOM)) for _ in range(ROUNDS)]
+        case "handshake":
+            return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random, calls)]
+        case "calls":
+            return _calls(genuine, key, random, calls)
+    raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
+
+
+def stamp_of(call: bytes) -> int:
+    """When a HELLO was made, by the clock of its master [ns]."""
+    header = read_hello_header(call)
+    assert header is not None
+    return header.stamp
+
+
+def _forge(like: bytes, sequence: int, random: Random) -> bytes:
+    head = like[:1] + (sequence & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
+    return head + random.randbytes(len(like) - len(head))
+
+
+def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:
+    """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
+    security = PresharedKey(key)
+    hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
+    exchange = None if hello is None else security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:])
+    body = None if exchange is None else read_map(exchange.payload)
+    said = None if body is None else read_hello(body)
+    if hello is None or said is None:
+        raise ValueError("no genuine HELLO was recorded to make others of")
+    end = LocalEnd(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, said.name, "", 0.4)
+
+    def before(_now: float) -> int:
+        return stamp_of(hello) - count  # and rising, as those of a recording
+
+    dialer = Dialer(end, said.instance, stamp=before)
+    dialer.start(0.0)
+    return [dialer.hello(1.0) for _ in range(count)]
