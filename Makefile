@@ -153,7 +153,7 @@ $(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 	$(PYTHON) -m venv $(FRANKA)
 	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
-		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist pytest-rerunfailures hypothesis -e ".[franka]"
+		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist hypothesis -e ".[franka]"
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)

@@ -11,28 +11,25 @@ import fcntl
 import gc
 import os
 import subprocess
+from collections import Counter, defaultdict
 from collections.abc import Iterator
-from functools import cache, partial
+from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests import examples
-from tests.host_stalls import HostStalls, now
 
 # Libraries of linear algebra would put every processor to work on matrices of three rows; before numpy is imported.
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-RERUNS = 3
-"""How often a live test is run again at most; but for the first time only after a stall of the host."""
-BEGAN = pytest.StashKey[float]()
-"""When the present attempt of a test began, on the clock of the stalls."""
-MACHINE = pytest.StashKey["Machine"]()
-"""The hold of a test on the machine, where it is shared with other workers."""
-LONG_FIRST = ("system", "studies", "apps", "cli", "protocol", "telemetry", "control")
-"""Folders with slow files start first, so that no worker is left alone with one of them at the end."""
+TOOK = "weberlink/took"
+"""Seconds that each file took in its last run, in the cache of pytest."""
+took: dict[str, float] = defaultdict(float)
+"""The same of this run."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -65,35 +62,43 @@ def may_use_fifo() -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
     if not config.option.hunt:
         explores = [item for item in items if item.get_closest_marker("hunt") is not None]
         config.hook.pytest_deselected(items=explores)
         items[:] = [item for item in items if item not in explores]
+    before = took_before(config)
 
-    def place(item: pytest.Item) -> tuple[bool, bool, int]:
-        folder = item.path.relative_to(here).parts[0]
-        return is_alone(item), is_realtime(item), LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+    def place(item: pytest.Item) -> tuple[bool, bool, float, str]:
+        path = item.location[0]
+        return is_alone(item), is_realtime(item), -before.get(path, inf), path
 
     items.sort(key=place)
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Exclude what collection has created from garbage collection, and watch the host if there are live tests."""
-    live = [] if session.config.option.usepdb else list(filter(is_realtime, session.items))
-    if live:
-        watcher = HostStalls()
-        session.config.add_cleanup(watcher.end)
-        for item in live:
-            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=partial(was_disturbed, item, watcher)))
+def took_before(config: pytest.Config) -> dict[str, float]:
+    cache: pytest.Cache | None = getattr(config, "cache", None)
+    return {} if cache is None else cache.get(TOOK, {})
+
+
+def pytest_collection_finish() -> None:
+    """Exclude what collection has created from garbage collection."""
     gc.collect()
     gc.freeze()
 
 
-def was_disturbed(item: pytest.Item, watcher: HostStalls) -> bool:
-    """Whether other tests ran, or the host stalled, during the present attempt of a live test."""
-    machine = item.stash.get(MACHINE, None)
-    return (machine is not None and not machine.is_alone) or watcher.has_stalled(item.stash[BEGAN])
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    took[report.location[0]] += report.duration
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """Say what did not run and why, and keep what each file took."""
+    skips = Counter(report.longrepr[2] for report in terminalreporter.stats.get("skipped", []))
+    if skips:
+        terminalreporter.section("skipped")
+        for reason, count in skips.most_common():
+            terminalreporter.line(f"{count:5} {reason.removeprefix('Skipped: ')}")
+    if getattr(config, "cache", None) is not None:
+        config.cache.set(TOOK, took_before(config) | took)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -108,7 +113,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
         return (yield)
     # The temporary folder of a worker is in that of the run.
-    item.stash[MACHINE] = machine = Machine(Path(item.config.option.basetemp).parent / "machine")
+    machine = Machine(Path(item.config.option.basetemp).parent / "machine")
     try:
         machine.hold(alone=is_alone(item))
         return (yield)
@@ -116,29 +121,14 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
         machine.let_go()
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Begin an attempt; every one but the first is alone, and with fixtures of its own."""
-    if isinstance(item, pytest.Function) and getattr(item, "execution_count", 1) > 1:
-        if MACHINE in item.stash:
-            item.stash[MACHINE].hold(alone=True)
-        for definitions in item._fixtureinfo.name2fixturedefs.values():
-            for definition in definitions:
-                if definition.scope == "module":  # what it holds may come from the disturbed attempt
-                    definition.finish(item._request)
-    item.stash[BEGAN] = now()
-
-
 class Machine:
     """The machine, shared with other workers or held alone, by a lock on a file."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        self.is_alone = False
 
     def hold(self, *, alone: bool) -> None:
         fcntl.flock(self._descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        self.is_alone = alone
 
     def let_go(self) -> None:
         """Unlock explicitly: a process that a test left behind may hold a copy of the descriptor."""

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ import pytest
 
 from tests.program import ROOT
 from tests.system.systems import CONFIGS
+from tests.wait import until
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.apps.doctor.trial import run_rights_trial
@@ -31,7 +33,7 @@ from weberlink.slave.robots.franka.options import FrankaOptions
 from weberlink.studies.parallel import parallel_map
 
 NOWHERE = "ws://127.0.0.1:1/v1"
-SESSION = (str(CONFIGS / "loopback.yaml"), "--duration", "0.5", "--set", "realtime.lock_memory=false")
+ENDLESS = (str(CONFIGS / "loopback.yaml"), "--set", "realtime.lock_memory=false", "--set", "link.silence_ms=2000")
 OTHERS = ("weberlink", "aioice", "cv2", "msgpack", "mujoco", "numpy", "pydantic", "twisted", "uvloop", "websockets")
 HOSTILE = "with open({marker!r}, 'a') as marker:\n    marker.write(__name__ + ' ')\n"
 RUN = {
@@ -143,11 +145,15 @@ def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: P
     """Both daemons, the watcher of the host and the recorder."""
     pytest.importorskip("mcap")
     out = tmp_path / "session.mcap"
-    command = python("-m", "weberlink", "loopback", *SESSION, "--record", str(out), "--json", "-")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.stderr == ""
-    assert json.loads(done.stdout)["outcome"] == "completed"
-    assert out.exists()
+    command = python("-m", "weberlink", "loopback", *ENDLESS, "--record", str(out), "--json", "-")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        # A session may be over before the recorder has started.
+        until(lambda: out.exists() and out.stat().st_size > 4096, "the recording to grow")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate()
+    assert errors == ""
+    report = json.loads(output)
+    assert (report["outcome"], report["recording"]["outcome"]) == ("interrupted", "complete")
 
 
 @pytest.mark.realtime
@@ -156,7 +162,7 @@ def test_session_of_a_page_imports_nothing_from_the_working_directory() -> None:
     async def visit() -> SessionLauncher:
         async def inherit(_former: str | None, _name: str) -> None: ...
 
-        order = TryOrder(SESSION[0], ("realtime.lock_memory=false",), duration_s=0.5)
+        order = TryOrder(ENDLESS[0], ("realtime.lock_memory=false",), duration_s=0.5)
         launcher = SessionLauncher(order, lambda _line: None, lambda _message: None, inherit)
         await launcher.run(asyncio.Event())
         return launcher

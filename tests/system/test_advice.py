@@ -38,10 +38,6 @@ def at(port: int) -> tuple[str, str]:
     return f"link.listen=127.0.0.1:{port}", f"link.slave=127.0.0.1:{port}"
 
 
-def notes(result: Result) -> list[str]:
-    return [line for line in result.stderr.splitlines() if line.startswith("weberlink: note: ")]
-
-
 def checked(*overrides: str) -> list[str]:
     """The lines of `check`, as a run says them."""
     lines = run("check", *sets(*overrides)).stdout.replace("\n" + " " * 10, " ").splitlines()
@@ -58,22 +54,6 @@ def test_a_run_in_virtual_time_says_what_check_warns_of() -> None:
 
 def test_a_run_of_a_file_without_faults_says_nothing() -> None:
     assert run("simulate", "--duration", 0.1).stderr == ""
-
-
-@pytest.mark.realtime
-def test_a_live_run_says_it_once_though_it_has_two_daemons() -> None:
-    said = checked(*HINDERED)
-    assert notes(run("loopback", "--duration", 1, *sets(*HINDERED))) == said
-
-
-@pytest.mark.realtime
-@pytest.mark.parametrize("side", SIDES)
-def test_each_side_alone_says_the_advice_on_its_part(side: str) -> None:
-    overrides = (*HINDERED, *at(47011))
-    parts = try_out(load(LOOPBACK, overrides, [side]))
-    said = notes(run(side, "--duration", 0.2, *sets(*overrides)))
-    assert said == [f"weberlink: note: {line}" for line in advise(parts)]
-    assert len(said) >= 4
 
 
 # --- the delay that a contact bears without control
@@ -139,6 +119,7 @@ def test_a_measured_delay_is_said_unless_the_emulated_one_was() -> None:
 
 
 @pytest.mark.realtime
+@pytest.mark.hunt
 def test_session_tells_advice_on_the_measured_delay_once() -> None:
     told: list[str] = []
     asked: list[float] = []

@@ -1,4 +1,4 @@
-"""Both sides use the same live settings at every tick: whole systems in virtual time, over bad links."""
+"""Live settings: both sides use the same at every tick, over bad links, and keep the laws of what they changed to."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from itertools import groupby, pairwise
 from math import isfinite
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.program import ENGAGED
+from tests.system.kinds import HAND, Run, run
 from tests.system.systems import system
 from weberlink.control.tuning import LEAD_TICKS, lead
 from weberlink.protocol.emulation import Emulation
@@ -217,3 +219,75 @@ def test_proposals_of_both_sides_in_the_same_tick_end_in_that_of_the_master() ->
     assert last.master.weber == last.slave.weber == 0.3
     assert pair.simulation.slave.tuning.result.refusal is not None
     assert pair.differences() == []
+
+
+# --- what a change does
+
+PLANE = "slave.scene=[{shape: plane, stiffness_n_m: 500}]"
+
+
+def changed(change: dict[str, Any], asker: str, seconds: float, *overrides: str) -> Run:
+    """A session in which one side asks for a change after half a second."""
+
+    def ask(simulation: Simulation) -> None:
+        assert getattr(simulation, asker).propose(change, 0.5) is None
+
+    return run(HAND, seconds, *overrides, acts={0.5: ask})
+
+
+@pytest.mark.parametrize("asker", ["master", "slave"])
+@pytest.mark.parametrize("delay_ms", [0, 60])
+def test_both_ends_make_a_change_at_the_tick_that_was_agreed(asker: str, delay_ms: int) -> None:
+    ran = changed({"weber": 0.3}, asker, 1.0, f"link.emulate={{delay_ms: {delay_ms}}}", "link.silence_ms=400")
+    first = {side: int(np.argmax(getattr(ran, side)["settings"] == 1)) for side in ("master", "slave")}
+    result = getattr(ran.simulation, asker).tuning.result
+    assert (result.refusal, result.tick) == (None, first[asker])
+    assert abs(first["master"] - first["slave"]) <= 1
+    for side in ("master", "slave"):
+        records = getattr(ran, side)
+        assert set(records["weber"][: first[side]]) == {0.1} and set(records["weber"][first[side] :]) == {0.3}
+
+
+@pytest.mark.parametrize(("before", "after", "smooth_ms"), [(0.1, 0.3, 0), (0.3, 0.02, 20)])
+@pytest.mark.parametrize("asker", ["master", "slave"])
+def test_the_deadband_is_that_of_the_new_factor_from_the_tick_on(
+    before: float, after: float, smooth_ms: int, asker: str
+) -> None:
+    narrow = ("codec.force.predictor=zoh", "codec.force.floor_n=0", f"codec.force.smooth_ms={smooth_ms}", PLANE)
+    ran = changed({"weber": after}, asker, 3.0, f"codec.force.weber={before}", *narrow)
+    slave = ran.slave
+    counted = (slave["state"] == ENGAGED) & (slave["ramping"] == 0) & (np.abs(slave["raw"][:, 2]) > 0.2)
+    ratio = slave["bound"] / np.linalg.norm(slave["raw"], axis=1).clip(1e-9)
+    new = counted & (slave["settings"] == 1)
+    assert set(ratio[counted & (slave["settings"] == 0)].round(6)) <= {before}
+    assert set(ratio[new].round(6)) == {after}
+    errors = np.linalg.norm(slave["decoded"] - slave["raw"], axis=1)
+    assert (errors[new] <= slave["bound"][new] + 1e-3).all()
+    always = run(HAND, 3.0, f"codec.force.weber={after}", *narrow).slave
+    assert slave["sent"][new].sum() < 1.5 * always["sent"][new].sum() + 5
+
+
+def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> None:
+    ran = changed({"predictor": "zoh"}, "slave", 2.5)
+    new = ran.slave["settings"] == 1
+    assert set(ran.slave["selected"][new]) == {0}, "the bank's first, at the very tick"
+    assert set(ran.master["selected"][new][200:]) == {0}
+    assert ran.slave["sent"][new].any()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "change"),
+    [
+        (["control.live_changes=false"], {"weber": 0.2}),
+        (["codec.force.predictor=plane"], {"predictor": "zoh"}),
+        ([], {"scheme": "none"}),
+        ([], {"weber": 1.0}),
+        ([], {"weber": -0.1}),
+        (["link.emulate.loss=1"], {"weber": 0.2}),
+    ],
+)
+def test_what_the_file_fixes_or_no_session_can_agree_on_stays(overrides: list[str], change: dict[str, Any]) -> None:
+    ran = run(HAND, 0.3, *overrides)
+    for side in (ran.simulation.master, ran.simulation.slave):
+        assert side.propose(change, 0.3)
+        assert side.tuning.generation == 0

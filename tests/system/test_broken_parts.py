@@ -1,22 +1,22 @@
-"""A part of another distribution that cannot be imported, or that raises in a run, is one line that names it.
+"""Parts of other distributions that cannot be imported, lack a part of their contract, or raise in a run.
 
-The line is the same in every command, and the log of a session has the trace.
+Each is one line that names it, the same in every command; the log of a session has the trace.
 """
 
 import json
 import os
-from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+import typer
 
 from tests.apps.packages import add_drivers
-from tests.program import PATIENT, Program, document
+from tests.program import PATIENT, Program, document, weberlink
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
-from weberlink.cli import app
+from weberlink.cli.program import installed
 
 DISTRIBUTION = "breaking-parts"
 GROUPS = {
@@ -97,89 +97,183 @@ class Tool(Clumsy):
 def stumble(things):
     return things["there"]
 '''
+LACKING = """
+from typing import Literal
+
+from pydantic import BaseModel
+
+from weberlink.codec.deadband import Deadband
+from weberlink.codec.predictors import Predictor
+from weberlink.master.devices.operator import OperatorDevice
+from weberlink.slave.integrators import IntegrationScheme
+from weberlink.slave.robots.point import PointRobot
+from weberlink.slave.scenes.shape import SceneShapeSettings
+
+
+class MuteDevice:
+    Options = OperatorDevice.Options
+
+    def __init__(self, options, tick_period):
+        self.spec = OperatorDevice(options, tick_period).spec
+
+    def open(self, now): ...
+    def latest(self, now): ...
+    def close(self): ...
+
+
+class PlainDevice:
+    pass
+
+
+class NumbRobot:
+    Options = PointRobot.Options
+
+    def __init__(self, options, scene, tick_period):
+        self.spec = PointRobot(options, scene, tick_period).spec
+
+    def open(self, now): ...
+    def command(self, position, now): ...
+    def close(self): ...
+
+
+class Idle(Predictor):
+    name = "idle"
+
+
+class Boundless(Deadband):
+    name = "boundless"
+    summary = "No bound."
+
+    def error(self, displayed, actual): ...
+
+
+class Nothing:
+    def __init__(self, *_): ...
+
+
+IDLE = Idle()
+STUCK = IntegrationScheme("lacking:Nothing", 1, l_stable=False)
+
+
+class Fog(SceneShapeSettings):
+    shape: Literal["fog"]
+"""
 ENTRY_POINTS = {
     group: "\n".join(f"{name}_{group} = {name}:Part" for name in MISTAKES) for group in (*GROUPS, "control_schemes")
 }
 ENTRY_POINTS["devices"] += "\nhand = clumsy:Hand"
 ENTRY_POINTS["robots"] += "\ntool = clumsy:Tool"
+LACKS = {
+    "devices": {"mute": "MuteDevice", "plain": "PlainDevice"},
+    "robots": {"numb": "NumbRobot"},
+    "predictors": {"idle": "IDLE"},
+    "deadbands": {"boundless": "Boundless"},
+    "integrators": {"stuck": "STUCK"},
+    "shapes": {"fog": "Fog"},
+}
+for group, names in LACKS.items():
+    ENTRY_POINTS[group] += "".join(f"\n{name} = lacking:{attribute}" for name, attribute in names.items())
 FAULTS = {
     "device": ("master.device", "hand", "device fault: hand of breaking-parts: KeyError: 'there' (clumsy.py:"),
     "robot": ("slave.robot", "tool", "robot fault: tool of breaking-parts: KeyError: 'there' (clumsy.py:"),
 }
-KEYED = ("--set", "link.security=session")
+KEYED = "link.security=session"
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = "\n".join(f"[weberlink.{group}]\n{lines}" for group, lines in ENTRY_POINTS.items())
     sources = {name: source for name, (source, _) in MISTAKES.items()}
-    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY}, text)
+    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY, "lacking": LACKING}, text)
     add_drivers(tmp_path, monkeypatch)
     paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([*filter(None, paths), str(tmp_path)]))
-    yield tmp_path
+    return tmp_path
 
 
-def line_of(command: str, file: str, *overrides: str, status: int = 2) -> str:
+def sets(*overrides: str) -> list[str]:
+    return [part for each in overrides for part in ("--set", each)]
+
+
+def line_of(command: str, file: str, *overrides: str) -> str:
     """The one line of a command that fails and prints nothing else."""
-    arguments = [part for each in overrides for part in ("--set", each)]
-    result = CliRunner().invoke(app, [command, str(CONFIGS / file), *arguments])
-    assert (result.exit_code, result.stdout) == (status, ""), result.output
-    (line,) = result.stderr.splitlines()
+    status, output, errors = weberlink(command, CONFIGS / file, *sets(*overrides))
+    assert (status, output) == (2, ""), errors
+    (line,) = errors.splitlines()
     return line
 
 
-@pytest.mark.parametrize("name", MISTAKES)
 @pytest.mark.parametrize("group", GROUPS)
-def test_part_that_cannot_be_imported_is_one_line(group: str, name: str, folder: Path) -> None:
+def test_part_that_cannot_be_imported_is_one_line_and_its_trace_is_logged(group: str, folder: Path) -> None:
     file, override = GROUPS[group]
-    line = line_of("check", file, override.format(f"{name}_{group}"))
-    assert f"{name}_{group} of {DISTRIBUTION}" in line
-    assert line.endswith(MISTAKES[name][1])
+    for name, (_, error) in MISTAKES.items():
+        line = line_of("check", file, override.format(f"{name}_{group}"))
+        assert f"{name}_{group} of {DISTRIBUTION}" in line and line.endswith(error)
+    log = folder / "session.log"
+    given = sets(override.format(f"needy_{group}"))
+    assert weberlink("loopback", CONFIGS / file, *given, "--log", log).status == 2
+    entries = [json.loads(line)["entry"] for line in log.read_text(encoding="utf-8").splitlines()]
+    assert any("needy.py" in entry for entry in entries)
+    assert entries[-1] == MISTAKES["needy"][1]
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_control_scheme_that_cannot_be_imported_is_one_line(name: str, folder: Path) -> None:
-    with Program("check", CONFIGS / "loopback.yaml", "--set", SCHEME.format(name)) as program:
+def test_control_scheme_that_cannot_be_imported_is_one_line() -> None:
+    """Their table is read when a process begins."""
+    with Program("check", CONFIGS / "loopback.yaml", "--set", SCHEME.format("needy")) as program:
         status, output, errors = program.finish()
-    assert (status, output) == (2, "")
-    (line,) = errors.splitlines()
-    assert f"{name}_control_schemes of {DISTRIBUTION}" in line
-    assert line.endswith(MISTAKES[name][1])
+    assert (status, output, len(errors.splitlines())) == (2, "", 1)
+    assert f"needy_control_schemes of {DISTRIBUTION}" in errors
 
 
 @pytest.mark.parametrize(("group", "side"), [("devices", "master"), ("robots", "slave")])
-def test_every_command_has_the_same_line(group: str, side: str, folder: Path) -> None:
+def test_every_command_has_the_same_line(group: str, side: str) -> None:
     file, override = GROUPS[group]
-    overrides = (override.format(f"needy_{group}"), "link.security=session")
-    told = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", side)}
-    assert len(told) == 1
+    overrides = (override.format(f"needy_{group}"), KEYED)
+    (told,) = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", side)}
     advice = next(each.advice[0] for each in survey().drivers if each.driver == f"needy_{group}")
-    assert told.pop().endswith(advice)
-    tested = CliRunner().invoke(app, ["device", "test", f"needy_{group}"])
-    assert (tested.exit_code, tested.stderr) == (2, f"weberlink: {advice}\n")
+    assert told.endswith(advice)
+    tested = weberlink("device", "test", f"needy_{group}")
+    assert (tested.status, tested.errors) == (2, f"weberlink: {advice}\n")
 
 
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("master.device.driver=mute", "lacking:MuteDevice has no command"),
+        ("master.device.driver=plain", "plain has no Options"),
+        ("slave.robot.driver=numb", "lacking:NumbRobot has no latest"),
+        ("codec.force.predictor=idle", "lacking:Idle does not override fit"),
+        ("codec.force.deadband={shape: boundless}", "lacking:Boundless does not override configured, bound"),
+        ("slave.robot={driver: simulated, integrator: stuck}", "lacking:Nothing has no advance"),
+        ("slave.scene=[{shape: fog, stiffness_n_m: 100}]", "lacking:Fog does not override solid"),
+    ],
+)
+def test_part_without_a_method_of_its_contract_is_one_line(override: str, told: str) -> None:
+    assert told in line_of("check", "loopback.yaml", override, KEYED)
+
+
+@pytest.mark.parametrize(("value", "told"), [("math:pi", "not a function"), ("no_such_module:run", "ModuleNotFound")])
+def test_broken_command_says_why(value: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command = installed(EntryPoint("broken", value, "weberlink.commands"))
+    with pytest.raises(typer.Exit) as caught:
+        command()
+    assert caught.value.exit_code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+
+
+@pytest.mark.parametrize("where", ["__init__", "open", "latest", "command"])
 @pytest.mark.parametrize("part", FAULTS)
-def test_driver_that_cannot_be_built_is_one_line(part: str, folder: Path) -> None:
-    where, name, text = FAULTS[part]
-    for command in ("check", "simulate", "loopback"):
-        line = line_of(
-            command, "loopback.yaml", f"{where}={{driver: {name}, where: __init__}}", "link.security=session"
-        )
-        assert f"{where}: {text}" in line
-
-
-@pytest.mark.parametrize("where", ["open", "latest", "command"])
-@pytest.mark.parametrize("part", FAULTS)
-def test_driver_that_raises_in_virtual_time_is_the_verdict(part: str, where: str, folder: Path) -> None:
+def test_driver_that_raises_in_virtual_time_is_the_verdict(part: str, where: str) -> None:
     at, name, text = FAULTS[part]
-    overrides = [*KEYED, "--set", f"{at}={{driver: {name}, where: {where}}}"]
-    result = CliRunner().invoke(
-        app, ["simulate", str(CONFIGS / "loopback.yaml"), "--duration", "2", "--json", "-", *overrides]
-    )
-    assert (result.exit_code, result.stderr) == (1, "")
-    report = json.loads(result.stdout)
+    override = f"{at}={{driver: {name}, where: {where}}}"
+    if where == "__init__":
+        assert f"{at}: {text}" in line_of("simulate", "loopback.yaml", override, KEYED)
+        return
+    arguments = ("--duration", "0.6", "--json", "-", *sets(override, KEYED))
+    status, output, errors = weberlink("simulate", CONFIGS / "loopback.yaml", *arguments)
+    assert (status, errors) == (1, "")
+    report = document(output)
     assert [cause["name"] for cause in report["verdict"]["causes"] if cause["level"] == "failed"] == [part]
     assert report["outcome"].startswith(f"failed: {text}")
     if where != "open":
@@ -187,36 +281,19 @@ def test_driver_that_raises_in_virtual_time_is_the_verdict(part: str, where: str
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize(("part", "where"), [("device", "latest"), ("robot", "command"), ("device", "open")])
-def test_driver_that_raises_in_a_session_is_the_verdict_and_its_trace_is_logged(
-    part: str, where: str, folder: Path
-) -> None:
-    at, name, text = FAULTS[part]
+def test_driver_that_raises_in_a_session_is_the_verdict_and_its_trace_is_logged(folder: Path) -> None:
+    """The trace comes from another process."""
+    at, name, text = FAULTS["robot"]
     log = folder / "session.log"
-    with Program(
-        "loopback", *PATIENT, *KEYED, "--set", f"{at}={{driver: {name}, where: {where}}}", "--duration", 30,
-        "--json", "-", "--log", log,
-    ) as program:  # fmt: skip
+    overrides = sets(f"{at}={{driver: {name}, where: command}}", KEYED)
+    with Program("loopback", *PATIENT, *overrides, "--json", "-", "--log", log) as program:
         status, output, errors = program.finish()
-    causes = document(output)["verdict"]["causes"]
-    side = "master" if part == "device" else "slave"
     assert status == 1
-    told = next(cause["text"] for cause in causes if cause["name"] == part)
+    told = next(cause["text"] for cause in document(output)["verdict"]["causes"] if cause["name"] == "robot")
     assert told.startswith(text)
-    assert [line for line in errors.splitlines() if ": note: " not in line] == [f"weberlink {side}: {told}"]
+    assert [line for line in errors.splitlines() if ": note: " not in line] == [f"weberlink slave: {told}"]
     lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
-    traced = [line["entry"] for line in lines if line["event"] == "trace" and line["side"] == side]
+    traced = [line["entry"] for line in lines if line["event"] == "trace" and line["side"] == "slave"]
     assert traced[0] == "Traceback (most recent call last):"
-    assert any(entry.endswith('return things["there"]\n           ~~~~~~^^^^^^^^^') for entry in traced)
+    assert any('return things["there"]' in entry for entry in traced)
     assert traced[-1] == "KeyError: 'there'"
-
-
-def test_log_has_the_trace_of_a_part_that_cannot_be_imported(folder: Path) -> None:
-    log = folder / "session.log"
-    for group, (file, override) in GROUPS.items():
-        log.unlink(missing_ok=True)
-        given = ["--set", override.format(f"needy_{group}"), "--log", str(log)]
-        assert CliRunner().invoke(app, ["loopback", str(CONFIGS / file), *given]).exit_code == 2
-        entries = [json.loads(line)["entry"] for line in log.read_text(encoding="utf-8").splitlines()]
-        assert any("needy.py" in entry for entry in entries), group
-        assert entries[-1] == "ModuleNotFoundError: No module named 'no_such_package_at_all'"

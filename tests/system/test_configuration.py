@@ -1,21 +1,34 @@
-"""Bad input to a configuration: one line each that names the file, the field and what was expected."""
+"""Configurations: what is refused, by the path of its field; what is accepted, and what it becomes."""
 
+from math import pi, radians
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from tests.system.packages import install
+from tests.system.systems import CONFIGS, UNUSABLE, configuration
+from weberlink.codec.deadband import (
+    ConeDeadband,
+    Deadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    VelocityDeadband,
+)
 from weberlink.master import devices
 from weberlink.master.devices import leaders
 from weberlink.registry import is_hardware
 from weberlink.slave import robots
 from weberlink.slave.robots import followers
 from weberlink.system.advice import advise
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
+from weberlink.system.configuration.model import System
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
+PLANE = "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}\n"
 
 
 def write(folder: Path, text: str) -> Path:
@@ -24,117 +37,239 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def complaint(path: Path, *overrides: str) -> str:
+def refusal(path: Path, *overrides: str, sides: Any = None) -> str:
+    """The line that says why a file is refused, at the latest when its parts are built."""
     with pytest.raises(ConfigurationError) as caught:
-        load(path, overrides)
+        try_out(load(path, overrides) if sides is None else load(path, overrides, sides=sides))
     message = str(caught.value)
     assert "\n" not in message
     return message
 
 
-def test_a_minimal_file_is_complete(tmp_path: Path) -> None:
-    configuration = load(write(tmp_path, MINIMAL))
-    assert configuration.system.codec.force.weber == 0.10
-    assert configuration.system.slave.scene == ()
+# --- refused
 
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("codec: {force: {webber: 0.1}}", "codec.force.webber: unknown key; did you mean weber?"),
-        ("codek: {}", "codek: unknown key; did you mean codec?"),
-        ("codec: {force: {weber: ten}}", "codec.force.weber"),
-        ("codec: {force: {weber: -0.1}}", "codec.force.weber: should be greater than or equal to 0, not -0.1"),
-        ("codec: {force: {weber: .nan}}", "codec.force.weber: should be a finite number"),
-        ("codec: {force: {predictor: spline}}", "codec.force.predictor"),
-        ("codec: {force: {bank: [zoh, zoh]}}", "codec.force.bank: names each predictor once"),
-        ("codec: {position: {predictor: plane}}", "codec.position.predictor"),
-        ("rate_hz: 0", "rate_hz"),
-        ("axes: zx", "axes"),
-        ("control: {scheme: magic}", "control.scheme"),
-        ("master: {device: {driver: operater}}", "driver: no device is called 'operater'; nearest is 'operator'"),
-        ("master: {device: {driver: operator, tremour_m: 0}}", "device.tremour_m: unknown key; did you mean tremor_m?"),
-        ("master: {device: {driver: operator, tremor_m: -1}}", "master.device.tremor_m"),
-        ("slave: {robot: {driver: simulated, mass_kg: 0}}", "slave.robot.mass_kg"),
-        ("slave: {scene: [{shape: plane}]}", "slave.scene.0.stiffness_n_m: is missing"),
-        ("slave: {scene: [{shape: torus}]}", "slave.scene.0"),
-        (
-            "slave: {scene: [{shape: plane, stiffness_n_m: 500, frictoin: {static: 1, dynamic: 1}}]}",
-            "frictoin: unknown key; did you mean friction?",
-        ),
-        ("slave: {limits: {workspace_m: [[0, 1], [1, 0], [0, 1]]}}", "slave.limits.workspace_m: y must rise"),
-        ("realtime: {priority: 99}", "realtime.priority"),
+REFUSED: dict[str, list[tuple[str, str]]] = {
+    "loopback.yaml": [
+        ("codek={}", "codek"),
+        ("rate_hz=0", "rate_hz"),
+        ("rate_hz=9", "rate_hz"),
+        ("rate_hz=10001", "rate_hz"),
+        ("axes=zx", "axes"),
+        ("codec.force.webber=0.1", "codec.force.webber"),
+        ("codec.force.weber=ten", "codec.force.weber"),
+        ("codec.force.weber=-0.1", "codec.force.weber"),
+        ("codec.force.weber=1", "codec.force.weber"),
+        ("codec.force.weber=.nan", "codec.force.weber"),
+        ("codec.force.weber=[", "codec.force.weber"),
+        ("codec.force.weber", "path.to.key=value"),
+        ("=1", "path.to.key=value"),
+        ("codec.force.predictor=spline", "codec.force.predictor"),
+        ("codec.force.bank=[zoh, zoh]", "codec.force.bank"),
+        ("codec.force.floor_n=20", "codec.force.floor_n"),
+        ("codec.force.lookahead_ms=101", "lookahead_ms"),
+        ("codec.position.lookahead_ms=-1", "lookahead_ms"),
+        ("codec.force.lookahead_ms=60", "lookahead_ms"),
+        ("codec.force.deadband={shape: wedge}", "codec.force.deadband"),
+        ("codec.force.deadband={shape: cone, hysteresis: 0.1}", "hysteresis"),
+        ("codec.force.deadband={shape: cone, direction_deg: 0}", "direction_deg"),
+        ("codec.force={deadband: {shape: cone}, reference: sent}", "reference"),
+        ("codec.force={deadband: {shape: level_crossing}, reference: displayed}", "reference"),
+        ("codec.force={deadband: {shape: level_crossing}, floor_n: 0}", "floor_n"),
+        ("codec.force.deadband={shape: level_crossing, hysteresis: 1.5}", "hysteresis"),
+        ("codec.force.deadband={shape: velocity_adaptive, slope_s_m: -1}", "slope_s_m"),
+        ("codec.position.predictor=plane", "codec.position.predictor"),
+        ("codec.position.bound_m=1", "codec.position.bound_m"),
+        ("codec.position.bound_m=0.06", "codec.position.bound_m"),
+        ("codec.rotation.torque.weber=1", "codec.rotation.torque.weber"),
+        ("control={scheme: magic}", "control.scheme"),
+        ("control.allowance_j=0", "control.allowance_j"),
+        ("control.refill_w=-1", "control.refill_w"),
+        ("control.damping_n_s_m=-1", "control.damping_n_s_m"),
+        ("control.rise_n_s=0", "control.rise_n_s"),
+        ("realtime.priority=99", "realtime.priority"),
+        ("link.slave.port=1", "link.slave"),
+        ("link.slave=nowhere", "link.slave"),
+        ("link.slave=host:99999", "link.slave"),
+        ("link.slave=10.0.0.2:47000", "link: security"),
+        ("link.security=psk", "key_file"),
+        ("link.silence_ms=1", "link.silence_ms"),
+        ("link={silence_ms:200}", "silence_ms"),
+        ("link.playout_ms=51", "link.playout_ms"),
+        ("link.emulate={loss: 1.5}", "link.emulate.loss"),
+        ("master.device={driver: operater}", "driver"),
+        ("master.device={driver: operator, tremour_m: 0}", "device.tremour_m"),
+        ("master.device={driver: operator, tremor_m: -1}", "master.device.tremor_m"),
+        ("master.device.force_n=2e4", "master.device.force_n"),
+        ("master.device.stiffness_n_m=2e9", "master.device.stiffness_n_m"),
+        ("master.device.hand.mass_kg=2000", "master.device.hand.mass_kg"),
+        ("master.device.hand.mass_kg=1e-7", "master.device.hand.mass_kg"),
+        ("master.device.hand.damping_n_s_m=2e6", "master.device.hand.damping_n_s_m"),
+        ("master.device.hand.stiffness_n_m=2e9", "master.device.hand.stiffness_n_m"),
+        ("master.engage={button: 0}", "master.engage.button"),
+        ("master.limits.force_n=0.04", "master.limits.force_n"),
+        ("master.limits.force_n=2e4", "master.limits.force_n"),
+        ("master.limits.slew_n_s=1e10", "master.limits.slew_n_s"),
+        ("master.mapping={clutch: {button: 0}}", "master.mapping"),
+        ("master.mapping={clutch: {button: 0}, walls: {}}", "master.mapping.clutch.button"),
+        ("master.mapping={scale: 0}", "master.mapping.scale"),
+        ("master.mapping={scale: 1e-4}", "master.mapping.scale"),
+        ("master.mapping={scale: 20}", "codec.position.step_m"),
+        ("master.mapping={rotation: [0, 0, 90]}", "master.mapping.rotation"),
+        ("master.mapping={walls: {box_m: [[0, 1], [1, 0], [0, 1]]}}", "master.mapping.walls.box_m"),
+        ("master.mapping={walls: {stiffness_n_m: -1}}", "master.mapping.walls.stiffness_n_m"),
+        ("master.mapping={walls: {stiffness_n_m: 2e9}}", "master.mapping.walls.stiffness_n_m"),
+        ("slave.robot={driver: simulated, mass_kg: 0}", "slave.robot.mass_kg"),
+        ("slave.robot={driver: simulated, mass_kg: 1e-7}", "slave.robot.mass_kg"),
+        ("slave.robot={driver: simulated, mass_kg: 2000}", "slave.robot.mass_kg"),
+        ("slave.robot={driver: simulated, damping_n_s_m: 2e6}", "slave.robot.damping_n_s_m"),
+        ("slave.robot.stiffness_n_m=2e9", "slave.robot.stiffness_n_m"),
+        ("slave.robot.stiffness_n_m=1e-4", "slave.robot.stiffness_n_m"),
+        ("slave.robot.force_n=2e4", "slave.robot.force_n"),
+        ("slave.scene=[{shape: plane}]", "slave.scene.0.stiffness_n_m"),
+        ("slave.scene=[{shape: torus}]", "slave.scene.0"),
+        ("slave.scene=[{shape: plane, stiffness_n_m: 500, frictoin: {static: 1, dynamic: 1}}]", "frictoin"),
+        ("slave.scene.3.stiffness_n_m=1", "slave.scene"),
+        ("slave.scene.0.stiffness_n_m=2e9", "slave.scene.0.stiffness_n_m"),
+        ("slave.scene.0.stiffness_n_m=1e-4", "slave.scene.0.stiffness_n_m"),
+        ("slave.scene.0.damping_n_s_m=2e6", "slave.scene.0.damping_n_s_m"),
+        ("slave.limits.workspace_m=[[0, 1], [1, 0], [0, 1]]", "slave.limits.workspace_m"),
+        ("slave.limits.contact_n=0.04", "slave.limits.contact_n"),
+        ("slave.limits.contact_n=31", "slave.limits.contact_n"),
+        ("slave.limits={contact_n: 8, trip_n: 5}", "slave.limits"),
+        ("slave.limits.trip_n=0.04", "slave.limits.trip_n"),
+        ("slave.limits.speed_m_s=101", "slave.limits.speed_m_s"),
+        ("slave.limits.retract_m=2", "slave.limits.retract_m"),
     ],
-)  # fmt: skip
-def test_a_wrong_value_is_named_with_its_path(tmp_path: Path, text: str, expected: str) -> None:
-    message = complaint(write(tmp_path, MINIMAL + text))
-    assert message.startswith(str(tmp_path / "system.yaml"))
-    assert expected in message
+    "rotation.yaml": [
+        ("master.device={driver: operator}", "codec.rotation: master.device"),
+        ("slave.robot={driver: point}", "codec.rotation: slave.robot"),
+        ("codec.rotation.torque.step_nm=0.00001", "codec.rotation.torque.step_nm"),
+        ("codec.rotation.orientation.step_rad=0.00001", "codec.rotation.orientation.step_rad"),
+        ("codec.rotation.torque.bank=[zoh, zoh]", "codec.rotation.torque.bank"),
+        ("codec.rotation.tork={}", "codec.rotation.tork"),
+    ],
+    "arms.yaml": [
+        ("codec.joints.names=[a, a]", "codec.joints"),
+        ("codec.joints.names=[a, b]", "codec.joints.names"),
+        ("codec.joints.angle.bound_rad=[0.1]", "angle.bound_rad"),
+        ("codec.joints.angle.bound_rad=[0.1, -1, 0.1, 0.1, 0.1]", "codec.joints.angle.bound_rad.1"),
+        ("codec.joints.torque.predictor=hybrid", "codec.joints.torque.predictor"),
+        ("codec.joints.torque.step_nm=0.00001", "codec.joints.torque.step_nm"),
+        ("codec.gripper=null", "codec.gripper"),
+        ("codec.joints=null", "gripper"),
+        ("codec.rotation={}", "rotation"),
+        ("master.mapping={}", "master.mapping"),
+        ("slave.limits.joints={upper_rad: -3}", "slave.limits.joints"),
+        ("master.limits.joints={torque_nm: [1, 2]}", "master.limits.joints.torque_nm"),
+        ("master.engage={button: 0}", "master.engage.button"),
+        ("master.device.driver=operator", "driver"),
+    ],
+}
+"""By shipped file: an override, and the field that the refusal names."""
+CONTRADICTING = [
+    (("slave.limits.contact_n=0.1", "codec.force.floor_n=0.2"), "slave.limits.contact_n"),
+    (("master.limits.force_n=1", "master.mapping.force_scale=100"), "master.limits.force_n"),
+]
+
+
+@pytest.mark.parametrize(("file", "override", "field"), [(file, *row) for file in REFUSED for row in REFUSED[file]])
+def test_what_is_wrong_is_refused_in_one_line_by_the_path_of_its_field(file: str, override: str, field: str) -> None:
+    if file == "arms.yaml":
+        pytest.importorskip("mujoco")
+    message = refusal(CONFIGS / file, override)
+    assert field in message
+    assert override.split("=", maxsplit=1)[0] == "" or file in message or "--set" in message or override in message
+
+
+@pytest.mark.parametrize(("overrides", "field"), CONTRADICTING)
+def test_limits_that_contradict_each_other_are_refused(overrides: tuple[str, ...], field: str) -> None:
+    assert field in refusal(CONFIGS / "loopback.yaml", *overrides)
 
 
 @pytest.mark.parametrize(
-    ("link", "expected"),
+    ("text", "place", "told"),
     [
-        ("{}", "security psk needs key_file; make one with: weberlink keygen"),
-        ("{security: none, slave: 10.0.0.2:47000, listen: 127.0.0.1:1}", "loopback addresses only"),
-        ("{security: none}", "loopback addresses only"),
-        ("{key_file: k, slave: nowhere}", "link.slave: must be host:port, not 'nowhere'"),
-        ("{key_file: k, slave: 'host:99999'}", "link.slave: must be host:port"),
-        ("{key_file: k, silence_ms: 1}", "link.silence_ms"),
-        ("{key_file: k, emulate: {loss: 1.5}}", "link.emulate.loss"),
+        ("", "", "empty"),
+        ("axes: x", "", "link"),
+        ("- 1", "", "mapping"),
+        ("link: [", "", "YAML"),
+        ("link: {}\nlink: {}", "", "link"),
+        ("? [a, b]\n: 1", "", "key"),
+        ("codec: 5\n" + MINIMAL, "", "codec"),
+        ("link: {}", "", "key_file"),
+        ("link: {security: none}", "", "loopback"),
+        ("rate_hz: 500\nmaster:\n\tdevice: {driver: operator}\n", ":3:1: ", "tab"),
+        ("master:\n  device:\n  \tdriver: operator\n", ":3:3: ", "tab"),
+        ("rate_hz:500\naxes: xyz\n", ":1:9: ", '"rate_hz:"'),
+        ("rate_hz:500\n", ":1:9: ", '"rate_hz:"'),
+        ("# mine\naxes: xyz\nrate_hz:500\n\nlink: {}\n", ":3:9: ", '"rate_hz:"'),
+        ("link:\n  silence_ms:200\n  listen: 127.0.0.1:0\n", ":2:14: ", '"silence_ms:"'),
+        ("link:\n  listen: 127.0.0.1:0\n  silence_ms:200\n", ":3:14: ", '"silence_ms:"'),
+        ("link:\n  silence_ms:200\n", "", '"silence_ms:"'),
+        ('link: {silence_ms:200, listen: "127.0.0.1:0"}\n', ":1:8: ", '"silence_ms:"'),
+        ("slave:\n  scene:\n    - shape:plane\n      stiffness_n_m: 1\n", ":3:13: ", '"shape:"'),
+        ("axes: xyz\nrate_hz 500\nlink: {}\n", ":2:1: ", ""),
+        ("link: {silence_ms: 200\naxes: xyz\n", ":2:5: ", "}"),
+        ("link:\n   silence_ms: 200\n  listen: x\n", ":3:3: ", ""),
+        ("axes: @x\n", ":1:7: ", "@"),
     ],
 )
-def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None:
-    assert expected in complaint(write(tmp_path, f"link: {link}"))
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("", "is empty; start from a shipped file"),
-        ("axes: x", "link: is missing"),
-        ("- 1", "must be a mapping"),
-        ("link: [", "not YAML"),
-        ("link: {}\nlink: {}", "is given twice"),
-        ("? [a, b]\n: 1", "unhashable key"),
-        ("codec: 5\n" + MINIMAL, "codec"),
-    ],
-)
-def test_what_is_no_configuration_is_said_to_be_none(tmp_path: Path, text: str, expected: str) -> None:
-    assert expected in complaint(write(tmp_path, text))
-
-
-@pytest.mark.parametrize(
-    ("text", "line", "column", "told"),
-    [
-        ("rate_hz: 500\nmaster:\n\tdevice: {driver: operator}\n", 3, 1, "tab"),
-        ("master:\n  device:\n  \tdriver: operator\n", 3, 3, "tab"),
-        ("rate_hz:500\naxes: xyz\n", 1, 9, '"rate_hz:"'),
-        ("rate_hz:500\n", 1, 9, '"rate_hz:"'),
-        ("# mine\naxes: xyz\nrate_hz:500\n\nlink: {}\n", 3, 9, '"rate_hz:"'),
-        ("link:\n  silence_ms:200\n  listen: 127.0.0.1:0\n", 2, 14, '"silence_ms:"'),
-        ("link:\n  listen: 127.0.0.1:0\n  silence_ms:200\n", 3, 14, '"silence_ms:"'),
-        ('link: {silence_ms:200, listen: "127.0.0.1:0"}\n', 1, 8, '"silence_ms:"'),
-        ("slave:\n  scene:\n    - shape:plane\n      stiffness_n_m: 1\n", 3, 13, '"shape:"'),
-        ("axes: xyz\nrate_hz 500\nlink: {}\n", 2, 1, "key: value"),
-        ("link: {silence_ms: 200\naxes: xyz\n", 2, 5, "}"),
-        ("link:\n   silence_ms: 200\n  listen: x\n", 3, 3, "indented"),
-        ("axes: @x\n", 1, 7, "@"),
-    ],
-)
-def test_a_slip_in_yaml_has_its_place_and_plain_words(
-    tmp_path: Path, text: str, line: int, column: int, told: str
+def test_what_is_no_configuration_is_one_line_with_the_place_of_a_slip(
+    tmp_path: Path, text: str, place: str, told: str
 ) -> None:
     path = write(tmp_path, text)
-    said = complaint(path)
-    assert said.startswith(f"{path}:{line}:{column}: ")
-    assert told in said
-    assert not any(word in said for word in ("token", "mapping values", "block", "could not find"))
+    message = refusal(path)
+    assert message.startswith(f"{path}{place}") and told in message
 
 
-def test_a_space_is_missed_in_a_value_and_in_an_override(tmp_path: Path) -> None:
-    assert '"silence_ms:"' in complaint(write(tmp_path, "link:\n  silence_ms:200\n"))
-    assert '"silence_ms:"' in complaint(write(tmp_path, MINIMAL), "link={silence_ms:200}")
+def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path: Path) -> None:
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "none.yaml", tmp_path / "binary.yaml", tmp_path):
+        assert str(path) in refusal(path)
+
+
+# --- accepted
+
+
+def test_a_minimal_file_is_complete_and_overrides_reach_into_it(tmp_path: Path) -> None:
+    path = write(tmp_path, MINIMAL + PLANE)
+    assert load(write(tmp_path, MINIMAL)).system.slave.scene == ()
+    write(tmp_path, MINIMAL + PLANE)
+    overrides = ["codec.force.weber=0.2", "slave.scene.0.stiffness_n_m=700", "link.emulate.delay_ms=3", "rate_hz=500"]
+    before, after = load(path).system, load(path, overrides).system
+    assert (before.codec.force.weber, after.codec.force.weber) == (0.1, 0.2)
+    assert (before.slave.scene[0].stiffness_n_m, after.slave.scene[0].stiffness_n_m) == (500, 700)
+    assert before.link.emulate is None and after.link.emulate is not None
+    assert (after.link.emulate.delay_ms, before.tick_period, after.tick_period) == (3, 0.001, 0.002)
+
+
+@pytest.mark.parametrize("file", sorted(path.name for path in CONFIGS.glob("*.yaml") if path.name not in UNUSABLE))
+def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
+    system = load(CONFIGS / file).system
+    text = yaml.safe_dump(system.model_dump(mode="json"))
+    assert System.model_validate(yaml.safe_load(text)).model_dump() == system.model_dump()
+
+
+@pytest.mark.parametrize(
+    ("force", "expected"),
+    [
+        ("{}", ForceDeadband(0.1, 0.02)),
+        ("{deadband: {shape: isotropic}, reference: sent}", ForceDeadband(0.1, 0.02, "sent")),
+        ("{deadband: {shape: cone}}", ConeDeadband(0.1, 0.02, radians(18.4))),
+        ("{deadband: {shape: cone, direction_deg: 180}, floor_n: 0}", ConeDeadband(0.1, 0.0, pi)),
+        (
+            "{deadband: {shape: level_crossing, hysteresis: 0.5}, weber: 0.2}",
+            LevelCrossingDeadband(0.2, 0.02, radians(18.4), 0.5),
+        ),
+        (
+            "{deadband: {shape: velocity_adaptive, slope_s_m: 2, most_weber: 0.3}, reference: displayed}",
+            VelocityDeadband(0.1, 0.02, "displayed", 2.0, 0.3, 2e-3),
+        ),
+    ],
+)
+def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str, expected: Deadband) -> None:
+    loaded = load(write(tmp_path, MINIMAL), [f"codec.force={force}", "rate_hz=500"])
+    assert channels(loaded.system)[1].deadband == expected
 
 
 def test_a_colon_in_a_value_and_a_tab_behind_one_are_no_slips(tmp_path: Path) -> None:
@@ -142,48 +277,13 @@ def test_a_colon_in_a_value_and_a_tab_behind_one_are_no_slips(tmp_path: Path) ->
     assert (system.link.listen, system.link.slave) == ("robot:47000", "robot:47000")
 
 
-def test_a_file_that_is_not_there_or_not_text(tmp_path: Path) -> None:
-    assert "no such file" in complaint(tmp_path / "none.yaml")
-    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    assert "cannot be read" in complaint(tmp_path / "binary.yaml")
-    assert "cannot be read" in complaint(tmp_path)
-
-
-def test_overrides_reach_into_mappings_and_lists_and_make_what_is_missing(tmp_path: Path) -> None:
-    path = write(tmp_path, MINIMAL + "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}")
-    system = load(
-        path, ["codec.force.weber=0.2", "slave.scene.0.stiffness_n_m=700", "link.emulate.delay_ms=3", "rate_hz=500"]
-    ).system
-    assert system.codec.force.weber == 0.2
-    assert system.slave.scene[0].stiffness_n_m == 700
-    assert system.link.emulate is not None
-    assert system.link.emulate.delay_ms == 3
-    assert system.tick_period == 0.002
-
-
-def test_one_direction_may_have_faults_of_its_own(tmp_path: Path) -> None:
+def test_one_direction_may_have_faults_of_its_own() -> None:
     faults = "link.emulate={delay_ms: 3, loss: 0.1, to_slave: {delay_ms: 152, blackouts_s: [[1, 0.5], [2, 0.1, 0.2]]}}"
-    emulate = load(write(tmp_path, MINIMAL), [faults]).system.link.emulate
+    emulate = configuration(faults).system.link.emulate
     assert emulate is not None
     to_slave, to_master = emulate.directions
     assert (to_slave.delay_ms, to_slave.loss, to_slave.blackouts_s) == (152, 0.1, ((1, 0.5), (2, 0.1, 0.2)))
     assert (to_master.delay_ms, to_master.loss, to_master.blackouts_s) == (3, 0.1, ())
-
-
-@pytest.mark.parametrize(
-    ("override", "expected"),
-    [
-        ("codec.force.weber", "must be path.to.key=value"),
-        ("=1", "must be path.to.key=value"),
-        ("link.slave.port=1", "link.slave is a value"),
-        ("slave.scene.3.stiffness_n_m=1", "slave.scene has items 0 to 0"),
-        ("codec.force.weber=[", "is not YAML"),
-        ("codec.force.wieber=1", "did you mean weber?"),
-    ],
-)
-def test_a_wrong_override_is_named(tmp_path: Path, override: str, expected: str) -> None:
-    path = write(tmp_path, MINIMAL + "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}")
-    assert expected in complaint(path, override)
 
 
 def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_directory(tmp_path: Path) -> None:
@@ -191,21 +291,19 @@ def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_director
     assert load(path).system.link.key_file == tmp_path / "keys/here"
     assert load(path, ["link.key_file=there"]).system.link.key_file == Path.cwd() / "there"
     replaying = write(tmp_path, MINIMAL + "master: {device: {driver: replay, trace: a.csv}}")
-    device = load(replaying).device
-    assert device is not None
-    assert device.options.trace == tmp_path / "a.csv"  # type: ignore[attr-defined]
-    device = load(replaying, ["master.device.trace=b.csv"]).device
-    assert device is not None
-    assert device.options.trace == Path.cwd() / "b.csv"  # type: ignore[attr-defined]
+    for overrides, expected in ((), tmp_path / "a.csv"), (("master.device.trace=b.csv",), Path.cwd() / "b.csv"):
+        device = load(replaying, overrides).device
+        assert device is not None and device.options.trace == expected  # type: ignore[attr-defined]
+
+
+# --- hardware, and the two hosts
 
 
 def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {key_file: k}\nslave: {robot: {driver: not_installed_here}}")
-    configuration = load(path, sides=[MASTER])
-    assert configuration.device is not None
-    assert configuration.robot is None
-    with pytest.raises(ConfigurationError, match="not_installed_here"):
-        load(path, sides=[SLAVE])
+    loaded = load(path, sides=[MASTER])
+    assert loaded.device is not None and loaded.robot is None
+    assert "not_installed_here" in refusal(path, sides=[SLAVE])
 
 
 @pytest.mark.parametrize("side", [MASTER, SLAVE])
@@ -213,9 +311,9 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
     "hardware", ["master: {device: {driver: haply_2diy}}", "slave: {robot: {driver: dynamixel, baud: 1000000}}"]
 )
 def test_hardware_without_a_key_is_refused_on_either_end(tmp_path: Path, hardware: str, side: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"link.security: none .*weberlink keygen"):
-        load(write(tmp_path, MINIMAL + hardware), sides=[side])
-    load(tmp_path / "system.yaml", ["link.security=session"], sides=[side])
+    path = write(tmp_path, MINIMAL + hardware)
+    assert "link.security" in refusal(path, sides=[side])
+    load(path, ["link.security=session"], sides=[side])
 
 
 @pytest.mark.parametrize("table", [devices, robots, leaders, followers])
@@ -223,12 +321,6 @@ def test_drivers_that_can_be_plugged_in_are_the_hardware(table: Any) -> None:
     for name in table.BUILT_IN:
         driver = table.load(name)
         assert hasattr(driver, "plugged") is is_hardware(driver) is (name not in table.COMPUTED), name
-
-
-def test_driver_that_cannot_be_imported_here_counts_as_hardware(tmp_path: Path) -> None:
-    path = write(tmp_path, MINIMAL + "slave: {robot: {driver: of_another_package}}")
-    with pytest.raises(ConfigurationError, match=r"link.security: none .*slave.robot of_another_package"):
-        load(path, sides=[MASTER])
 
 
 @pytest.mark.parametrize(
@@ -243,16 +335,15 @@ def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
     monkeypatch.syspath_prepend(str(tmp_path))
     path = write(tmp_path, MINIMAL + f"master: {{device: {{driver: {name}}}}}")
     if is_refused:
-        with pytest.raises(ConfigurationError, match=rf"link.security: none .*master.device {name}"):
-            load(path)
+        assert "link.security" in refusal(path)
     else:
         load(path)
+    elsewhere = write(tmp_path, MINIMAL + "slave: {robot: {driver: of_another_package}}")
+    assert "link.security" in refusal(elsewhere, sides=[MASTER]), "what cannot be imported here counts as hardware"
 
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
     assert advise(try_out(load(path))) == []
-    with pytest.raises(ConfigurationError, match=r"link.security: session is for weberlink loopback"):
-        try_out(load(path, sides=[SLAVE]))
-    with pytest.raises(ConfigurationError, match="loopback addresses only"):
-        load(path, ["link.slave=10.0.0.2:1"])
+    assert "link.security" in refusal(path, sides=[SLAVE])
+    assert "loopback" in refusal(path, "link.slave=10.0.0.2:1")

@@ -83,14 +83,14 @@ def on_a_plane(scheme: str, stiffness: float, round_trip: float, *overrides: str
 
 
 @cache
-def course_of(scheme: str, stiffness: float, round_trip: float, *overrides: str, seconds: float = 3.0) -> Course:
+def course_of(scheme: str, stiffness: float, round_trip: float, *overrides: str, seconds: float = 2.4) -> Course:
     course = Course()
     on_a_plane(scheme, stiffness, round_trip, *overrides).run(seconds + 2.0 * round_trip, [course])
     return course
 
 
 @pytest.mark.parametrize("stiffness", PLANES)
-@pytest.mark.parametrize("round_trip", [0.005, 0.1, 0.35, 0.7])
+@pytest.mark.parametrize("round_trip", [0.005, 0.1, 0.7])
 def test_on_a_bad_link_the_hand_gets_no_more_energy_than_its_bound(round_trip: float, stiffness: float) -> None:
     course = course_of("bounded", stiffness, round_trip, *BAD_LINK)
     assert course.bound_share <= 1.0
@@ -114,7 +114,7 @@ def test_the_network_stays_quiet(round_trip: float, fewer: float) -> None:
         "codec.force.weber=0.10",
     )
     score = SessionScore(1000.0, BANK)
-    build_simulation(loaded).run(5.0 + 2.0 * round_trip, [score])
+    build_simulation(loaded).run(3.5 + 2.0 * round_trip, [score])
     summary = score.summary()
     assert summary["force"]["packets"] > 5
     assert summary["force"]["reduction"] >= fewer
@@ -139,7 +139,7 @@ def test_a_session_lost_and_begun_anew_starts_with_the_allowance_and_keeps_the_b
     simulation = on_a_plane("bounded", 500.0, 0.04, "link.silence_ms=200")
     fresh = on_a_plane("bounded", 500.0, 0.04, "link.silence_ms=200")
     course = Course()
-    for step in steps(simulation, 4.0):
+    for step in steps(simulation, 3.4):
         if step.index == 1000:
             fresh.slave.open(step.slave.at)
             simulation.slave = fresh.slave
@@ -180,21 +180,3 @@ def test_credit_costs_four_bytes_in_a_heartbeat_and_nothing_where_none_is_carrie
     ]
     for with_credit, without in zip(*sizes, strict=True):
         assert {size - 4 for size in with_credit} <= without
-
-
-@pytest.mark.parametrize(
-    ("overrides", "complaint"),
-    [
-        (("control.scheme=bounded", "control.scheme=none"), "control.scheme: master has 'bounded', slave has 'none'"),
-        (
-            ("control.allowance_j=0.02", "control.allowance_j=0.1"),
-            "control.allowance_j: master has 0.02, slave has 0.1",
-        ),
-    ],
-)
-def test_ends_that_control_otherwise_name_both_values(overrides: tuple[str, str], complaint: str) -> None:
-    simulation = system(overrides[0])
-    simulation.slave = system(overrides[1]).slave
-    for _ in steps(simulation, 0.5):
-        pass
-    assert simulation.master.failure == f"refused: {complaint}"

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import Program, document
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 from weberlink.system.verdict import verdict
@@ -33,7 +32,7 @@ QUICK = {("loopback.yaml", 50), ("lan.yaml", 150), ("anywhere.yaml", 100), ("try
 )
 def test_a_shipped_file_is_connected_from_start_to_end(file: str, delay_ms: int) -> None:
     emulate = f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}"
-    summary, _ = simulate(load(CONFIGS / file, (*FILES[file], emulate)), 6.0)
+    summary, _ = simulate(load(CONFIGS / file, (*FILES[file], emulate)), 3.0)
     assert summary["outcome"] == "completed"
     assert summary["faults"] == {"master": {}, "slave": {}}
     for side in ("master", "slave"):
@@ -49,19 +48,7 @@ def test_a_link_beyond_the_limit_is_refused_with_both_figures_and_works_with_a_h
         assert summary["faults"][side]["refused"] >= 1
         assert summary["connection"][side]["connected_s"] == 0.0
     assert "500 ms" in summary["outcome"] and "400" in summary["outcome"]
-    summary, _ = simulate(load(CONFIGS / "loopback.yaml", (far, "link.longest_round_trip_ms=600")), 4.0)
+    summary, _ = simulate(load(CONFIGS / "loopback.yaml", (far, "link.longest_round_trip_ms=600")), 3.0)
     assert summary["faults"] == {"master": {}, "slave": {}}
     assert summary["connection"]["master"]["interruptions"] == 0
-    assert summary["connection"]["master"]["connected_s"] > 3.0
-
-
-@pytest.mark.realtime
-@pytest.mark.parametrize("delay_ms", [50, pytest.param(150, marks=pytest.mark.hunt)])
-def test_two_processes_are_connected_over_a_long_link(delay_ms: int) -> None:
-    emulate = f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}"
-    with Program("loopback", CONFIGS / "loopback.yaml", "--duration", 4, "--set", emulate, "--json", "-") as program:
-        summary = document(program.finish()[1])
-    for side in ("master", "slave"):
-        connection = summary["connection"][side]
-        assert (connection["interruptions"], connection["ended"]) == (0, "connected" if side == "master" else "away")
-    assert summary["link"]["rtt_us"]["p50"] > 2e3 * delay_ms
+    assert summary["connection"]["master"]["connected_s"] > 1.5

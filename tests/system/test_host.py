@@ -97,16 +97,3 @@ def test_without_the_right_nothing_is_attributed() -> None:
     facts = document(output)["host"]
     assert "SCHED_FIFO 51 not permitted" in facts["unknown"]
     assert facts["missed"] is facts["stalls"] is facts["longest_ms"] is facts["watched_s"] is None
-
-
-@fifo
-@pytest.mark.hunt
-def test_a_watcher_that_is_killed_is_told() -> None:
-    with Program("loopback", "--json", "-", *PATIENT) as program:
-        os.kill(until(program.watcher, "the watcher of the host"), signal.SIGKILL)
-        program.engaged("slave")
-        sleep(0.2)
-        program.send(signal.SIGTERM)
-        status, output, errors = program.finish()
-    assert (status, errors) == (0, "")
-    assert "ended with status -9" in document(output)["host"]["unknown"]

@@ -3,19 +3,14 @@
 import json
 import subprocess
 import sys
-from collections import Counter
-from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-from tests.compiled import replaces_methods
-from tests.system.systems import CONFIGS, UNUSABLE, configuration, output, raw, steps, system
+from tests.system.systems import CONFIGS, UNUSABLE, configuration
 from weberlink.cli import app
-from weberlink.codec import Channel, Decoder, Encoder
-from weberlink.codec.predictors import PREDICTORS, Predictor
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.channels import channels
@@ -187,63 +182,6 @@ def test_every_optional_module_is_named_and_left_out(key: Path) -> None:
     unused |= {"weberlink.slave.robots.franka"} if UNUSABLE else set()
     for module in set(cases[0]) - unused:
         assert {case[module] for case in cases} == {True, False}, module
-
-
-@dataclass(frozen=True)
-class CountingChannel(Channel):
-    """Counts fits by the name of the predictor."""
-
-    fits: Counter[str] = field(default_factory=Counter)
-
-    @property
-    def predictors(self) -> tuple[Predictor, ...]:
-        return tuple(self._counting(predictor) for predictor in super().predictors)
-
-    def _counting(self, predictor: Predictor) -> Predictor:
-        fits = self.fits
-
-        class Counting(type(predictor)):  # type: ignore[misc]
-            __slots__ = ()
-
-            def fit(self, *samples: Any) -> Any:
-                fits[self.name] += 1
-                return super().fit(*samples)
-
-        return Counting()
-
-
-def counting(channel: Channel) -> CountingChannel:
-    return CountingChannel(**{each.name: getattr(channel, each.name) for each in fields(channel)})
-
-
-@replaces_methods
-@pytest.mark.parametrize(
-    ("overrides", "bank"),
-    [
-        (("codec.force.predictor=plane",), ("plane",)),
-        (("codec.force.predictor=hybrid", "codec.force.bank=[linear, plane]"), ("linear", "plane")),
-        ((), ("zoh", "linear", "plane", "sphere")),
-    ],
-    ids=["plane", "hybrid of two", "hybrid"],
-)
-def test_only_the_named_predictors_are_computed(overrides: tuple[str, ...], bank: tuple[str, ...]) -> None:
-    channel = channels(configuration(*overrides).system)[1]
-    assert channel.bank == bank
-    assert channel.predictors == tuple(PREDICTORS[name] for name in bank)
-    sending, receiving = counting(channel), counting(channel)
-    encoder, decoder = Encoder(sending), Decoder(receiving)
-    chosen: Counter[str] = Counter()
-    for step in steps(system(), 3.0):
-        update = encoder.encode(step.index, raw(step.slave), output(step.slave))
-        if update is not None:
-            decoder.apply(update)
-            chosen[bank[update.selector]] += 1
-        decoder.value(step.index, output(step.slave))
-    assert chosen.total() > 10
-    assert receiving.fits == chosen
-    assert set(sending.fits) == set(bank)
-    # The mirror fits what the decoder fits; a hybrid fits its whole bank at every send but the first.
-    assert sending.fits.total() <= chosen.total() * (1 if len(bank) == 1 else 1 + len(bank))
 
 
 @pytest.mark.parametrize("name", ["lossless-1dof.yaml", "loopback.yaml"])

@@ -5,17 +5,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
 from tests.system.systems import CONFIGS, configuration, output, raw, steps, system
-from weberlink.cli import app
 from weberlink.geometry.vector import Vector, norm, scale
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.system.composition.master import build_device
-from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.model import MappingSettings
 
-BOX = "[[-0.05, 0.05], [-0.05, 0.05], [-0.05, 0.05]]"
 TURNED = "master.mapping={rotation_deg: [0, 0, 90], scale: 0.5, offset_m: [0.01, 0.0, 0.0]}"
 
 
@@ -34,11 +30,6 @@ def test_the_robot_goes_where_the_mapped_hand_is_and_its_force_comes_back_turned
     assert max(output(record)[2] for record in mapped) > 0.5, "the ground is felt"
 
 
-def test_only_a_file_with_a_map_builds_one() -> None:
-    assert type(build_device(configuration())).__name__ == "OperatorDevice"
-    assert type(build_device(configuration(TURNED))).__name__ == "MappedDevice"
-
-
 @pytest.mark.parametrize("factor", [0.25, 8.0])
 def test_a_force_scale_changes_what_is_felt_but_not_the_limit(factor: float) -> None:
     felt: list[Vector] = []
@@ -54,39 +45,10 @@ def test_a_force_scale_changes_what_is_felt_but_not_the_limit(factor: float) -> 
     assert max(map(norm, felt)) == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize(
-    ("mapping", "expected"),
-    [
-        ("{clutch: {button: 0}}", "master.mapping: clutch needs walls"),
-        ("{clutch: {button: 0}, walls: {}}", "master.mapping.clutch.button: operator has 0 buttons, none is 0"),
-        ("{scale: 0}", "master.mapping.scale: should be greater than or equal to 0.001"),
-        ("{scale: 20}", "codec.position.step_m: spans"),
-        ("{rotation: [0, 0, 90]}", "master.mapping.rotation: unknown key; did you mean rotation_deg?"),
-        ("{walls: {box_m: [[0, 1], [1, 0], [0, 1]]}}", "master.mapping.walls.box_m: y must rise"),
-        ("{walls: {stiffness_n_m: -1}}", "master.mapping.walls.stiffness_n_m"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_is_one_line(mapping: str, expected: str) -> None:
-    with pytest.raises(ConfigurationError) as caught:
-        build_device(configuration(f"master.mapping={mapping}"))
-    message = str(caught.value)
-    assert expected in message
-    assert "\n" not in message
-
-
 def test_walls_are_those_of_the_robot_where_the_file_gives_none(tmp_path: Path) -> None:
     limits = "slave.limits.workspace_m=[[-0.01, 0.02], [-0.03, 0.04], [-0.05, 0.06]]"
     device = build_device(configuration(limits, "master.mapping={walls: {}}"))
     assert device.spec.workspace_m == ((-0.01, -0.03, -0.05), (0.02, 0.04, 0.06))
-
-
-def test_check_says_what_is_mapped() -> None:
-    shown = CliRunner().invoke(
-        app,
-        ["check", str(CONFIGS / "loopback.yaml"), "--set", f"master.mapping={{scale: 0.5, walls: {{box_m: {BOX}}}}}"],
-    )
-    assert shown.exit_code == 0
-    assert "mapped: scale 0.5, walls of 500 N/m" in shown.output
 
 
 def test_the_example_of_the_page_is_a_map() -> None:

@@ -1,67 +1,58 @@
-"""The smoothed play-out: every update is used the same time after its sample, whatever the jitter of the link."""
+"""Look-ahead decides later, and play-out uses later: by how much, and what is never used."""
 
-from io import StringIO
-from pathlib import Path
-
+import numpy as np
 import pytest
-from rich.console import Console
 
-from weberlink.system.check import describe
-from weberlink.system.configuration import Configuration, ConfigurationError, load
-from weberlink.system.report import session_report
-from weberlink.system.simulate import build_simulation, simulate
+from tests.system.kinds import HAND, run
+from tests.system.systems import configuration
+from weberlink.protocol.states import State
+from weberlink.system.simulate import simulate
+from weberlink.system.simulation import Simulation
 
-ROOT = Path(__file__).parents[2]
-JITTER = "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}"
-
-
-def loopback(*overrides: str) -> Configuration:
-    return load(ROOT / "configs" / "loopback.yaml", ("control.scheme=none", *overrides))
+JITTER = ("control.scheme=none", "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}")
 
 
-def waits(*overrides: str) -> list[float]:
+def ages(*overrides: str) -> list[float]:
     """For each position update that the slave has used, the ticks since its sample."""
-    simulation = build_simulation(loopback(JITTER, *overrides))
     found: list[float] = []
-    for tick in range(2300):
-        simulation.step()
+
+    def look(simulation: Simulation) -> None:
         (channel,) = simulation.slave.incoming
-        if channel.received and tick > 1000:
+        if channel.received and simulation.slave.index > 1000:
             assert channel.decoder.newest is not None
-            found.append(tick - channel.decoder.newest.tick)
-    simulation.close()
-    assert len(found) > 30
+            found.append(simulation.slave.index - channel.decoder.newest.tick)
+
+    run(HAND, 2.0, *JITTER, *overrides, watch=look)
+    assert len(found) > 20
     return found
 
 
-def test_updates_are_used_at_a_constant_age() -> None:
-    plain, smooth = waits(), waits("link.playout_ms=20")
+@pytest.mark.parametrize("playout", [15, 20])
+def test_updates_are_used_at_a_constant_age(playout: int) -> None:
+    plain, smooth = ages(), ages(f"link.playout_ms={playout}")
     assert max(plain) - min(plain) > 8
     assert max(smooth) - min(smooth) <= 1
-    assert 30 <= max(smooth) <= 33, "the least delay of 10 ms, and the play-out"
+    assert 10 + playout <= max(smooth) <= 13 + playout, "the least delay of 10 ms, and the play-out"
 
 
 def test_what_waits_at_silence_is_never_used() -> None:
     overrides = ("link.emulate={delay_ms: 10, blackouts_s: [[1.0, 1.0]]}", "link.playout_ms=40")
-    simulation = build_simulation(loopback(*overrides))
-    for tick in range(1990):
-        simulation.step()
-        if tick > 1100:
-            assert not simulation.slave.incoming[0].received
-    simulation.close()
+
+    def look(simulation: Simulation) -> None:
+        assert simulation.slave.index <= 1100 or not simulation.slave.incoming[0].received
+
+    run(HAND, 1.9, *overrides, watch=look)
 
 
-def test_check_and_report_say_it() -> None:
-    configuration = loopback("link.playout_ms=20")
-    assert any("20 ms later" in line for line in describe(configuration))
-    summary, _ = simulate(configuration, 0.5)
-    assert summary["playout_ms"] == 20.0
-    console = Console(file=StringIO(), width=120)
-    session_report(summary, "loopback", console)
-    assert isinstance(console.file, StringIO)
-    assert "play-out, on top of the fastest way: 20 ms at each end" in console.file.getvalue()
+def test_what_is_decided_on_was_measured_that_long_ago() -> None:
+    slave = run(HAND, 1.5, "codec.force.lookahead_ms=20", "codec.position.lookahead_ms=5").slave
+    decided = np.flatnonzero(
+        (slave["state"] == State.ENGAGED.value) & (slave["ramping"] == 0) & (slave["coded"][:, 2] != 0.0)
+    )
+    assert len(decided) > 100
+    assert (slave["coded"][decided] == slave["raw"][decided - 20]).all()
 
 
-def test_a_playout_beyond_half_the_limit_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"link\.playout_ms: at most 50, half of link\.silence_ms"):
-        loopback("link.playout_ms=60")
+def test_the_report_holds_both() -> None:
+    summary, _ = simulate(configuration("link.playout_ms=20", "codec.force.lookahead_ms=10"), 0.2)
+    assert (summary["playout_ms"], summary["lookahead_ms"]) == (20.0, {"position": 0.0, "force": 10.0})

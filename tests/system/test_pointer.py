@@ -72,7 +72,7 @@ def over_the_dome(time: float) -> tuple[Vector, bool]:
 
 def test_handle_slides_over_the_dome_and_stays_out() -> None:
     score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
-    course = run(over_the_dome, 6.0, score=score)
+    course = run(over_the_dome, 4.0, score=score)
     sliding = course.master[1500:]
     positions, depth = sliding["position"], depths(sliding["position"])
     targets = np.array([over_the_dome((tick + 1) * 1e-3)[0] for tick in sliding["tick"]])
@@ -87,8 +87,8 @@ def test_handle_slides_over_the_dome_and_stays_out() -> None:
 
 
 def test_pointer_inside_a_wall_leaves_the_handle_at_it() -> None:
-    course = run(lambda _: ((0.05, 0.05, -0.06), True), 3.0)
-    rest = course.master[-500:]
+    course = run(lambda _: ((0.05, 0.05, -0.06), True), 2.0)
+    rest = course.master[-300:]
     assert depths(rest["position"]).max() == pytest.approx(HAND * REACH / WALL, rel=0.01)
     assert lengths(rest["output"]).max() == pytest.approx(HAND * REACH, rel=0.11)
     assert np.ptp(rest["position"], axis=0).max() < 1e-6, "it is still"
@@ -98,7 +98,7 @@ def test_pointer_inside_a_wall_leaves_the_handle_at_it() -> None:
 def test_jumping_pointer_changes_the_force_at_bounded_rate(delay_ms: int) -> None:
     """Between 60 mm above and 60 mm below a wall. The step of an update is within the deadband."""
     course = run(
-        lambda time: ((0.05, 0.05, 0.06 if time % 1.0 < 0.5 else -0.06), True), 3.5, f"link.emulate.delay_ms={delay_ms}"
+        lambda time: ((0.05, 0.05, 0.06 if time % 1.0 < 0.5 else -0.06), True), 2.7, f"link.emulate.delay_ms={delay_ms}"
     )
     jumping = course.master[1000:]  # beside the dome
     felt = jumping["output"]
@@ -138,14 +138,14 @@ def test_handle_taken_again_goes_on_without_a_jump() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.12, 0.3])
-def test_handle_taken_ten_times_within_the_dome_is_as_firm_as_before(gap: float) -> None:
+def test_handle_taken_five_times_within_the_dome_is_as_firm_as_before(gap: float) -> None:
     every = 0.5
 
     def regripped(time: float) -> tuple[Vector, bool]:
         return ((0.0, 0.0, 0.03), True) if time < 2.0 else ((0.004, 0.0, -0.005), time < 2.5 or time % every > gap)
 
     score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
-    course = run(regripped, 2.5 + 10.0 * every, BOUNDED, score=score)
+    course = run(regripped, 2.5 + 5.0 * every, BOUNDED, score=score)
     held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)][2200:]
     depth = depths(held["position"])
     assert depth.max() < HAND * REACH / WALL
@@ -163,7 +163,7 @@ def test_hand_pulled_deep_slides_around_the_dome_and_stays_out(gap: float) -> No
         return (0.035 * float(np.sin(0.5 * np.pi * time)), 0.0, max(-0.06, 0.15 - 0.08 * time)), time % 4.0 > gap
 
     score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"))
-    course = run(around, 12.0, BOUNDED, score=score)
+    course = run(around, 6.5, BOUNDED, score=score)
     held = course.master[(course.master["buttons"] == 1) & (course.master["ramping"] == 0)]
     depth = depths(held["position"])
     assert depth.max() < 6e-3
@@ -171,7 +171,7 @@ def test_hand_pulled_deep_slides_around_the_dome_and_stays_out(gap: float) -> No
     assert score.summary()["force"]["violation_fraction"] < 0.06
 
 
-@pytest.mark.parametrize("period", [0.02, 0.1, 0.2])
+@pytest.mark.parametrize("period", [0.02, 0.2])
 def test_chattering_button_gives_no_more_than_the_account_may(period: float) -> None:
     def chattering(time: float) -> tuple[Vector, bool]:
         return (0.004, 0.0, -0.005), time < 1.5 or time % period > 0.5 * period
@@ -188,7 +188,7 @@ def test_chattering_button_gives_no_more_than_the_account_may(period: float) -> 
 @pytest.mark.parametrize("name", list(SCENES))
 def test_every_scene_to_try_is_felt(name: str) -> None:
     loaded = configuration(*SCENES[name].overrides, file="try.yaml")
-    summary, trace = simulate(loaded, 4.0)
+    summary, trace = simulate(loaded, 2.5)
     assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
     assert summary["force"]["packets"] > 2
     assert 0.5 < lengths(trace.trace.force_n).max() < 10.0

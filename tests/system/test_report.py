@@ -43,39 +43,34 @@ def read(facts: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def test_report_begins_with_the_verdict() -> None:
-    assert shown(clean())[:2] == ["good", "weberlink master  10.0 s  completed"]
-    failed = shown(clean() | {"outcome": "failed: device fault: unplugged"})
-    assert failed[:2] == ["failed because device fault: unplugged", "weberlink master  10.0 s"]
-
-
-def test_report_without_a_session_has_no_empty_table() -> None:
+def without(state: State, **facts: Any) -> str:
+    """The report of a master that met nobody."""
     made = records(5000)
-    made["state"] = State.CONNECTING.value
-    facts: dict[str, Any] = {"outcome": "terminated", "drops": {"master": {}}}
-    text = "\n".join(shown(figures(made, NONE) | facts))
-    assert text.startswith("failed because the slave did not answer in 5.0 s")
-    assert "channel" not in text
-    assert "felt error" not in text
-    assert "master: connected 0.0 s, waited 5.0 s" in text
+    made["state"] = state.value
+    return "\n".join(shown(figures(made, NONE) | {"outcome": "terminated", "drops": {"master": {}}} | read(facts)))
 
 
-def test_report_without_a_tick_is_two_lines() -> None:
+def test_report_begins_with_the_verdict_and_has_no_more_than_there_is_to_say() -> None:
+    assert shown(clean())[0] == "good"
+    assert shown(clean() | {"outcome": "failed: device fault: unplugged"})[0].endswith("unplugged")
     assert len(shown(figures(NONE, NONE) | {"outcome": "interrupted"})) == 2
+    alone = without(State.CONNECTING, paths={"master": [FINDING]})
+    assert "5.0 s" in alone and FINDING.note in alone
+    assert "channel" not in alone and "felt error" not in alone
 
 
-def test_report_tells_the_bound_of_the_energy_and_the_error_without_the_delay() -> None:
+def test_report_holds_energy_and_errors_as_far_as_they_are_known() -> None:
     summary = clean()
     summary["energy"] = {"generated_j": 0.0481, "dissipated_j": 0.0123, "bound_j": 0.1145, "bound_share": 0.42}
     summary["force"] |= {"error_rms": 0.7, "aligned_rms": 0.21, "aligned_lag_s": 0.052}
-    lines = shown(summary)
-    assert "energy at the hand: 48.1 mJ out, 114 mJ allowed (42 % used); 12.3 mJ dissipated" in lines
-    assert "felt error 0.700 N RMS; 0.210 N with the delay removed (52 ms)" in lines
+    text = "\n".join(shown(summary))
+    for figure in ("48.1 mJ", "114 mJ", "42 %", "12.3 mJ", "0.700 N", "0.210 N", "52 ms"):
+        assert figure in text
     summary["energy"] |= {"bound_j": None, "bound_share": None}
     summary["force"]["aligned_rms"] = None
-    lines = shown(summary)
-    assert "energy at the hand: 48.1 mJ out; 12.3 mJ dissipated" in lines
-    assert not any("delay removed" in line for line in lines)
+    text = "\n".join(shown(summary))
+    assert "48.1 mJ" in text and "0.700 N" in text
+    assert not any(figure in text for figure in ("114 mJ", "42 %", "0.210 N"))
 
 
 @pytest.mark.parametrize(
@@ -118,27 +113,11 @@ def reported(**paths: list[PathFacts]) -> str:
     return "\n".join(shown(score.summary() | facts))
 
 
-def test_report_tells_each_way_apart() -> None:
+def test_report_tells_each_way_and_the_paths_of_each_side() -> None:
     text = reported()
-    assert "round trip 42.00 ms (p99 42.00), jitter 3.00 ms (p99 3.00)\n" in text
-    assert "to the slave: 12.0" in text and "1.23 % lost, as that side reported" in text
-    assert "to the master: 29.9" in text and "10.00 % lost in runs of 1.5" in text
+    for figure in ("42.00 ms", "3.00 ms", "12.0", "1.23 %", "29.9", "10.00 %", "1.5"):
+        assert figure in text
     assert "path" not in text
-
-
-def test_report_names_paths_of_each_side() -> None:
-    words = "relayed by relay.example over wlan0, 1 change"
-    second = PathFacts(1, "punched", interface="usb0")
-    assert f"\npath: {words}\npath 2: punched over usb0\n" in reported(master=[RELAYED, second])
-    two = reported(master=[RELAYED], slave=[PathFacts()])
-    assert f"\npath of the master: {words}\npath of the slave: direct\n" in two
+    assert "relay.example" in reported(master=[RELAYED, PathFacts(1, "punched", interface="usb0")])
     both = reported(master=[PathFacts()], slave=[PathFacts(remote="10.0.0.9:5000")])
     assert both.count("path: direct\n") == 1, "both sides say the same"
-
-
-def test_report_without_a_path_says_what_was_tried() -> None:
-    made = records(5000)
-    made["state"] = State.CONNECTING.value
-    facts: dict[str, Any] = {"outcome": "terminated", "drops": {"master": {}}}
-    text = shown(figures(made, NONE) | facts | read({"paths": {"master": [FINDING]}}))[0]
-    assert text == "failed because the slave did not answer in 5.0 s: asking the mailbox"
