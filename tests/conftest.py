@@ -2,9 +2,8 @@
 
 A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
 alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
-`realtime(alone=True)`, which measure time, run alone. A live test that fails is run again, alone, if other tests ran
-beside it or if the host itself stood still; the summary counts that as a rerun. Tests marked `hunt` explore; they run
-with `--hunt` only.
+`realtime(alone=True)`, which measure time, run alone. No test is run again: one that fails once is wrong, or has found
+something. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
