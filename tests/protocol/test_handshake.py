@@ -121,6 +121,7 @@ def test_a_refusal_is_cut_to_its_room(message: str, room: int) -> None:
     assert body is not None
     said = body["refusal"]
     assert isinstance(said, str)
+    assert room - 2 <= len(pack_refusal("x" * 2000, room)) <= room
     whole = message.encode(errors="replace").decode()
     assert said == whole or whole.startswith(said.removesuffix("..."))
 

@@ -1,5 +1,7 @@
 """The round trip that both ends agree on: at the beginning, as the link changes, and beyond what a user allows."""
 
+from math import inf
+
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -8,7 +10,9 @@ from tests.examples import examples
 from tests.protocol.harness import SILENCE, TICK, Pair
 from weberlink.protocol import Connected, PeerSilent, Refused
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.round_trip import FALL_AFTER, STEP, rounded_up
+from weberlink.protocol.liveness import DEAF, Liveness
+from weberlink.protocol.negotiation import ACCEPTED
+from weberlink.protocol.round_trip import FALL_AFTER, STEP, SWITCH_AHEAD, RoundTripAgreement, rounded_up
 from weberlink.protocol.states import State
 from weberlink.protocol.wire import Kind, kind_of
 
@@ -100,6 +104,27 @@ def test_a_lost_answer_leaves_the_two_values_apart_for_a_while_only() -> None:
     pair.run(0.5)
     assert agreed(pair)[0] == agreed(pair)[1] > before[0]
     assert not any(side.of(PeerSilent) for side in pair.sides)
+
+
+def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
+    """The two values in use are told apart by their parity alone."""
+    liveness = Liveness(0.0, SILENCE, 0.0, 0.0)
+    liveness.agree(0.02, 0.0)
+    agreement = RoundTripAgreement(liveness, 0.4, TICK, proposes=True)
+
+    def proposes(needed: float, now: float) -> bool:
+        agreement.follow(needed, now, now)
+        return agreement.negotiation.is_proposing
+
+    assert not proposes(0.05, SILENCE) and not proposes(0.015, 1.0)
+    assert proposes(0.05, 1.0) and agreement.switch_at == inf
+    agreement.take_answer(agreement.negotiation.take(1.0, 0.0).number, ACCEPTED, 1.1)
+    assert not agreement.advance(1.149) and agreement.advance(1.0 + 2.0 * 0.05 + SWITCH_AHEAD)
+    assert liveness.round_trip == pytest.approx(0.05)
+    assert not proposes(0.2, 2.0), "the other end has not switched yet"
+    liveness.hear(2.0, DEAF, 1, 2.0)
+    assert not proposes(0.2, 2.0 + SILENCE + 0.049)
+    assert proposes(0.2, 2.0 + SILENCE + 0.051)
 
 
 @given(st.floats(0.0, 0.15), st.integers(1, 3), st.floats(0.0, 3.0), st.integers(0, 2**32))

@@ -10,6 +10,7 @@ from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.heartbeat import INTRODUCTIONS
+from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.security import Security
 from weberlink.protocol.sending import REKEY_AFTER, REKEY_AFTER_S, Parameters
 from weberlink.protocol.session import Session
@@ -139,8 +140,10 @@ def test_updates_before_the_first_report_are_untimed() -> None:
     [
         (0, b"", None),
         (0, b"\1", DropReason.MALFORMED),
-        (10, b"", None),  # of tick 0
-        (11, b"", DropReason.IMPLAUSIBLE),
+        (109, b"", None),
+        (111, b"", DropReason.STALE),  # the limit, and what an owner's ticks may be late
+        (1000, b"", DropReason.STALE),  # tick 0
+        (1001, b"", DropReason.IMPLAUSIBLE),
         (-1000, b"", None),
         (-1001, b"", DropReason.IMPLAUSIBLE),
     ],
@@ -148,16 +151,16 @@ def test_updates_before_the_first_report_are_untimed() -> None:
 def test_an_update_beyond_its_end_or_of_another_time_is_dropped(
     lag: int, extra: bytes, reason: DropReason | None
 ) -> None:
-    """No owner can send it, a peer with a fault can: bytes too many, a tick below 0, or more than a second ahead."""
+    """No owner can send it, a peer with a fault can: bytes too many, a sample of long ago, of the future or below 0."""
     protection, _ = exchanged(Checksum())
     _, receiver, *_ = sessions(Checksum())
     receiver.clock.learn(0.0, 0.0, 0.0)
-    outcomes = []
+    now, outcomes = 1.0, []
     for sequence, behind, more in ((1, lag, extra), (2, 0, b"")):
-        envelope = (sequence, 0, receiver.clock.stamp(0.01)[0], receiver.liveness.echo(0.01), (None,))
+        envelope = (sequence, 0, receiver.clock.stamp(now)[0], Liveness(0.0, 0.1, now, now).echo(now), (None,))
         update = Update(10, 0, (1, 2, 3), PreviousSample(1, (1, 2, 3)))
         clear = DirectionLayout([forms(3)]).updates[0].pack(envelope, behind, update) + more
-        outcomes.append(deliver(receiver, protection.seal(sequence, clear), 0.01))
+        outcomes.append(deliver(receiver, protection.seal(sequence, clear), now))
     assert outcomes[0] is reason if reason else isinstance(outcomes[0], UpdateReceived)
     assert isinstance(outcomes[1], UpdateReceived)
 
