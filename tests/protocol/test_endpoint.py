@@ -24,6 +24,7 @@ from tests.protocol.harness import (
 )
 from weberlink.protocol import (
     Address,
+    ChangeProposed,
     Connected,
     DropReason,
     Endpoint,
@@ -43,9 +44,12 @@ from weberlink.protocol.handshake import (
     HELLO_HEADER,
     INSTANCE_BYTES,
     PROTOCOL_VERSION,
+    Hello,
     HelloHeader,
     LocalEnd,
     Welcome,
+    identity_of,
+    pack_hello,
     pack_map,
     read_answered,
     read_hello_header,
@@ -238,6 +242,11 @@ def test_authentic_random_bytes_are_malformed() -> None:
             hello = security.call(header, random.randbytes(security.private_size)).hello(random.randbytes(size))
             slave.receive_datagram(header + hello, MASTER, 0.0)
         assert slave.statistics.dropped == {DropReason.MALFORMED: 40}
+        payload = pack_hello(Hello(b"", 0, "ann", bytes(INSTANCE_BYTES), "", False, 400_000, 0), security.overhead)
+        for identity in (identity_of("ann"), identity_of("bob")):  # without an agreement; of another name
+            header = HelloHeader(PROTOCOL_VERSION, identity, 2000).pack()
+            hello = security.call(header, bytes(security.private_size)).hello(payload)
+            assert dropped(slave, header + hello, MASTER) == [DropReason.MALFORMED]
 
 
 def dropped(endpoint: Endpoint, data: bytes, source: Address, now: float = 0.2) -> list[DropReason]:
@@ -263,6 +272,8 @@ def test_each_bad_datagram_has_its_reason() -> None:
         (b"\x01" * 4097, DropReason.WRONG_LENGTH),
         (b"\x01" * 40, DropReason.TRUNCATED),
         (welcome, DropReason.UNEXPECTED),
+        (hello, DropReason.REPLAYED),
+        (HelloHeader(PROTOCOL_VERSION, identity_of("master"), 0).pack() + bytes(500), DropReason.UNPROVEN),
     ):
         assert dropped(slave, data, MASTER) == [reason], data[:1]
     assert dropped(master, heartbeat, STRANGER) == [DropReason.FOREIGN_ADDRESS]
@@ -296,6 +307,9 @@ def test_closing_discards_pending_sessions() -> None:
 def test_calls_in_the_wrong_state_raise() -> None:
     endpoint = make_endpoint(Role.INITIATOR)
     assert not endpoint.send_update(0.0, sample_update(1)) and endpoint.statistics.updates_sent == [0, 0]
+    assert not endpoint.propose_change(0.0, 10, b"x")
+    endpoint.answer_change(ChangeProposed(10, b"x"), None)
+    assert not endpoint.datagrams_to_send()
     endpoint.connect(0.0)
     with pytest.raises(StateError, match="DIAL"):
         endpoint.connect(0.0)
@@ -399,7 +413,7 @@ def test_of_two_masters_that_may_take_over_the_last_one_stays(is_deaf: bool) -> 
 
 @by_suite
 def test_a_master_keeps_to_the_first_slave_that_answered(security: Security) -> None:
-    """A relay swaps to another slave with the same key; one that ignores whom the master expects is refused as well."""
+    """A relay swaps to another slave with the same key."""
     pair = named(security=security)
     for name, engages in (("robot:47000", True), ("toy:47000", False)):
         pair.slave.endpoint = make_endpoint(Role.RESPONDER, seed=9, name=name, epoch=pair.now, security=security)
@@ -407,16 +421,37 @@ def test_a_master_keeps_to_the_first_slave_that_answered(security: Security) -> 
         pair.run(2.0)
         assert states(pair) == (ENGAGED if engages else [State.CLOSED, State.LISTENING])
     assert "'robot:47000'" in pair.master.refusal() and "'toy:47000'" in pair.master.refusal()
+
+
+@by_suite
+def test_each_answer_to_a_call_has_its_outcome(security: Security) -> None:
+    """The peer has the key, and may say anything; it may ignore the name that the master expects."""
     end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000", 0.4)
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
-    for name, kind in (("toy:47000", str), ("robot:47000", Answer)):
+    welcome = Welcome(0, 0, "robot:47000", 400_000)._asdict()
+    for payload, outcome in (
+        (b"\xc1", DropReason.MALFORMED),
+        (pack_map({}), DropReason.MALFORMED),
+        (pack_map({**welcome, "clock_us": "now"}), DropReason.MALFORMED),
+        (pack_map({"newest": "now"}), DropReason.MALFORMED),
+        (pack_map({"newest": 0}), DropReason.SUPERSEDED),
+        (pack_map({"newest": 10**15}), None),
+        (pack_map({"refusal": "not today"}), "not today"),
+        (
+            pack_map({**welcome, "name": "toy:47000"}),
+            "the master expects slave 'robot:47000', and 'toy:47000' answered",
+        ),
+        (pack_map(welcome), Answer),
+    ):
         dialer.start(0.0)
         hello = dialer.hello(0.0)
         heard, header = security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:]), read_hello_header(hello)
         assert heard is not None and header is not None
-        answered = heard.answer(pack_map(Welcome(0, 0, name, 400_000)._asdict()), bytes(security.private_size))
+        answered = heard.answer(payload, bytes(security.private_size))
         assert answered is not None
-        assert isinstance(dialer.receive(header.pack_answer() + answered[0]), kind)
+        found = dialer.receive(header.pack_answer() + answered[0])
+        assert isinstance(found, Answer) if outcome is Answer else found == outcome
+        assert (dialer.due < 0.0) is (outcome is None), "the next one is due at once if the clock went back"
 
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])
