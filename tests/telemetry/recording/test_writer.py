@@ -291,6 +291,18 @@ def test_with_little_room_the_file_is_a_row_of_whole_chunks(path, left, outcome)
         assert len(list(reader.iter_messages())) == 5
 
 
+def test_without_room_for_an_end_closing_says_so_and_all_is_read(path):
+    writer = RecordingWriter.create(path, FACTS)
+    writer.add_side(origin("master"))
+    writer.write("master", noise(5, 1))
+    writer.flush()
+    with room(writer.size + 10):
+        writer.close()
+    writer.close()
+    recording = read_recording(path)
+    assert (len(recording.records["master"]), recording.outcome) == (5, "cut off")
+
+
 def test_no_room_for_a_beginning_leaves_nothing(path):
     with room(20):
         RecordingWriter.create(path, FACTS)
