@@ -1,5 +1,6 @@
 """Configurations: what is refused, by the path of its field; what is accepted, and what it becomes."""
 
+from dataclasses import replace
 from math import pi, radians
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from weberlink.codec.deadband import (
 )
 from weberlink.master import devices
 from weberlink.master.devices import leaders
+from weberlink.master.devices.operator import OperatorDevice
 from weberlink.registry import is_hardware
 from weberlink.slave import robots
 from weberlink.slave.robots import followers
@@ -26,6 +28,7 @@ from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
 from weberlink.system.configuration.model import System
+from weberlink.system.simulate import build_simulation
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
 PLANE = "slave: {scene: [{shape: plane, stiffness_n_m: 500}]}\n"
@@ -184,6 +187,33 @@ def test_what_is_wrong_is_refused_in_one_line_by_the_path_of_its_field(file: str
 @pytest.mark.parametrize(("overrides", "field"), CONTRADICTING)
 def test_limits_that_contradict_each_other_are_refused(overrides: tuple[str, ...], field: str) -> None:
     assert field in refusal(CONFIGS / "loopback.yaml", *overrides)
+
+
+class WithButtons(OperatorDevice):
+    """With the buttons 0 and 1."""
+
+    def __init__(self, options: Any, tick_period: float) -> None:
+        super().__init__(options, tick_period)
+        self.spec = replace(self.spec, buttons=2)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "is_refused"),
+    [
+        (("master.engage={button: 1}",), False),
+        (("master.engage={button: 2}",), True),
+        (("master.engage={button: 1}", "master.mapping={clutch: {button: 0}, walls: {}}"), False),
+        (("master.engage={button: 1}", "master.mapping={clutch: {button: 1}, walls: {}}"), True),
+        (("master.mapping={clutch: {button: 2}, walls: {}}",), True),
+    ],
+)
+def test_a_button_is_there_and_has_one_use(overrides: tuple[str, ...], is_refused: bool) -> None:
+    loaded = configuration(*overrides, "codec.position.step_m=1e-5", device=WithButtons)
+    if not is_refused:
+        build_simulation(loaded)
+        return
+    with pytest.raises(ConfigurationError, match=r"button"):
+        build_simulation(loaded)
 
 
 @pytest.mark.parametrize(
