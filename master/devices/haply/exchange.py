@@ -25,7 +25,7 @@ from weberlink.master.devices.haply.linkage import (
 from weberlink.master.devices.haply.options import HaplyOptions
 
 SETTLING_S = 0.1
-"""Longest wait for an owed answer until it counts as lost [s]."""
+"""Silence after which an owed answer counts as lost [s]."""
 LEAST_SIZE = REPLY_SIZE - 1
 """Size of an answer that lost a byte."""
 GAP_S = 0.01
@@ -84,7 +84,7 @@ class HaplyLine:
         """
         has_written = self._guardian is not None and self._guardian.has_written()
         if self._owed or has_written:
-            self._settle()
+            self._settle(patience)
         self._port.drain()
         self.asked_at = monotonic()
         self._port.write(torques)
@@ -115,20 +115,25 @@ class HaplyLine:
     def close(self) -> None:
         self._port.close()
 
-    def _settle(self) -> None:
+    def _settle(self, patience: float) -> None:
+        """Take the torque off, and hear all that is owed, or nothing for a while."""
         self._port.write(self._board.torques_off)
         self._owed += 1
-        self._listen(LEAST_SIZE * self._owed, SETTLING_S)
+        # Late answers are as far apart as the messages were, which waited for `patience`, or in silence.
+        quiet = patience + SETTLING_S * (1 + self._mute)
+        while len(self._heard) < LEAST_SIZE * self._owed and (part := self._port.read(monotonic() + quiet)):
+            self._heard += part
         while more := self._port.read(monotonic() + GAP_S):  # answers to the guardian, which are not counted
             self._heard += more
-        bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
-        forgotten = bare and self._heard != b""
-        self._owed = 0
-        if forgotten:
+        if not self._heard:  # what is owed may still come: no question may be asked
+            self._recovers = True
+            self._mute += 1
+            if self._mute >= MUTE_MOST:
+                raise HardwareFault(f"{self.path}: does not answer")
+            raise BadReply(f"no answer within {SETTLING_S * 1e3:g} ms to the message that takes the torque off")
+        owed, self._owed, self._mute = self._owed, 0, 0
+        if len(self._heard) <= owed and self._heard == self._board.bare_reply * len(self._heard):
             raise Forgotten("the board does not know of this device")
-        self._mute = 0 if self._heard else self._mute + 1
-        if self._mute >= MUTE_MOST:
-            raise HardwareFault(f"{self.path}: does not answer")
 
     def _listen(self, size: int, patience: float) -> None:
         end = until = monotonic() + patience

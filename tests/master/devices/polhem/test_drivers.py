@@ -218,6 +218,7 @@ def test_broken_gimbal_loses_orientation_not_force(tmp_path: Path) -> None:
         exchange.close()
 
 
+@pytest.mark.realtime(alone=True)  # a stall between two messages costs answers of its own
 def test_two_messages_at_once_cost_one_exchange(serial: Make, tmp_path: Path) -> None:
     """A message that was held up comes together with the zeros that follow it: the board answers 8, then 256."""
     emulator = emulated(Jammed)
