@@ -44,8 +44,17 @@ def test_order_holds_what_the_file_says(store: PeerStore) -> None:
     assert (order.side, order.peers, order.store) == (MASTER, ("arm",), str(store.folder))
     assert (order.mailbox, order.stun) == ("ws://relay.example:4000/v1", "relay.example:3478")
     assert (order.turn, order.turn_name) == ("relay.example:3478", "relay.example")
-    assert order.turn_secret_file == str(FILE.parent / "turn.secret")
+    assert (order.turn_secret_file, order.turn_credentials_file) == (str(FILE.parent / "turn.secret"), None)
     assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 34, True)
+
+
+def test_a_relay_may_have_a_name_and_credentials(store: PeerStore) -> None:
+    pytest.importorskip("aioice")
+    turn = f"{{server: relay.example:3478, name: ours, credentials_file: {store.folder}/line}}"
+    configuration = loaded(store, MASTER, f"link.turn={turn}")
+    order = finder_order(configuration, MASTER, acquaintance(configuration, MASTER).peers, take_over=False)
+    told = (order.turn_name, order.turn_secret_file, order.turn_credentials_file)
+    assert told == ("ours", None, f"{store.folder}/line")
 
 
 def test_slave_waits_for_every_operator_it_knows(store: PeerStore) -> None:
