@@ -28,8 +28,3 @@ def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> ND
             made[name][begin : begin + count] = values
         begin += count
     return made
-
-
-def row(**columns: ArrayLike) -> Any:
-    """One record."""
-    return ticks(1, **columns)[0]

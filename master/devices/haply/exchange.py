@@ -130,7 +130,7 @@ class HaplyLine:
             self._mute += 1
             if self._mute >= MUTE_MOST:
                 raise HardwareFault(f"{self.path}: does not answer")
-            raise BadReply(f"no answer within {SETTLING_S * 1e3:g} ms to the message that takes the torque off")
+            raise BadReply(f"no answer within {quiet * 1e3:.0f} ms to the message that takes the torque off")
         owed, self._owed, self._mute = self._owed, 0, 0
         if len(self._heard) <= owed and self._heard == self._board.bare_reply * len(self._heard):
             raise Forgotten("the board does not know of this device")
