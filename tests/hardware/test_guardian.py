@@ -79,7 +79,7 @@ def test_unrenewed_force_is_taken_off_again_and_again(wire: Wire) -> None:
     assert wire.heard(PATIENCE).startswith(ZERO)
     assert monotonic() - began >= LEASE_S
     assert wire.heard(PATIENCE).startswith(ZERO), "again"
-    assert wire.guardian.has_written()
+    assert wire.guardian.new_writes()
     wire.port.write(ZERO)
     sleep(WHILE_S)
     wire.heard()
@@ -101,7 +101,7 @@ def test_nothing_is_written_while_the_lease_lasts_nor_where_there_is_no_force(wi
             came += wire.heard(PATIENCE)
         assert came == expected
         assert wire.heard(WHILE_S) == b""
-        assert not wire.guardian.has_written()
+        assert not wire.guardian.new_writes()
 
 
 def test_stale_force_is_not_written(wire: Wire) -> None:
@@ -137,7 +137,7 @@ def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(pid, number)
     wire.push(LEASE_S / 2.0)
-    until(wire.guardian.has_written, "the zero")
+    until(wire.guardian.new_writes, "the zero")
 
 
 def test_closing_takes_remaining_force_off(wire: Wire) -> None:
@@ -150,7 +150,7 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
     with pytest.raises(HardwareFault, match="guardian process died"):
         wire.guardian.before(FORCE)
     wire.guardian.before(ZERO)
-    assert not wire.guardian.has_written(), "nobody writes any more"
+    assert not wire.guardian.new_writes(), "nobody writes any more"
 
 
 def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
@@ -162,7 +162,7 @@ def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
     wire.guardian.given(monotonic(), LEASE_S / 2.0)
     with pytest.raises(HardwareFault):
         wire.port.write(FORCE)
-    until(wire.guardian.has_written, "the zero")
+    until(wire.guardian.new_writes, "the zero")
     heard = b""
     while part := wire.heard(WHILE_S):
         heard += part

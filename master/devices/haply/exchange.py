@@ -82,8 +82,8 @@ class HaplyLine:
             Forgotten: the board knows nothing of us.
             HardwareFault: the port is gone, or the board mute.
         """
-        has_written = self._guardian is not None and self._guardian.has_written()
-        if self._owed or has_written:
+        self._count_guardian()
+        if self._owed:
             self._settle(patience)
         self._port.drain()
         self.asked_at = monotonic()
@@ -119,21 +119,27 @@ class HaplyLine:
         """Take the torque off, and hear all that is owed, or nothing for a while."""
         self._port.write(self._board.torques_off)
         self._owed += 1
+        self._count_guardian()  # it may have written until then
         # Late answers are as far apart as the messages were, which waited for `patience`, or in silence.
         quiet = patience + SETTLING_S * (1 + self._mute)
         while len(self._heard) < LEAST_SIZE * self._owed and (part := self._port.read(monotonic() + quiet)):
             self._heard += part
-        while more := self._port.read(monotonic() + GAP_S):  # answers to the guardian, which are not counted
-            self._heard += more
         if not self._heard:  # what is owed may still come: no question may be asked
             self._recovers = True
             self._mute += 1
             if self._mute >= MUTE_MOST:
                 raise HardwareFault(f"{self.path}: does not answer")
             raise BadReply(f"no answer within {quiet * 1e3:.0f} ms to the message that takes the torque off")
+        while more := self._port.read(monotonic() + GAP_S):  # what nobody owes
+            self._heard += more
         owed, self._owed, self._mute = self._owed, 0, 0
         if len(self._heard) <= owed and self._heard == self._board.bare_reply * len(self._heard):
             raise Forgotten("the board does not know of this device")
+
+    def _count_guardian(self) -> None:
+        """The board answers the guardian's messages too."""
+        if self._guardian is not None:
+            self._owed += self._guardian.new_writes()
 
     def _listen(self, size: int, patience: float) -> None:
         end = until = monotonic() + patience

@@ -33,8 +33,6 @@ from weberlink.master.devices.inverse3.protocol import (
 OPENING_S = 1.0
 """Longest wait for the connection, for the inventory and for the first state [s]."""
 CLOSING_S = 0.05
-QUIET_S = 0.01
-"""After this silence, the answers to the guardian have come [s]."""
 ABSENT = "is the Haply Inverse Service running? Haply Hub starts it"
 
 
@@ -81,8 +79,6 @@ class ServiceExchange:
     def exchange(self, force: Vector) -> DeviceReading:
         if self._port is None:
             raise HardwareFault("not open")
-        if self.guardian is not None and self.guardian.has_written():
-            self._settle(self._port)
         rests = force == ZERO
         state = self._ask(self._writer.force(ZERO if rests else theirs(force)), self._options.reply_ms * 1e-3, rests)
         said = self._comparison.judge(force, state.displayed)
@@ -159,6 +155,8 @@ class ServiceExchange:
         """Send a message, and take the state that answers it."""
         port = self._port
         assert port is not None
+        if self.guardian is not None:
+            self._owed += self.guardian.new_writes()  # the service answers each of its messages too
         while port.receive(0.0) is not None:  # late ones, and such that nobody owes
             self._owed = max(0, self._owed - 1)
         port.send(text, rest=rest)
@@ -170,12 +168,6 @@ class ServiceExchange:
                 raise BadReply(f"no answer within {patience * 1e3:g} ms")
             self._owed, answer = self._owed - 1, heard
         return state_of(decode(answer), self._id or "", self._options.grip)
-
-    def _settle(self, port: WebSocketPort) -> None:
-        """Take the answers to the guardian, which nobody counts."""
-        while port.receive(monotonic() + QUIET_S) is not None:
-            pass
-        self._owed = 0
 
     @staticmethod
     def _next(port: WebSocketPort, patience: float) -> bytes:

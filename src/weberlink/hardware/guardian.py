@@ -134,10 +134,10 @@ class Guardian:
             if self._child is not None:
                 self._silent(monotonic())
 
-    def has_written(self) -> bool:
-        """Whether the guardian has written since the last call; the device may answer that too."""
+    def new_writes(self) -> int:
+        """Number of messages that the guardian has written since the last call; the device may answer each."""
         known, self._writes = self._writes, self._words[WRITES]
-        return known != self._writes
+        return self._writes - known
 
     def stop(self) -> None:
         """End the process, which first takes off any force left; may be called again."""

@@ -19,6 +19,9 @@ Command_contra = TypeVar("Command_contra", contravariant=True)
 Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
+LOST_S = 1.0
+"""Time from a first bad reply after which the next one is a fault, however few there were [s]: a slow device may need
+a second for two."""
 JOIN_S = 1.0
 """Longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]."""
 
@@ -63,8 +66,8 @@ class Worker(Generic[Command, Sample]):
 
     The command is `rest` after a bad reply until a good one, while the last command is older than `stale`, and for the
     first command after such a gap, since the loop or the whole process may have been stopped. After each of these
-    interruptions, and at the start, commands ramp up from zero if `scale` is given. After `bad_replies` in a row, or
-    when the device is gone, the fault stands unless a good reply comes within `reconnect`.
+    interruptions, and at the start, commands ramp up from zero if `scale` is given. After `bad_replies` in a row, bad
+    ones for `LOST_S`, or when the device is gone, the fault stands unless a good reply comes within `reconnect`.
 
     Only the thread uses the exchange, so it need not be thread-safe. `stop` waits for a hanging exchange for a second;
     its `close` is called when it returns. The end of the program stops a running worker.
@@ -265,12 +268,13 @@ class Worker(Generic[Command, Sample]):
         self._began = began
         if self._guardian is not None:
             self._guardian.given(at, self._stale)
-        bad, lost_at = 0, None
+        bad, bad_at, lost_at = 0, 0.0, None
         while not self._stopping.is_set():
             fault: HardwareFault
             try:
                 sample = self._exchange.exchange(command)
             except BadReply as reply:
+                bad_at = self._clock() if bad == 0 else bad_at
                 bad += 1
                 self.bad_count += 1
                 fault = reply
@@ -285,7 +289,7 @@ class Worker(Generic[Command, Sample]):
                 return
             command, self._share = self._rest, 0.0
             self.trouble = str(fault)
-            if bad >= self._bad_replies:
+            if bad >= self._bad_replies or self._clock() - bad_at > LOST_S:
                 lost_at = began if lost_at is None else lost_at
                 self._return(fault, lost_at + self._reconnect)
                 bad = 0

@@ -51,7 +51,7 @@ class Bench:
     device: Device
     tick: Callable[[], float]
     displayed: Callable[[], float] | None = None
-    faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
+    faults: Mapping[str, Callable[..., None]] = field(default_factory=dict)
     felt: Callable[[], Vector] | None = None
 
     @classmethod
@@ -126,7 +126,7 @@ def on_a_wire(emulator: Any, wire: ServedDevice, make: Callable[[], Device]) -> 
             "plug": wire.plug,
             "flicker": lambda: setattr(wrong, "garble", 3),
             "silent": lambda: setattr(wrong, "silent", True),
-            "late": lambda: setattr(wrong, "late_s", 0.2),
+            "late": lambda late_s=0.2: setattr(wrong, "late_s", late_s),
             "garbled": lambda: setattr(wrong, "garble", 1_000_000),
             "restart": lambda: emulator.inject("restart", 1.0),
             "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
