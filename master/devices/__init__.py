@@ -19,12 +19,6 @@ BUILT_IN = {
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 
-COMPUTED = frozenset({"operator", "pointer", "replay", "ros2"})
-"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
-
-SCRIPTED = frozenset({"operator", "replay"})
-"""Drivers that a program moves; no person feels anything with them."""
-
 drivers = DEVICES.places
 
 

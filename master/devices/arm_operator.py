@@ -135,6 +135,7 @@ class ArmOperator(ComputedArm):
     "Passivity of a class of sampled-data systems", ACC 1994), with the damping b of hand and arm.
     """
 
+    SCRIPTED: ClassVar[bool] = True
     Options: ClassVar[type[ArmOperatorOptions]] = ArmOperatorOptions
 
     def __init__(self, options: ArmOperatorOptions, tick_period: float) -> None:

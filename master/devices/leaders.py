@@ -12,12 +12,6 @@ BUILT_IN = {
 }
 LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
 
-COMPUTED = frozenset({"arm_operator", "remote_leader"})
-"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
-
-SCRIPTED = frozenset({"arm_operator"})
-"""Drivers that a program moves; no person feels anything with them."""
-
 drivers = LEADERS.places
 
 

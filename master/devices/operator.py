@@ -194,6 +194,7 @@ class OperatorOptions(HandDeviceOptions):
 class OperatorDevice(HandDevice):
     """A hand that follows the script."""
 
+    SCRIPTED: ClassVar[bool] = True
     Options: ClassVar[type[OperatorOptions]] = OperatorOptions
 
     def __init__(self, options: OperatorOptions, tick_period: float) -> None:

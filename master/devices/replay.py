@@ -41,6 +41,7 @@ class ReplayOptions(HandDeviceOptions):
 class ReplayDevice(HandDevice):
     """A hand that follows the trace."""
 
+    SCRIPTED: ClassVar[bool] = True
     Options: ClassVar[type[ReplayOptions]] = ReplayOptions
 
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:

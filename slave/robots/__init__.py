@@ -19,9 +19,6 @@ def _check(name: str, entry: object) -> None:
 
 ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
 
-COMPUTED = frozenset({"mujoco", "point", "simulated"})
-"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
-
 drivers = ROBOTS.places
 
 

@@ -11,9 +11,6 @@ BUILT_IN = {
 }
 FOLLOWERS: Registry[FollowerDriver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
 
-COMPUTED = frozenset({"mujoco_arm"})
-"""Built-in drivers that move nothing real, known without an import; their classes say so too."""
-
 drivers = FOLLOWERS.places
 
 

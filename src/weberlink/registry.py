@@ -21,6 +21,11 @@ def is_hardware(driver: object) -> bool:
     return not getattr(driver, "COMPUTED", False)
 
 
+def is_scripted(driver: object) -> bool:
+    """Whether a program moves a device, so that no person feels anything with it; a driver says `SCRIPTED = True`."""
+    return getattr(driver, "SCRIPTED", False)
+
+
 class PartError(ValueError):
     """A part of another distribution cannot be imported; the text is one line, the cause what it raised."""
 

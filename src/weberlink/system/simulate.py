@@ -56,11 +56,9 @@ def refuse_live(configuration: Configuration) -> None:
         ("slave.robot", configuration.robot, system.slave.robot.driver),
     ):
         if part is not None and is_hardware(part.driver):
-            from weberlink.master import emulators as devices  # noqa: PLC0415 - for the complaint alone
-            from weberlink.slave import emulators as robots  # noqa: PLC0415
+            from weberlink.hardware.emulators import EMULATORS  # noqa: PLC0415 - for the complaint alone
 
-            known = name in {*devices.EMULATORS, *robots.EMULATORS}
-            emulated = f", against `weberlink device emulate {name}` if need be" if known else ""
+            emulated = f", against `weberlink device emulate {name}` if need be" if name in EMULATORS else ""
             unsaid = "" if hasattr(part.driver, "plugged") else "; one that moves nothing real says COMPUTED = True"
             raise ConfigurationError(
                 f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "

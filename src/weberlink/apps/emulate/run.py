@@ -8,7 +8,6 @@ import stat
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
@@ -19,11 +18,12 @@ from pydantic import ValidationError
 from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.apps.tasks import first_result
 from weberlink.hardware.emulator import PtyDevice, ServedDevice
+from weberlink.hardware.emulators import EMULATORS
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev import Testbed, plugged_into
-from weberlink.master import emulators as devices
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
 from weberlink.realtime.process import prepare
-from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
@@ -42,11 +42,6 @@ STOP_LIMIT_S = 3.0
 CHUNK = 4096
 OF_THE_KERNEL = ("hid", "evdev")
 """Transports of devices that only a command in their testbed sees."""
-
-
-def names() -> list[str]:
-    """Devices that can be emulated, by the names of their drivers."""
-    return sorted({**devices.EMULATORS, **robots.EMULATORS})
 
 
 def run(
@@ -117,14 +112,10 @@ def _hurry() -> None:
 
 def _build(name: str, overrides: Sequence[str]) -> tuple[str, Any]:
     """The section of a configuration that names such a device, and the emulator."""
-    tables: Mapping[str, Any] = {"master.device": devices, "slave.robot": robots}
-    section = next((section for section, table in tables.items() if name in table.EMULATORS), None)
-    if section is None:
-        nearest = get_close_matches(name, names(), n=1, cutoff=0.0)
-        raise ConfigurationError(
-            f"no emulated device is called {name!r}; nearest is {nearest[0]!r}, there are {', '.join(names())}"
-        )
-    emulator_class = tables[section].load(name)
+    try:
+        emulator_class: Any = EMULATORS.load(name)
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
     content: dict[str, Any] = {}
     for text in overrides:
         override(content, text)
@@ -132,6 +123,7 @@ def _build(name: str, overrides: Sequence[str]) -> tuple[str, Any]:
         options = emulator_class.Options.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(f"--set {describe(error, emulator_class.Options, ())}") from None
+    section = "master.device" if name in DEVICES or name in LEADERS else "slave.robot"
     return section, emulator_class(options)
 
 

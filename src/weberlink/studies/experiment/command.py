@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from weberlink.master.devices import SCRIPTED
+from weberlink.registry import is_scripted
 from weberlink.studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink.studies.experiment.ledger import LedgerError, Resumed, opened, path_of, subjects
 from weberlink.studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
@@ -115,8 +115,9 @@ def check_device(request: ExperimentRequest) -> None:
     Raises:
         ConfigurationError: the file is wrong, or a program moves its device.
     """
-    driver = load(request.file, request.overrides, [MASTER]).system.master.device.driver
-    if not request.simulate and driver in SCRIPTED:
+    configuration = load(request.file, request.overrides, [MASTER])
+    if not request.simulate and configuration.device is not None and is_scripted(configuration.device.driver):
+        driver = configuration.system.master.device.driver
         raise ConfigurationError(
             f"{request.file}: master.device.driver: a program moves {driver}, so no person would feel the trials; name "
             "the driver of a device (weberlink device list), or add --simulate to let a program rate"

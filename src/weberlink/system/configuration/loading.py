@@ -117,8 +117,6 @@ def _check_security(system: System) -> None:
 
 def _may_move(table: Any, name: str) -> bool:
     """Whether a driver may move something real; one of the other side that is not installed here may."""
-    if name in table.BUILT_IN:
-        return name not in table.COMPUTED
     try:
         return is_hardware(table.load(name))
     except (ValueError, ImportError):
@@ -156,7 +154,8 @@ def _arms(table: Any) -> Collection[str]:
     from weberlink.master.devices import leaders  # noqa: PLC0415 - for a message
     from weberlink.slave.robots import followers  # noqa: PLC0415 - for a message
 
-    return {devices: leaders.BUILT_IN, robots: followers.BUILT_IN}.get(table, ())
+    arms: dict[Any, Collection[str]] = {devices: leaders.LEADERS, robots: followers.FOLLOWERS}
+    return arms.get(table, ())
 
 
 def _validate(options: Mapping[str, Any], model: type[BaseModel], where: tuple[str, ...]) -> BaseModel:
