@@ -20,6 +20,7 @@ from weberlink.arms.threaded_arm import ThreadedArm
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.serial_port import SerialPort
+from weberlink.registry import Tier
 
 STALE_S: Final = 0.02
 """A torque ends this long, or three ticks, after the last command [s]."""
@@ -74,6 +75,7 @@ class DynamixelLeader(ThreadedArm[Joints]):
         ValueError: `gravity` is asked for and MuJoCo is not installed.
     """
 
+    TIER: ClassVar[Tier] = "emulated only"
     USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
 
     @classmethod

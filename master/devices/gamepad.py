@@ -15,6 +15,7 @@ from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, input_devices, permission_advice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.rate_control import WAIT_S, Deflection, RateDevice, RateOptions
+from weberlink.registry import Tier
 
 NAME = "gamepad"
 EV_SYN, EV_KEY, EV_ABS, EV_FF = 0x00, 0x01, 0x03, 0x15
@@ -256,6 +257,7 @@ def name_of(code: int) -> str:
 class GamepadDevice(RateDevice):
     """Sticks that move a position; the force resists the rate, and rumbles where the controller can."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = GamepadOptions
     NEEDS: ClassVar[tuple[str, str]] = ("evdev", "gamepad")
     SIGN_OPTIONS: ClassVar[dict[str, str]] = {axis: f"the entry of {axis} in axes" for axis in "xyz"}

@@ -35,6 +35,7 @@ from weberlink.geometry.joints import Joints
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.serial_port import SerialPort
+from weberlink.registry import Tier
 
 NAME: Final = "so101_leader"
 STALL_NM: Final[Six] = (2.16, 1.91, 2.16, 1.37, 1.37, 1.37)
@@ -81,6 +82,7 @@ class So101LeaderOptions(So101Options):
 class So101Leader(ThreadedArm[Joints]):
     """An SO-101 leader arm. Its servos have no watchdog: when this process stops, a guardian takes the torque off."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = So101LeaderOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
 

@@ -23,6 +23,7 @@ from weberlink.arms.threaded_arm import ThreadedArm
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.serial_port import SerialPort
+from weberlink.registry import Tier
 from weberlink.slave.robots.dynamixel import arm as open_manipulator
 
 STALE_S: Final = 0.1
@@ -140,6 +141,7 @@ class OpenManipulatorXOptions(DynamixelFollowerOptions):
 class DynamixelFollower(ThreadedArm[Joints | None]):
     """A follower on a bus of Dynamixel motors. Their bus watchdogs stop them when this process stops."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
 
     @classmethod

@@ -39,6 +39,7 @@ from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_port
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import HoldingGuardian
 from weberlink.hardware.serial_port import SerialPort
+from weberlink.registry import Tier
 
 NAME: Final = "so101_follower"
 STALL_NM: Final = 1.91
@@ -116,6 +117,7 @@ class So101Follower(ThreadedArm[Joints | None]):
     """An SO-101 follower arm. Its servos have no watchdog: when this process stops, a guardian lets them hold the arm
     where it is."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = So101FollowerOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
 

@@ -7,13 +7,18 @@ from functools import lru_cache, reduce
 from importlib import import_module
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar, cast
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
     from types import FrameType
 
 T = TypeVar("T")
+
+
+Tier = Literal["met hardware", "judged by others", "emulated only"]
+"""What a driver of hardware was tried on: the hardware, software of others that stands for it or judges what stands for
+it, or an emulator of its own makers alone."""
 
 
 def is_hardware(driver: object) -> bool:

@@ -13,6 +13,7 @@ from weberlink.master.devices.force_dimension.exchange import BAD_REPLIES, USB, 
 from weberlink.master.devices.force_dimension.library import find
 from weberlink.master.devices.force_dimension.options import NAME, ForceDimensionOptions
 from weberlink.master.devices.threaded_device import ThreadedTorqueDevice, fingerprint
+from weberlink.registry import Tier
 
 NO_OPTION = "no option turns it: see that the base stands as in its manual"
 
@@ -24,6 +25,7 @@ class ForceDimensionDevice(ThreadedTorqueDevice):
     gets no force command at all, so it does not carry its own weight either.
     """
 
+    TIER: ClassVar[Tier] = "judged by others"
     Options: ClassVar[type[BaseModel]] = ForceDimensionOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
     CHOSEN_BY: ClassVar[str] = "serial_number"

@@ -13,6 +13,7 @@ from weberlink.master.devices.haply.exchange import HaplyExchange
 from weberlink.master.devices.haply.linkage import HaplyFrame, HaplyVersion
 from weberlink.master.devices.haply.options import NAME, HaplyOptions, version_of
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+from weberlink.registry import Tier
 
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 NO_WATCHDOG = (
@@ -32,6 +33,7 @@ class HaplyDevice(ThreadedDevice):
     falls silent, on every fault and at the end; a guardian process sends it when this process stops or dies.
     """
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options: ClassVar[type[BaseModel]] = HaplyOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x2341, 0x804D), UsbId(0x2341, 0x824D), UsbId(0x2341, 0x003E))
     """Arduino Zero and Due with their native ports; other boards share these identities."""

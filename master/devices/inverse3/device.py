@@ -18,6 +18,7 @@ from weberlink.master.devices.inverse3.http_requests import service_devices
 from weberlink.master.devices.inverse3.options import ADDRESS, NAME, Inverse3Options
 from weberlink.master.devices.inverse3.protocol import GRIP_BUTTONS
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
+from weberlink.registry import Tier
 
 if TYPE_CHECKING:  # it imports an optional package
     from weberlink.master.devices.inverse3.service import ServiceExchange, TimeOut
@@ -34,6 +35,7 @@ class Inverse3Device(ThreadedDevice):
     when the tick falls silent or this process stops, and ends the connection when it dies.
     """
 
+    TIER: ClassVar[Tier] = "judged by others"
     Options: ClassVar[type[BaseModel]] = Inverse3Options
     NEEDS: ClassVar[tuple[str, str]] = ("websockets", "inverse3")
 

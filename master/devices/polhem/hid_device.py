@@ -24,6 +24,7 @@ from weberlink.master.devices.polhem.hid_protocol import (
 from weberlink.master.devices.polhem.homing import PositionValidator, await_press
 from weberlink.master.devices.polhem.lock_step import LockStep
 from weberlink.master.devices.polhem.options import PolhemHidOptions, signs_fingerprint
+from weberlink.registry import Tier
 
 NAME = "polhem_hid"
 USAGE_PAGE = 0xFFAB
@@ -157,6 +158,7 @@ class PolhemHidDevice(PolhemDevice):
     Without a report for 0.5 s the device itself switches its motors off; it has no other limit.
     """
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = PolhemHidOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x1234, 0x0006),)
 

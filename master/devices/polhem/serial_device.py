@@ -20,6 +20,7 @@ from weberlink.master.devices.polhem.serial_protocol import (
     SerialStatus,
     complaint,
 )
+from weberlink.registry import Tier
 
 NAME = "polhem_serial"
 
@@ -124,6 +125,7 @@ class BracketExchange(PolhemExchange):
 class PolhemSerialDevice(PolhemDevice):
     """Lock-step at the rate of the tick. Without a message for 100 ms the device itself switches its motors off."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = PolhemSerialOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x16C0, 0x0483),)
 

@@ -14,6 +14,7 @@ from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.hid_port import HidPort
 from weberlink.master.devices.rate_control import WAIT_S, Deflection, RateDevice, RateOptions
 from weberlink.master.devices.spacemouse.reports import FULL_COUNTS, LIGHT, MOST_BUTTONS, Counts, PuckState
+from weberlink.registry import Tier
 
 NAME = "spacemouse"
 GENERIC_DESKTOP, MULTI_AXIS, UNREPORTED = 1, 8, 0
@@ -120,6 +121,7 @@ def in_frame(counts: Counts, signs: Signs, full: int) -> Vector:
 class SpaceMouseDevice(RateDevice):
     """A puck that is pushed and turned; it has no force feedback, and the force is felt as resistance of the rate."""
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = SpaceMouseOptions
     USB: ClassVar[tuple[UsbId, ...]] = (
         *(UsbId(0x046D, product) for product in (0xC623, 0xC625, 0xC626, 0xC627, 0xC628, 0xC629, 0xC62B)),

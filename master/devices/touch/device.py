@@ -19,6 +19,7 @@ from weberlink.master.devices.touch.hdapi import HdError
 from weberlink.master.devices.touch.options import NAME, TouchOptions, signs_fingerprint
 from weberlink.master.devices.touch.process import ServoProcess
 from weberlink.master.devices.touch.servo import ServoArguments
+from weberlink.registry import Tier
 
 BUTTONS = 2
 BUTTON_BITS = (1 << BUTTONS) - 1
@@ -37,6 +38,7 @@ class TouchDevice:
     a tick reads and writes shared memory only.
     """
 
+    TIER: ClassVar[Tier] = "judged by others"
     Options: ClassVar[type[BaseModel]] = TouchOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x2988, 0x0302), UsbId(0x0301, 0x2988))
     """The Touch with USB, as two reports have it; the others are not seen."""

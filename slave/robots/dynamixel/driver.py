@@ -13,6 +13,7 @@ from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_port
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
+from weberlink.registry import Tier
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
@@ -36,6 +37,7 @@ class DynamixelRobot:
         ValueError: a scene was given.
     """
 
+    TIER: ClassVar[Tier] = "emulated only"
     Options = DynamixelOptions
     USB: ClassVar[tuple[UsbId, ...]] = USB
 

@@ -14,6 +14,7 @@ from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.slot import Slot
+from weberlink.registry import Tier
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.franka.messages import (
@@ -52,6 +53,7 @@ class FrankaRobot:
         ValueError: a scene was given.
     """
 
+    TIER: ClassVar[Tier] = "judged by others"
     Options = FrankaOptions
     NEEDS: ClassVar[tuple[str, str]] = ("pylibfranka", "franka")
     """The package that the controller needs, and the extra of this project that brings it."""

@@ -70,6 +70,8 @@ class DriverStatus:
     state: str
     plugged: tuple[PluggedDevice, ...] = ()
     advice: tuple[str, ...] = ()
+    tier: str | None = None
+    """What a driver of hardware was tried on; None if it does not say, or is no driver of hardware."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +104,14 @@ class Survey:
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("side", no_wrap=True)
         table.add_column("driver", max_width=24, overflow="fold")
-        table.add_column("kind", no_wrap=True)
+        table.add_column("tried on", no_wrap=True)
         table.add_column("state", no_wrap=True)
         table.add_column("plugged in", overflow="fold")
         for each in self.drivers:
             table.add_row(
                 each.side,
                 each.driver if each.package is None else f"{each.driver}\nof {each.package}",
-                f"extra {each.extra}" if each.extra else each.kind or "-",
+                (each.tier or "not stated") if each.kind == "hardware" else each.kind or "-",
                 Text(each.state, style=COLOURS.get(each.state, "red")),
                 Text("\n".join(map(str, each.plugged)) or "-"),
             )
@@ -179,7 +181,8 @@ class _Inspection:
     def _status(
         self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
     ) -> DriverStatus:
-        return DriverStatus(self.side, self.driver, self.package, kind, extra, state, plugged, advice)
+        tier = getattr(self.table[self.driver], "TIER", None) if kind == "hardware" else None
+        return DriverStatus(self.side, self.driver, self.package, kind, extra, state, plugged, advice, tier)
 
     def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
