@@ -147,7 +147,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
         "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
-        "weberlink.slave.robots.franka": slave and robot == "franka",
+        "weberlink_franka": slave and robot == "franka",
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "mujoco": computes,
@@ -179,7 +179,7 @@ def test_a_link_that_is_not_metered_does_without_numpy(modules: dict[tuple[str, 
 def test_every_optional_module_is_named_and_left_out(key: Path) -> None:
     cases = [expected(name, side, key) for name in FILES for side in SIDES]
     unused = {"weberlink.slave.integrators.semi_implicit", "weberlink.slave.integrators.implicit"}
-    unused |= {"weberlink.slave.robots.franka"} if UNUSABLE else set()
+    unused |= {"weberlink_franka"} if UNUSABLE else set()
     for module in set(cases[0]) - unused:
         assert {case[module] for case in cases} == {True, False}, module
 

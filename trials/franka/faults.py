@@ -23,7 +23,7 @@ from trials.rig import CONFIGS, Session, within
 from weberlink.protocol.emulation import Emulation
 from weberlink.system.configuration import MASTER, SLAVE
 
-CONTROLLER = b"weberlink.slave.robots.franka.controller"
+CONTROLLER = b"weberlink_franka.controller"
 FOLLOW_S = 30.0
 """From a repaired fault to an arm that follows; imports take longest."""
 REST_S, HOLD_S = 3.0, 1.0

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.pace import TICK, real_time, virtual_time
-from tests.slave.robots.franka.program import PROGRAM
+from plugins.franka.tests.program import PROGRAM
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
-from weberlink.slave.robots.franka.driver import FrankaRobot
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.driver import FrankaRobot
+from weberlink_franka.options import FrankaOptions
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape

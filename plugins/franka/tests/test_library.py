@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.slave.robots.franka import library
+from plugins.franka.tests import library
 
 real: Any = pytest.importorskip("pylibfranka", reason="needs the extra franka")
 

@@ -9,14 +9,14 @@ from time import monotonic, sleep
 
 import pytest
 
-from tests.slave.robots.franka import library
-from tests.slave.robots.franka.program import PROGRAM, ROOT
+from plugins.franka.tests import library
+from plugins.franka.tests.program import PROGRAM, ROOT
 from tests.wait import PATIENCE, until
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.contract import RobotFault
-from weberlink.slave.robots.franka.controller import RefusedError, check_mode, check_place, schedule
-from weberlink.slave.robots.franka.driver import FrankaRobot
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.controller import RefusedError, check_mode, check_place, schedule
+from weberlink_franka.driver import FrankaRobot
+from weberlink_franka.options import FrankaOptions
 
 TICK = 0.001
 START: Vector = (0.5, 0.0, 0.45)
@@ -98,7 +98,7 @@ DAEMON = f"""
 import sys
 from time import monotonic, sleep
 sys.path.insert(0, {str(ROOT)!r})
-from tests.slave.robots.franka.test_driver import ASIDE, robot_at
+from plugins.franka.tests.test_driver import ASIDE, robot_at
 robot = robot_at(approach_m_s=0.4)
 robot.open(monotonic())
 print(robot.controller_pid, flush=True)
@@ -119,7 +119,7 @@ def test_controller_ends_with_a_killed_daemon() -> None:
 
 
 def test_missing_library_is_named_with_its_extra() -> None:
-    hidden = "import sys; sys.modules['pylibfranka'] = None; from weberlink.slave.robots.franka.controller import main"
+    hidden = "import sys; sys.modules['pylibfranka'] = None; from weberlink_franka.controller import main"
     robot = FrankaRobot(FrankaOptions(), None, TICK, (sys.executable, "-c", f"{hidden}; sys.exit(main(sys.argv[1:]))"))
     with pytest.raises(RobotFault, match=r"needs pylibfranka; install it with: .*\[franka\]"):
         robot.open(monotonic())

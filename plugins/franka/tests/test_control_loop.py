@@ -5,14 +5,14 @@ from math import inf
 import numpy as np
 import pytest
 
-from tests.slave.robots.franka.library import HOME
-from tests.slave.robots.franka.loop_bench import LoopBench
+from plugins.franka.tests.library import HOME
+from plugins.franka.tests.loop_bench import LoopBench
 from weberlink.geometry.rotation import quaternion
 from weberlink.geometry.vector import Vector, distance, norm
-from weberlink.slave.robots.franka.goal import REST_RAD_S
-from weberlink.slave.robots.franka.impedance import HIGHEST, TORQUE_STEP_N_M
-from weberlink.slave.robots.franka.messages import Phase
-from weberlink.slave.robots.franka.sensing import SensingError
+from weberlink_franka.goal import REST_RAD_S
+from weberlink_franka.impedance import HIGHEST, TORQUE_STEP_N_M
+from weberlink_franka.messages import Phase
+from weberlink_franka.sensing import SensingError
 
 START: Vector = (0.5, 0.0, 0.45)
 ASIDE: Vector = (0.5, 0.2, 0.45)

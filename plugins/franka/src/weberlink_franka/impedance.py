@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, vector
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.options import FrankaOptions
 
 Array = NDArray[np.float64]
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from tests.slave.robots.franka.library import Arm, Model, RobotMode, RobotState
+from plugins.franka.tests.library import Arm, Model, RobotMode, RobotState
 from weberlink.geometry.rotation import IDENTITY, Quaternion
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.slot import Slot
-from weberlink.slave.robots.franka.control_loop import CYCLE_S, ControlLoop
-from weberlink.slave.robots.franka.messages import (
+from weberlink_franka.control_loop import CYCLE_S, ControlLoop
+from weberlink_franka.messages import (
     COMMAND,
     COMMAND_AT,
     MEMORY_SIZE,
@@ -17,7 +17,7 @@ from weberlink.slave.robots.franka.messages import (
     ArmState,
     Phase,
 )
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.options import FrankaOptions
 
 
 class LoopBench:

@@ -18,15 +18,15 @@ from typing import Any, Final
 from weberlink.installation import install_line
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent, forbid_core_dumps, prepare
-from weberlink.slave.robots.franka.control_loop import ControlLoop, position_of
-from weberlink.slave.robots.franka.messages import (
+from weberlink_franka.control_loop import ControlLoop, position_of
+from weberlink_franka.messages import (
     MEMORY_SIZE,
     ArmState,
     Phase,
     command_slot,
     state_slot,
 )
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.options import FrankaOptions
 
 LIBRARY: Final = "pylibfranka"
 WRIST_SHARE: Final = 0.25

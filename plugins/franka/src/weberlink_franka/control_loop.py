@@ -8,8 +8,8 @@ import numpy as np
 from weberlink.geometry.rotation import IDENTITY
 from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.hardware.slot import Slot
-from weberlink.slave.robots.franka.goal import REST_RAD_S, Goal
-from weberlink.slave.robots.franka.impedance import (
+from weberlink_franka.goal import REST_RAD_S, Goal
+from weberlink_franka.impedance import (
     JOINTS,
     Array,
     Impedance,
@@ -18,9 +18,9 @@ from weberlink.slave.robots.franka.impedance import (
     permitted,
     turn_between,
 )
-from weberlink.slave.robots.franka.messages import ArmCommand, ArmState, Phase
-from weberlink.slave.robots.franka.options import FrankaOptions
-from weberlink.slave.robots.franka.sensing import ExternalForce
+from weberlink_franka.messages import ArmCommand, ArmState, Phase
+from weberlink_franka.options import FrankaOptions
+from weberlink_franka.sensing import ExternalForce
 
 CYCLE_S: Final = 0.001
 REFRESH_CYCLES: Final = 20

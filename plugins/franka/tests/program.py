@@ -3,19 +3,19 @@
 import sys
 from pathlib import Path
 
-from tests.slave.robots.franka import library
+from plugins.franka.tests import library
 
 ROOT = Path(__file__).parents[4]
 PROGRAM = (
     sys.executable,
     "-c",
-    f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.slave.robots.franka.program import main; main()",
+    f"import sys; sys.path.insert(0, {str(ROOT)!r}); from plugins.franka.tests.program import main; main()",
 )
 """Command that starts it, for `FrankaRobot`."""
 
 
 def main() -> None:
     sys.modules["pylibfranka"] = library
-    from weberlink.slave.robots.franka import controller  # noqa: PLC0415
+    from weberlink_franka import controller  # noqa: PLC0415
 
     sys.exit(controller.main(sys.argv[1:]))

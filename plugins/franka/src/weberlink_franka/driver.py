@@ -17,7 +17,7 @@ from weberlink.hardware.slot import Slot
 from weberlink.registry import Tier
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
-from weberlink.slave.robots.franka.messages import (
+from weberlink_franka.messages import (
     MEMORY_SIZE,
     ArmCommand,
     ArmState,
@@ -25,11 +25,11 @@ from weberlink.slave.robots.franka.messages import (
     command_slot,
     state_slot,
 )
-from weberlink.slave.robots.franka.options import FrankaOptions
+from weberlink_franka.options import FrankaOptions
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "franka"
-PROGRAM: Final = tuple(python("-m", "weberlink.slave.robots.franka.controller"))
+PROGRAM: Final = tuple(python("-m", "weberlink_franka.controller"))
 RATE_HZ: Final = 1000.0
 TIP_KG: Final = 5.0
 """Mass that the arm has at its tip, about: 4 to 6 kg in franka-sim, by direction."""
