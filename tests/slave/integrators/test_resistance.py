@@ -8,9 +8,7 @@ from weberlink.slave.integrators.contact_force import ContactResistance, contact
 from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
-STEP = 1e-3
-INERTIA = 0.2
-vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+STEP, INERTIA = 1e-3, 0.2
 SIDE: Vector = unit((1.0, 0.2, 0.5))
 
 
@@ -25,14 +23,12 @@ def implicit(scene: Scene, start: Vector, velocity: Vector) -> Vector:
 @pytest.mark.parametrize(
     "scene",
     [
-        wall(1e5, 30.0),
         wall(1e5, 30.0, FrictionCone(2.0, 2.0)),
-        corner((UP, 1e5, None), (SIDE, 2e4, 5.0)),
         corner((UP, 1e5, 3.0), (SIDE, 2e4, None), (unit((0.0, 1.0, 0.3)), 5e3, 1.0)),
     ],
-    ids=["wall", "rough wall", "two oblique planes", "three"],
+    ids=["rough wall", "three planes"],
 )
-@given(push=vectors)
+@given(push=st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_it_inverts_the_derivative_of_the_implicit_equation(scene: Scene, push: Vector) -> None:
     scene.reset()
     scene.touch((0.0, 0.0, 0.001))
@@ -42,20 +38,14 @@ def test_it_inverts_the_derivative_of_the_implicit_equation(scene: Scene, push: 
     state = scene.state
     at = ContactResistance(scene.touch(add(start, scale(velocity, STEP))), velocity, INERTIA, STEP)
     scene.restore(state)
-    tiny = 1e-4
-    change = at.solved(scale(push, tiny))
+    change = at.solved(scale(push, 1e-4))
     rise = subtract(implicit(scene, start, add(velocity, change)), implicit(scene, start, velocity))
-    assert rise == pytest.approx(scale(push, tiny), abs=1e-9)
+    assert rise == pytest.approx(scale(push, 1e-4), abs=1e-9)
 
 
 def test_contact_that_would_pull_has_no_force() -> None:
-    scene = wall(1e5, 30.0)
+    scene, leaving = wall(1e5, 30.0), (0.0, 0.0, 0.1)
     scene.touch((0.0, 0.0, 0.001))
     touches = scene.touch((0.0, 0.0, -1e-5))
-    leaving: Vector = (0.0, 0.0, 0.1)
     assert contact_force(touches, leaving) == ZERO
-    assert pressing(touches, leaving) == frozenset()
-    assert pressing(touches, ZERO) == {0}
-    assert ContactResistance(touches, leaving, INERTIA, STEP).solved((0.0, 0.0, INERTIA)) == pytest.approx(
-        (0.0, 0.0, 1.0)
-    )
+    assert (pressing(touches, leaving), pressing(touches, ZERO)) == (frozenset(), {0})
