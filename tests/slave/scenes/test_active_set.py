@@ -35,14 +35,16 @@ def test_push_is_feasible_and_smallest(normals: list[Vector], feasible: Vector, 
         assert dot(normal, push) >= violation - 1e-6
 
 
-def test_orthogonal_faces_add_up() -> None:
-    normals = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    assert dict(smallest_push([0.1, 0.2, 0.3], normals)) == pytest.approx({0: 0.1, 1: 0.2, 2: 0.3})
+X, Y, Z, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
 
-def test_the_same_plane_twice_pushes_once() -> None:
-    assert smallest_push([0.2, 0.2], [(0.0, 0.0, 1.0), (0.0, 0.0, 1.0)]) == ((0, 0.2),)
-
-
-def test_of_contradicting_planes_the_most_violated_is_obeyed() -> None:
-    assert smallest_push([0.1, 0.2], [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]) == ((1, 0.2),)
+@pytest.mark.parametrize(
+    ("violations", "normals", "pushes"),
+    [
+        ([0.1, 0.2, 0.3], [X, Y, Z], {0: 0.1, 1: 0.2, 2: 0.3}),
+        ([0.2, 0.2], [Z, Z], {0: 0.2}),
+        ([0.1, 0.2], [Z, DOWN], {1: 0.2}),  # of contradicting planes the most violated is obeyed
+    ],
+)
+def test_faces_that_push(violations: list[float], normals: list[Vector], pushes: dict[int, float]) -> None:
+    assert dict(smallest_push(violations, normals)) == pytest.approx(pushes)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.slave.scenes.solids import GROUND, SHAPES, scenes, wander
+from tests.slave.scenes.solids import SHAPES, scenes, wander
 from weberlink.geometry.vector import ZERO, add, norm, scale
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -57,14 +57,3 @@ def test_concave_corner_has_one_touch_per_plane() -> None:
     assert touches[0].grip == 500.0
     assert (touches[1].drag, touches[1].grip) == (ZERO, 0.0)
     assert room.contacts == 1
-
-
-def test_grip_is_zero_while_sliding() -> None:
-    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
-    scene.touch((0.0, 0.0, 0.001))
-    scene.touch((0.0, 0.0, -0.004))
-    assert scene.touch((0.0015, 0.0, -0.004))[0].grip == 1000.0
-    (sliding,) = scene.touch((0.004, 0.0, -0.004))
-    assert sliding.grip == 0.0
-    assert sliding.drag == pytest.approx((-0.4 * 4.0, 0.0, 0.0))
-    assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"
