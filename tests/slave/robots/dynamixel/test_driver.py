@@ -10,10 +10,8 @@ from time import monotonic, sleep
 from typing import Any
 
 import pytest
-import yaml
 from pydantic import ValidationError
 
-from tests.system.systems import CONFIGS
 from tests.wait import until
 from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.emulator import PtyDevice
@@ -81,30 +79,19 @@ def test_the_spec_states_lag_and_uncertainty(
     assert (spec.force_error, spec.rate_hz, spec.watchdog_s) == (error, 250.0, pytest.approx(watchdog_s))
 
 
-def test_example_deadband_exceeds_force_uncertainty() -> None:
-    example = yaml.safe_load((CONFIGS / "phantom-arm.yaml").read_text())
-    options = {name: value for name, value in example["slave"]["robot"].items() if name != "driver"}
-    spec = DynamixelRobot(DynamixelOptions.model_validate(options), None, TICK).spec
-    assert spec.force_error[0] < example["codec"]["force"]["floor_n"] < spec.force_n
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         ({"baud": 1_000_001}, "baud: expected one of"),
-        ({"ids": (11, 11, 13, 14)}, "ids"),
         ({"ids": (11, 12, 13, 254)}, "ids"),
         ({"baud": 57_600}, "baud: expected more: .* takes 23.2 ms, and the arm needs 200 Hz"),
         ({"rate_hz": 439.0}, "rate_hz: expected 438 or less"),
-        ({"rate_hz": 199.0}, "greater than or equal to 200"),
         ({"stiffness_n_m": 439.0}, "stiffness_n_m: expected 438 or less"),
         ({"damping_rate_s": 14.0}, "damping_rate_s: expected 13.9 or less at 250 Hz with rotor_inertia_kg_m2 0.045"),
-        ({"damping_rate_s": 63.0, "rotor_inertia_kg_m2": 0.005}, "damping_rate_s: expected 62.5 or less"),
         ({"bus_watchdog_ms": 29.0, "timeout_ms": 15.0}, "bus_watchdog_ms: expected at least twice timeout_ms, 30"),
         ({"workspace_m": ((0.2, -0.1, 0.1), (0.1, 0.1, 0.2))}, "workspace_m: expected a lower and a higher corner"),
         ({"workspace_m": ((0.12, -0.1, 0.1), (0.4, 0.1, 0.2))}, "workspace_m: expected corners that the arm reaches"),
         ({"home_m": (0.3, 0.0, 0.1)}, "home_m: expected a point within the workspace"),
-        ({"stifness_n_m": 100.0}, "stifness_n_m"),
     ],
 )
 def test_impossible_options_are_refused(options: dict[str, Any], says: str) -> None:

@@ -35,7 +35,6 @@ poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, stri
 free = st.tuples(*[st.floats(low + 0.3, high - 0.3) for low, high in zip(LOWER, UPPER, strict=True)])
 rates = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
 offsets = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
-AT_WORK: Joints = (0.3, -0.4, 0.5, 0.6)
 
 
 def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: float = 0.0) -> Joints:
@@ -44,11 +43,6 @@ def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: 
     given_ = joint_torques(here, speeds, add(here.tip, offset), here.pitch + turn, ImpedanceGains())
     a, b, c, d = (tau - weight for tau, weight in zip(given_, here.gravity, strict=True))
     return (a, b, c, d)
-
-
-@given(free)
-def test_torque_at_the_goal_is_gravity_compensation(joints: Joints) -> None:
-    assert torque(joints) == pytest.approx(STILL, abs=1e-12)
 
 
 @given(free, offsets)
@@ -124,24 +118,6 @@ def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: flo
                 assert largest < 1.0, f"{joints}, {true_rotor} kg m^2, {constant} N m/A, a wall of {wall} N/m"
 
 
-@given(poses, st.sampled_from(SPREAD), st.sampled_from((LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2)))
-def test_stable_up_to_the_joint_limits(joints: Joints, motor: tuple[float, float], rotor: float) -> None:
-    damping = fastest_damping(250.0, rotor)
-    gains = ImpedanceGains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
-    largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
-    assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
-
-
-def test_damping_bound_depends_on_assumed_rotor_inertia() -> None:
-    """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
-    assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
-    gains = ImpedanceGains(200.0, 50.0)
-    light = max(
-        largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=LEAST_ROTOR_INERTIA_KG_M2) for joints in workspace()
-    )
-    assert light > 1.02
-
-
 HERE: Vector = (0.2, 0.0, 0.1)
 THERE: Vector = (0.2, 0.0, 0.12)
 PERIOD = 0.004
@@ -161,13 +137,6 @@ def test_first_command_is_approached_at_limited_speed() -> None:
     assert points[40] != THERE
     assert points[-1] == THERE
     assert goal.next(HERE, HERE, 6.0) == HERE
-
-
-def test_a_gap_shorter_than_the_patience_changes_nothing() -> None:
-    goal = TipGoal(0.1, 0.1)
-    goal.place(HERE, 5.0)
-    run(goal, THERE, HERE, 5.0, 60)
-    assert set(run(goal, None, HERE, 5.24, 24)) == {THERE}
 
 
 def test_goal_holds_after_pause_and_resumes_smoothly() -> None:
