@@ -207,6 +207,16 @@ def test_it_presses_with_no_more_than_the_limit() -> None:
     assert following.trips == 0
 
 
+def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
+    following = Following().there((0.0, 0.0), (0.2,))
+    for angle, engaged in ((0.01, True), (0.3, False), (0.3, True)):
+        following.arm.angles, following.arm.torques = (angle, 0.0, 0.2), (PRESS[0], 0.0, 0.0)
+        following.sense()
+        before = following.port.applied
+        following.tick((-0.5, 0.0), (0.2,), engaged=engaged)
+    assert following.port.applied[0] > before[0], "out at once: the excess was there before it went on"
+
+
 def test_arm_that_sags_keeps_a_light_load_up() -> None:
     following = Following(Servos(sag=0.07)).there((0.5, 0.0), (0.5,))
     following.arm.load = (-0.3, 0.0, 0.0)

@@ -104,6 +104,26 @@ def test_press_limit_outlasts_the_contact_by_the_rebound() -> None:
         assert limit.bounded((-0.5, 0.0, 0.0), still, still, still, TICK)[0] == pytest.approx(-0.1)
     target = (-0.5, 0.0, 0.0)
     assert limit.bounded(target, still, still, still, TICK) is target
+    limit.bounded(still, still, still, (0.5, 0.0, 0.0), TICK)
+    limit.bounded((0.1, 0.0, 0.0), still, still, still, TICK)
+    assert limit.bounded(target, still, still, still, TICK) is target, "out of the contact, it is over at once"
+
+
+@pytest.mark.parametrize("held", [0.0, -0.15])
+@pytest.mark.parametrize("ends", ["forgets", "rebound", "out"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_after_a_contact_it_bounds_as_a_new_one(ends: str, held: float, sign: float) -> None:
+    limit, new = (JointPressLimit((1.0,), (10.0,), NOISE) for _ in range(2))
+    for before in (-0.12, -0.04):
+        limit.bounded((-sign,), (sign * before,), (0.0,), (sign,), TICK)
+    if ends == "forgets":
+        limit.forget()
+    for _ in range(round(REBOUND / TICK) + 2 if ends == "rebound" else ends == "out"):
+        for each in (limit, new):
+            each.bounded((-sign if ends == "rebound" else 0.1 * sign,), (0.0,), (0.0,), (0.0,), TICK)
+    for _ in range(2):
+        found, expected = (each.bounded((-sign,), (sign * held,), (0.0,), (sign,), TICK) for each in (limit, new))
+        assert found == expected
 
 
 def test_light_load_does_not_make_a_sagging_arm_sink() -> None:
