@@ -197,6 +197,7 @@ def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
 def test_it_presses_with_no_more_than_the_limit() -> None:
     following = Following(Servos(walls=(-0.02, -inf, 0.1), angles=(0.0, 0.0, 0.4)))
     largest = [0.0, 0.0, 0.0]
+    assert following.row().contact_ticks == 0
     for tick in range(3000):
         following.tick((-min(1.0, tick * 4e-4), 0.3), (0.0,))
         largest = [max(most, abs(torque)) for most, torque in zip(largest, following.arm.torques, strict=True)]
