@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.slave.robots.dynamixel.stability import largest_eigenvalue, workspace
 from weberlink.geometry.vector import ZERO, Vector, add, distance
 from weberlink.slave.robots.dynamixel.arm import (
-    LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
-    ROTOR_INERTIA_KG_M2,
     UPPER,
     Joints,
     arm_pose,
@@ -20,14 +17,11 @@ from weberlink.slave.robots.dynamixel.arm import (
 )
 from weberlink.slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
-    SLOWEST_HZ,
     ImpedanceGains,
     TipGoal,
     currents,
-    fastest_damping,
     joint_torques,
     null_direction,
-    stiffest,
 )
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
@@ -97,25 +91,6 @@ def test_no_current_is_beyond_the_limit(torques: Joints, most: float) -> None:
     for tau, amperes in zip(torques, given_, strict=True):
         assert abs(amperes) <= most
         assert amperes == pytest.approx(max(-most, min(most, tau / 1.78)))
-
-
-SPREAD = [(LEAST_ROTOR_INERTIA_KG_M2, 2.48), (LEAST_ROTOR_INERTIA_KG_M2, 1.65), (0.045, 2.48), (0.1, 2.48), (0.1, 1.65)]
-"""What motors may really be: the inertias [kg m^2] and torque constants [N m/A] that are published, and beyond."""
-
-
-@pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, 0.02, ROTOR_INERTIA_KG_M2])
-@pytest.mark.parametrize("rate", [SLOWEST_HZ, 250.0, 400.0])
-@pytest.mark.parametrize("share", [0.4, 1.0])
-def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: float, share: float) -> None:
-    damping = share * fastest_damping(rate, rotor)
-    gains = ImpedanceGains(stiffest(damping, rate, rotor), damping, rotor=rotor)
-    for joints in workspace():
-        for true_rotor, constant in SPREAD:
-            for wall in (0.0, 2000.0):
-                largest = largest_eigenvalue(
-                    joints, gains, 1.0 / rate, rotor=true_rotor, torque=constant / 1.78, wall=wall
-                )
-                assert largest < 1.0, f"{joints}, {true_rotor} kg m^2, {constant} N m/A, a wall of {wall} N/m"
 
 
 HERE: Vector = (0.2, 0.0, 0.1)
