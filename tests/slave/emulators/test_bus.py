@@ -33,22 +33,6 @@ def test_answer_time_includes_packets_and_return_delay(baud: int, delay: int) ->
     assert len(host.wait(2e-6)) == 1
 
 
-def test_the_vendors_packets() -> None:
-    """ROBOTIS e-Manual, protocol 2.0, ping of id 1 and of id 2 (Example 2), but for model and firmware."""
-    host = Host(DynamixelEmulator(DynamixelEmulatorOptions(ids=(1, 2, 3, 4, 5))))
-    for servo in host.emulator.servos:
-        servo.rename(1030)
-        servo.registers["firmware_version"] = 38
-    host.emulator.receive(bytes.fromhex("FFFFFD00 FE 0300 01 3142"), host.now)
-    host.emulator.advance(host.now + 0.1)
-    replies = host.emulator.replies(host.now + 0.1)
-    assert replies[:2] == [
-        bytes.fromhex("FFFFFD00 01 0700 55 00 060426 655D"),
-        bytes.fromhex("FFFFFD00 02 0700 55 00 060426 6F6D"),
-    ]
-    assert len(replies) == 5
-
-
 def test_servos_behind_a_silent_one_are_silent(host: Host) -> None:
     host.emulator.inject("dead", 3)
     assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == [11, 12]

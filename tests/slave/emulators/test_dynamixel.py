@@ -8,9 +8,7 @@ from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
 from weberlink.arms.dynamixel import packet
 from weberlink.arms.dynamixel.packet import encode_packet
-from weberlink.slave.emulators.arm_dynamics import STILL
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, arm_pose
 from weberlink.slave.scenes.settings import object_settings
 
 FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
@@ -18,21 +16,6 @@ FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=50
 
 def arm(**options: object) -> Host:
     return Host(DynamixelEmulator(DynamixelEmulatorOptions.model_validate(options)))
-
-
-def test_current_accelerates_joint_by_torque_constant() -> None:
-    host = arm(start_rad=(0.0, 0.0, 0.0, 0.0), coulomb_n_m=STILL, viscous_n_m_s=STILL, current_noise_ma=0.0)
-    host.current_control(11, 12, 13, 14)
-    host.ask(packet.sync_write(102, 2, [(11, (10).to_bytes(2, "little"))]), patience=0.01)
-    measured = host.read(11, 126, 2)
-    assert measured == 10
-    torque = 10 * 2.69e-3 * 4.1 / 2.3
-    began = host.emulator.arm.velocities[0]
-    inertia = arm_pose(host.emulator.arm.angles).inertia[0] + ROTOR_INERTIA_KG_M2
-    host.wait(0.004)
-    assert host.emulator.arm.velocities[0] - began == pytest.approx(torque / inertia * 0.004, rel=0.1)
-    assert host.emulator.currents[0] == pytest.approx(10 * 2.69e-3)
-    assert host.emulator.largest_current == pytest.approx(10 * 2.69e-3)
 
 
 def test_the_tip_feels_the_scene() -> None:

@@ -72,27 +72,6 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
 BODY = ControlledMass(0.05, 2000.0, 4.0)
 
 
-@examples(60)
-@given(
-    mass=tenfold(1e-3, 10.0),
-    stiffness=tenfold(10.0, 1e6),
-    ratio=st.sampled_from([0.05, 1.0, 5.0]),
-    step=tenfold(1e-4, 0.03),
-    cone=st.sampled_from([FrictionCone(0.5, 0.5), FrictionCone(0.8, 0.3), FrictionCone(0.1, 0.05)]),
-    sideways=st.floats(-0.5, 0.5),
-    aim=st.floats(-0.01, 0.01),
-)
-def test_along_a_line_one_step_goes_as_far_as_fifty(
-    mass: float, stiffness: float, ratio: float, step: float, cone: FrictionCone, sideways: float, aim: float
-) -> None:
-    control = 2000.0
-    body = ControlledMass(mass, control, 2.0 * ratio * sqrt(control * mass))
-    start, velocity, goal = (0.0, 0.0, 1e-4), (0.6 * sideways, 0.8 * sideways, -0.2), (0.6 * aim, 0.8 * aim, -0.003)
-    once = run("exact", body, lambda: wall(stiffness, None, cone), start, velocity, goal, step, 1)
-    often = run("exact", body, lambda: wall(stiffness, None, cone), start, velocity, goal, step, 50)
-    assert difference(once, often, 0.0) < 1e-8 * (norm(velocity) * step + 0.001)
-
-
 def test_it_slides_as_under_a_constant_force_and_stops_for_good() -> None:
     """Pressed at a constant depth, thrown along the surface: half a swing about the goal displaced by the friction."""
     depth, stiffness, mass, static, mu, speed = 1e-3, 1e4, 0.1, 0.5, 0.4, 0.5

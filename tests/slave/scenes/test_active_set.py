@@ -1,6 +1,5 @@
 from math import cos, pi, sin, sqrt
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -33,18 +32,3 @@ def test_push_is_feasible_and_smallest(normals: list[Vector], feasible: Vector, 
     assert all(multiplier >= 0.0 for _, multiplier in pushes)
     for violation, normal in zip(violations, normals, strict=True):
         assert dot(normal, push) >= violation - 1e-6
-
-
-X, Y, Z, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
-
-
-@pytest.mark.parametrize(
-    ("violations", "normals", "pushes"),
-    [
-        ([0.1, 0.2, 0.3], [X, Y, Z], {0: 0.1, 1: 0.2, 2: 0.3}),
-        ([0.2, 0.2], [Z, Z], {0: 0.2}),
-        ([0.1, 0.2], [Z, DOWN], {1: 0.2}),  # of contradicting planes the most violated is obeyed
-    ],
-)
-def test_faces_that_push(violations: list[float], normals: list[Vector], pushes: dict[int, float]) -> None:
-    assert dict(smallest_push(violations, normals)) == pytest.approx(pushes)

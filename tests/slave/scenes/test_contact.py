@@ -71,16 +71,6 @@ def damped() -> Scene:
     return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
 
 
-def test_pressing_in_is_resisted_by_speed() -> None:
-    scene = damped()
-    for i in range(1, 11):
-        force = scene.force((0.0, 0.0, -0.0001 * i), TICK)
-    assert force == pytest.approx((0.0, 0.0, 500.0 * 0.001 + 10.0 * 0.1))
-    assert scene.force((0.0, 0.0, -0.001), TICK) == pytest.approx((0.0, 0.0, 0.5)), (
-        "standing still there is only the spring"
-    )
-
-
 @given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
 def test_damping_never_pulls(heights: list[float], dt: float) -> None:
     scene = damped()
