@@ -12,7 +12,6 @@ from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot, RobotFault
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.robots.virtual import UNSTATED
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
@@ -48,16 +47,6 @@ def test_runs_are_reproducible(name: str) -> None:
         return readings
 
     assert run() == run()
-
-
-@every_driver
-def test_a_long_gap_is_survived(name: str) -> None:
-    robot = robot_of(name, ground())
-    robot.open(0.0)
-    robot.command((0.0, 0.0, -0.01), TICK)
-    reading = robot.latest(3600.0)
-    assert reading.at == 3600.0
-    assert reading.position[2] == pytest.approx(-0.01 + reading.force[2] / UNSTATED, abs=1e-5)
 
 
 @every_driver

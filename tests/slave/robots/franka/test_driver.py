@@ -98,10 +98,3 @@ def test_controller_ends_with_a_killed_daemon() -> None:
         assert child.exists()
         daemon.kill()
     until(lambda: not child.exists(), "the controller to end")
-
-
-def test_missing_library_is_named_with_its_extra() -> None:
-    hidden = "import sys; sys.modules['pylibfranka'] = None; from weberlink.slave.robots.franka.controller import main"
-    robot = FrankaRobot(FrankaOptions(), None, TICK, (sys.executable, "-c", f"{hidden}; sys.exit(main(sys.argv[1:]))"))
-    with pytest.raises(RobotFault, match=r"needs pylibfranka; install it with: .*\[franka\]"):
-        robot.open(monotonic())
