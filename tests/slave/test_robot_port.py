@@ -332,11 +332,14 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
     assert row.clipped
     assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
+    assert following.row().ramping is following.port.ramping is False
     assert following.row(is_led=False).ramping == RELEASED
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
     assert following.port.clipped, "the tool is limited"
+    shown = following.port.shown(UP)
     following.port.halt(following.now)
     assert following.robot.turns[-1] == following.robot.turns[-2]
+    assert following.port.shown(UP) == shown
     port.close()
     assert not following.robot.is_open
     assert following.torque.complaint(RobotReading(0.0, ZERO, ZERO, torque=(1e9, 0.0, 0.0))) is not None
