@@ -139,6 +139,22 @@ class ArmBench:
         self.time.now += seconds
         self.emulator.advance(self.time.now)
 
+    def inject(self, fault: str, value: float) -> None:
+        """One of the emulator's, or the faults of its wire."""
+        if fault in ("silent", "garble"):
+            setattr(self.emulator.faults, fault, value)
+        elif fault == "power":
+            register = 40 if isinstance(self.emulator, FeetechEmulator) else 64
+            self.emulator.servos[int(value) - 1].write(register, b"\0")
+        else:
+            self.emulator.inject(fault, value)
+            self.wait(0.0)
+
+    @property
+    def displayed(self) -> Joints:
+        """Torques on the hand, along the angles of the emulated arm [N m]."""
+        return tuple(self.emulator.motor_nm)
+
     @property
     def angles(self) -> Joints:
         """Of the emulated arm [rad]."""

@@ -136,23 +136,6 @@ def test_inertia_is_more_than_that_of_motors(name: str) -> None:
     assert all(near > far for near, far in pairwise(links[1:4]))
 
 
-@pytest.mark.parametrize("name", ["so101", "koch_follower", "koch_leader", "open_manipulator_x"])
-def test_jaws_meet_where_the_gripper_is_closed(name: str) -> None:
-    plain = PLAIN[name]
-    data = mujoco.MjData(plain)
-    labels = ("left_finger", "right_finger") if name == "open_manipulator_x" else ("fixed_jaw", "moving_jaw")
-    a, b = (plain.geom(label).id for label in labels)
-
-    def gap(angle: float) -> float:
-        data.qpos[MODELS[name].axes - 1] = angle
-        data.qpos[MODELS[name].axes :] = 0.015 * angle
-        mujoco.mj_forward(plain, data)
-        return float(mujoco.mj_geomDistance(plain, data, a, b, 1.0, None))
-
-    assert abs(gap(0.0)) < 1e-3
-    assert gap(MODELS[name].upper[-1]) > 0.02
-
-
 @pytest.mark.parametrize(
     ("body", "message"),
     [

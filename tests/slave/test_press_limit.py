@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.joint_safety import JointPressLimit
@@ -135,6 +136,7 @@ taps = st.builds(
 FAST = Tap(speed=0.5, taps=4)
 
 
+@examples(25)
 @given(cases, taps)
 @example(Case(None, 500.0, 20.0), FAST)
 @example(Case(None, 2500.0, 20.0), FAST)
@@ -150,6 +152,7 @@ def test_limit_makes_no_contacts_and_no_force_that_would_not_be_there_without_it
     assert limited.peak <= max(1.03 * free.peak, 1.05 * case.most)
 
 
+@examples(25)
 @given(cases, taps)
 @example(Case(None, 500.0, 20.0), FAST)
 @example(Case(0.01, 10_000.0, 50.0), FAST)

@@ -33,31 +33,6 @@ def test_answer_time_includes_packets_and_return_delay(baud: int, delay: int) ->
     assert len(host.wait(2e-6)) == 1
 
 
-def test_the_vendors_packets() -> None:
-    """ROBOTIS e-Manual, protocol 2.0, ping of id 1 and of id 2 (Example 2), but for model and firmware."""
-    host = Host(DynamixelEmulator(DynamixelEmulatorOptions(ids=(1, 2, 3, 4, 5))))
-    for servo in host.emulator.servos:
-        servo.rename(1030)
-        servo.registers["firmware_version"] = 38
-    host.emulator.receive(bytes.fromhex("FFFFFD00 FE 0300 01 3142"), host.now)
-    host.emulator.advance(host.now + 0.1)
-    replies = host.emulator.replies(host.now + 0.1)
-    assert replies[:2] == [
-        bytes.fromhex("FFFFFD00 01 0700 55 00 060426 655D"),
-        bytes.fromhex("FFFFFD00 02 0700 55 00 060426 6F6D"),
-    ]
-    assert len(replies) == 5
-
-
-def test_sync_read_answers_in_order(host: Host) -> None:
-    ids = (13, 11, 15, 12)
-    for servo in host.emulator.servos:
-        servo.registers["return_delay_time"] = 0
-    statuses = host.ask(packet.sync_read(126, 10, ids), patience=(18 + 4 * 21) * 10e-6 - 1e-6)
-    assert [status.id for status in statuses] == [13, 11, 15]
-    assert [status.id for status in host.wait(2e-6)] == [12]
-
-
 def test_servos_behind_a_silent_one_are_silent(host: Host) -> None:
     host.emulator.inject("dead", 3)
     assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == [11, 12]
@@ -75,16 +50,6 @@ def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
     assert host.ask(Packet(BROADCAST, packet.SYNC_WRITE, b"\x41\x00\x01\x00\x0c")) == []
 
 
-def test_a_broadcast_is_carried_out_without_an_answer(host: Host) -> None:
-    assert host.ask(Packet(BROADCAST, packet.WRITE, b"\x41\x00\x01")) == []
-    assert [servo.registers["led"] for servo in host.emulator.servos] == [1] * 5
-    assert host.ask(Packet(BROADCAST, packet.READ, b"\x41\x00\x01\x00")) == []
-    assert host.ask(Packet(BROADCAST, packet.REBOOT)) == []
-    assert host.ask(Packet(BROADCAST, packet.PING)) == []
-    host.wait(0.3)
-    assert [status.id for status in host.ask(Packet(BROADCAST, packet.PING))] == list(IDS)
-
-
 def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
     data = bytearray(encode_packet(READ_POSITION))
     data[-1] ^= 1
@@ -92,16 +57,6 @@ def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
     assert host.wait(0.02) == []
     assert host.emulator.bus.bad_checksums == 1
     assert len(host.ask(READ_POSITION)) == 1
-
-
-def test_collision_is_counted_and_request_served_later(host: Host) -> None:
-    host.emulator.receive(encode_packet(READ_POSITION), host.now)
-    host.wait(0.0005)
-    first = 140e-6 + 500e-6 + 150e-6
-    second = first + 100e-6 + 500e-6 + 140e-6
-    assert [status.id for status in host.ask(packet.ping(12), patience=second - 0.0005 - 1e-6)] == [11]
-    assert [status.id for status in host.wait(2e-6)] == [12]
-    assert host.emulator.bus.collisions == 1
 
 
 @examples(60)

@@ -1,6 +1,5 @@
 from math import cos, pi, sin, sqrt
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -33,16 +32,3 @@ def test_push_is_feasible_and_smallest(normals: list[Vector], feasible: Vector, 
     assert all(multiplier >= 0.0 for _, multiplier in pushes)
     for violation, normal in zip(violations, normals, strict=True):
         assert dot(normal, push) >= violation - 1e-6
-
-
-def test_orthogonal_faces_add_up() -> None:
-    normals = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    assert dict(smallest_push([0.1, 0.2, 0.3], normals)) == pytest.approx({0: 0.1, 1: 0.2, 2: 0.3})
-
-
-def test_the_same_plane_twice_pushes_once() -> None:
-    assert smallest_push([0.2, 0.2], [(0.0, 0.0, 1.0), (0.0, 0.0, 1.0)]) == ((0, 0.2),)
-
-
-def test_of_contradicting_planes_the_most_violated_is_obeyed() -> None:
-    assert smallest_push([0.1, 0.2], [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]) == ((1, 0.2),)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.slave.scenes.solids import GROUND, SHAPES, scenes, wander
+from tests.slave.scenes.solids import SHAPES, scenes, wander
 from weberlink.geometry.vector import ZERO, add, norm, scale
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -41,30 +41,3 @@ def test_restore_undoes_all_changes(name: str) -> None:
         assert trying.touch(position) == straight.touch(position)
         assert trying.state == straight.state
         assert trying.force(position, TICK) == straight.force(position, TICK)
-
-
-def test_concave_corner_has_one_touch_per_plane() -> None:
-    room = Scene([SceneObject(SHAPES["box cavity"], 500.0, CONE, 2.0)])
-    room.touch((0.0, 0.0, 0.01))
-    room.touch((0.031, 0.021, 0.01))
-    touches = room.touch((0.032, 0.0215, 0.0105))
-    assert [(touch.depth, touch.normal) for touch in touches] == [
-        (pytest.approx(0.002), (-1.0, 0.0, 0.0)),
-        (pytest.approx(0.0015), (0.0, -1.0, 0.0)),
-    ]
-    assert all((touch.stiffness, touch.damping) == (500.0, 2.0) for touch in touches)
-    assert touches[0].drag[2] < 0.0
-    assert touches[0].grip == 500.0
-    assert (touches[1].drag, touches[1].grip) == (ZERO, 0.0)
-    assert room.contacts == 1
-
-
-def test_grip_is_zero_while_sliding() -> None:
-    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
-    scene.touch((0.0, 0.0, 0.001))
-    scene.touch((0.0, 0.0, -0.004))
-    assert scene.touch((0.0015, 0.0, -0.004))[0].grip == 1000.0
-    (sliding,) = scene.touch((0.004, 0.0, -0.004))
-    assert sliding.grip == 0.0
-    assert sliding.drag == pytest.approx((-0.4 * 4.0, 0.0, 0.0))
-    assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"

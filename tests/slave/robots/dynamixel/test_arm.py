@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.vector import Vector, distance, dot
+from weberlink.geometry.vector import Vector, distance
 from weberlink.slave.robots.dynamixel import arm
 from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
@@ -23,7 +23,6 @@ STEP = 1e-6
 ROTOR = ROTOR_INERTIA_KG_M2
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
 small = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
-forces = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 
 
 def moved(joints: Joints, index: int, by: float) -> Joints:
@@ -48,15 +47,6 @@ def test_gravity_is_the_gradient_of_potential_energy(joints: Joints) -> None:
         assert gravity[index] == pytest.approx((ahead - behind) / (2.0 * STEP), abs=1e-6)
 
 
-@given(poses, small, forces)
-def test_force_times_velocity_is_torque_times_rates(joints: Joints, rates: Joints, force: Vector) -> None:
-    here = arm_pose(joints)
-    work = sum(torque * rate for torque, rate in zip(here.torques(force), rates, strict=True))
-    assert dot(force, here.velocity(rates)) == pytest.approx(work, abs=1e-9)
-    by_rows = tuple(sum(j * q for j, q in zip(row, rates, strict=True)) for row in here.jacobian())
-    assert here.velocity(rates) == pytest.approx(by_rows, abs=1e-9)
-
-
 @given(st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25)), st.floats(0.0, 1.2))
 def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> None:
     joints = inverse_nearest(tip, pitch)
@@ -72,17 +62,6 @@ def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> N
 def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
     assert inverse(tip, 0.0) is None
     assert inverse_nearest(tip, 0.0) is None
-
-
-def test_nearest_reachable_pitch_is_used() -> None:
-    tip = (0.12, 0.12, 0.05)
-    assert inverse(tip, 0.0) is None
-    joints = inverse_nearest(tip, 0.0)
-    assert joints is not None
-    pitch = arm_pose(joints).pitch
-    assert 0.0 < pitch < 1.0
-    assert inverse(tip, pitch - 0.02, True) is None
-    assert inverse(tip, pitch - 0.02, False) is None
 
 
 @given(poses)

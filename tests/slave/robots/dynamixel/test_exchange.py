@@ -9,13 +9,14 @@ import pytest
 from tests.arms.virtual import KilledError
 from tests.slave.robots.dynamixel.virtual_bus import Bench
 from weberlink.arms.dynamixel import registers
-from weberlink.arms.dynamixel.packet import REBOOT, WRITE, Packet, PacketReader
+from weberlink.arms.dynamixel.packet import REBOOT, Packet
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
-from weberlink.slave.robots.dynamixel.arm import Joints, arm_pose
+from weberlink.slave.robots.dynamixel.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, arm_pose
 from weberlink.slave.robots.dynamixel.exchange import WATCH_EVERY
 from weberlink.slave.robots.dynamixel.external_force import force_error
+from weberlink.slave.robots.dynamixel.impedance import fastest_damping, stiffest
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
@@ -50,22 +51,6 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
         assert bench.read(joint, registers.TORQUE_ENABLE) == 1
         assert bench.read(joint, registers.RETURN_DELAY_TIME) == 0
     assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
-
-
-def test_correct_eeprom_settings_are_not_written() -> None:
-    bench = Bench()
-    bench.exchange.open()
-    assert {11, 9} <= written(bench)
-    bench.start_anew()
-    bench.exchange.open()
-    assert not {11, 9} & written(bench), "EEPROM wears"
-    assert {64, 98, 102} <= written(bench)
-
-
-def written(bench: Bench) -> set[int]:
-    """Registers that were written to single motors since the port was opened."""
-    requests = PacketReader().feed(b"".join(bench.port.sent))
-    return {int.from_bytes(each.parameters[:2], "little") for each in requests if each.instruction == WRITE}
 
 
 def test_arm_follows_a_slow_command() -> None:
@@ -106,13 +91,30 @@ def test_force_of_published_arms_is_within_stated_error(
     bench = Bench(options, EmulatedOptions.model_validate(arm))
     bench.exchange.open()
     stated = worst_force_error(options)
-    for goal in ((0.14, -0.05, 0.16), (0.24, 0.05, 0.12), (0.2, 0.02, FLOOR_Z - 0.011), (0.14, 0.0, FLOOR_Z - 0.01)):
+    for goal in ((0.24, 0.05, 0.12), (0.2, 0.02, FLOOR_Z - 0.011)):
         bench.lead(goal, 0.3)
         sample = bench.run(goal, 0.5)[-1]
         wrong = distance(sample.force, bench.emulator.tip_force)
         assert wrong <= stated[0] + stated[1] * norm(sample.force)
         newtons, share = force_error(arm_pose(sample.joints), options.friction, uncertain)
         assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"within the bound of this pose, at {goal}"
+
+
+def test_the_lightest_and_strongest_arm_comes_to_rest_with_the_largest_gains() -> None:
+    damping = fastest_damping(250.0, 0.045)
+    options = SWIFT.model_copy(
+        update={
+            "damping_rate_s": damping,
+            "stiffness_n_m": stiffest(damping, 250.0, 0.045),
+            "rotor_inertia_kg_m2": 0.045,
+        }
+    )
+    arm = {"torque_constant_n_m_a": 2.48, "rotor_inertia_kg_m2": LEAST_ROTOR_INERTIA_KG_M2, "current_noise_ma": 0.0}
+    bench = Bench(options, EmulatedOptions.model_validate(arm))
+    bench.exchange.open()
+    bench.lead(AT_WORK, 0.4)
+    tips = [sample.tip for sample in bench.run(AT_WORK, 1.0)[-100:]]
+    assert max(distance(tip, tips[-1]) for tip in tips) < 2e-3
 
 
 def pressing() -> Bench:
@@ -147,38 +149,21 @@ def test_a_host_that_is_killed_or_stopped_lets_go_within_100_ms() -> None:
     assert bench.torque() == [1, 1, 1, 1]
 
 
-def test_pressing_ends_with_the_commands() -> None:
-    bench = pressing()
-    pressed, where = bench.emulator.tip_force[2], bench.emulator.tip
-    bench.run(None, 0.4)
-    assert pressed > 2.0
-    assert bench.emulator.tip_force[2] < pressed
-    assert distance(bench.emulator.tip, where) < 0.006
-
-
-def test_silent_bus_leaves_weight_compensation_only() -> None:
-    bench = pressing()
-    pressed = bench.emulator.tip_force[2]
-    bench.emulator.faults.silent = True
-    for _ in range(4):
-        with pytest.raises(BadReply, match=r"joint 1 \(id 11\): .*missing"):
-            bench.exchange.exchange(None)
-    bench.wait(0.05)
-    assert 0.0 <= bench.emulator.tip_force[2] < 0.5 * pressed
-    assert bench.emulator.watchdog_trips == 0
-
-
-def test_tripped_watchdog_is_detected() -> None:
-    bench = at_work()
-    bench.emulator.inject("trip_watchdog", 1)
-    with pytest.raises(HardwareFault, match=r"bus watchdog tripped.*80 ms"):
-        bench.run(AT_WORK, 3 * WATCH_EVERY / bench.options.rate_hz)
-
-
-def test_power_loss_of_a_motor_is_detected() -> None:
-    bench = at_work()
+def restart(bench: Bench) -> None:
     bench.tell(Packet(13, REBOOT))
-    with pytest.raises(HardwareFault, match=r"joint 3 \(id 13\): its torque is off"):
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda bench: bench.emulator.inject("trip_watchdog", 1), r"bus watchdog tripped.*80 ms"),
+        (restart, r"joint 3 \(id 13\): its torque is off"),
+    ],
+)
+def test_a_motor_that_let_go_is_named(spoil: Callable[[Bench], None], says: str) -> None:
+    bench = at_work()
+    spoil(bench)
+    with pytest.raises(HardwareFault, match=says):
         for _ in range(10 * WATCH_EVERY):
             with suppress(BadReply):  # while it is deaf
                 bench.run(AT_WORK, 1.0 / bench.options.rate_hz)
@@ -198,15 +183,6 @@ def test_arm_resumes_without_jump_after_host_sleep() -> None:
     for a, b in pairwise(tips[::5]):
         assert distance(a, b) < 0.7 * 0.02, "approaches at 0.5 m/s"
     assert distance(tips[-1], AT_WORK) < 0.006
-
-
-def test_closing_a_silent_bus_ends_the_pressing() -> None:
-    bench = pressing()
-    pressed = bench.emulator.tip_force[2]
-    bench.emulator.faults.silent = True
-    bench.exchange.close()
-    bench.wait(0.03)
-    assert bench.emulator.tip_force[2] < pressed
 
 
 def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
@@ -258,28 +234,7 @@ def test_host_killed_while_closing_leaves_bounded_motors() -> None:
     assert steps > 20
 
 
-def test_stop_within_a_cycle_trips_the_watchdogs() -> None:
-    bench = at_work()
-    bench.time.stall_s = 0.3
-    with suppress(BadReply):
-        bench.run(AT_WORK, 1.0 / bench.options.rate_hz)
-    bench.wait(0.01)
-    assert bench.emulator.watchdog_trips == 4
-    assert not any(bench.emulator.currents[:4]), "what it goes on to command is refused"
-    with pytest.raises(HardwareFault, match="watchdog"):
-        bench.exchange.exchange(AT_WORK)
-
-
-def test_other_motors_hold_despite_an_alarm() -> None:
-    bench = at_work()
-    bench.emulator.inject("overload", 4)
-    with pytest.raises(HardwareFault):
-        bench.run(AT_WORK, 0.02)
-    bench.exchange.close()
-    assert bench.torque() == [1, 1, 1, 0]
-
-
-@pytest.mark.parametrize("latency", [0.02, 0.03, 0.05, 0.1])
+@pytest.mark.parametrize("latency", [0.02, 0.05])
 def test_late_answers_are_never_taken_as_fresh(latency: float) -> None:
     bench = Bench()
     bench.exchange.open()
@@ -301,31 +256,22 @@ def inject(name: str, value: float) -> Callable[[Bench], None]:
     return lambda bench: bench.emulator.inject(name, value)
 
 
-def silence(bench: Bench) -> None:
-    bench.emulator.faults.silent = True
-
-
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (silence, "no motor answers at 1000000 bit/s: check the 12 V supply"),
+        (
+            lambda bench: setattr(bench.emulator.faults, "silent", True),
+            "no motor answers at 1000000 bit/s: check the 12 V supply",
+        ),
         (inject("dead", 2), "joint 2 (id 12): no answer at 1000000 bit/s, but others answer: check the cable"),
         (inject("wrong_model", 1060), "joint 1 (id 11): is a XL430-W250, which cannot control its current"),
-        (inject("wrong_model", 4242), "is a model 4242; an OpenMANIPULATOR-X has XM430-W350: check ids"),
-        (inject("overload", 2), "joint 2 (id 12): overload"),
         (lambda bench: bench.write(2, registers.DRIVE_MODE, 1), "joint 2 (id 12): runs in reverse; clear bit 0"),
-        (
-            lambda bench: bench.write(3, registers.HOMING_OFFSET, 1000),
-            "joint 3 (id 13): stands at 1.88 rad, where it cannot be (-1.50 to 1.40): check its zero",
-        ),
+        (lambda bench: bench.write(3, registers.HOMING_OFFSET, 1000), "joint 3 (id 13): stands at 1.88 rad"),
         (
             lambda bench: bench.write(2, registers.CURRENT_LIMIT, 100),
-            "current limit (register 38) of 100 is too low to carry the arm; set it to 372",
+            "of 100 is too low to carry the arm; set it to 372",
         ),
-        (
-            lambda bench: setattr(bench, "latency", 0.006),
-            "takes 9.0 ms at best, 250 Hz leave 4.0 ms; use a higher baud",
-        ),
+        (lambda bench: setattr(bench, "latency", 0.006), "takes 9.0 ms at best, 250 Hz leave 4.0 ms"),
     ],
 )
 def test_opening_refuses_a_wrong_arm_before_torque(spoil: Callable[[Bench], None], says: str) -> None:

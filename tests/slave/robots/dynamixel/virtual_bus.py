@@ -4,12 +4,7 @@ from dataclasses import dataclass, field
 
 from tests.arms.virtual import VirtualPort, VirtualTime
 from weberlink.arms.dynamixel import packet, registers
-from weberlink.arms.dynamixel.packet import (
-    Packet,
-    StatusPacket,
-    StatusPacketReader,
-    encode_packet,
-)
+from weberlink.arms.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 from weberlink.arms.dynamixel.registers import Register
 from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector
@@ -20,13 +15,7 @@ from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
 
 @dataclass
 class Bench:
-    """An arm, and the exchange that drives it at its rate.
-
-    Args:
-        options: of the robot.
-        emulated: of the emulator.
-        latency: of the adapter [s].
-    """
+    """An arm, and the exchange that drives it at its rate."""
 
     options: of.DynamixelOptions = field(default_factory=of.DynamixelOptions)
     emulated: DynamixelEmulatorOptions = field(default_factory=DynamixelEmulatorOptions)
@@ -38,18 +27,11 @@ class Bench:
         self.emulator.advance(self.time.now)
         self.interpolation = Interpolation(0.006)
         self.port = self._connect()
-        self.exchange = self._driving()
-
-    def _driving(self) -> ArmExchange:
-        return ArmExchange(self.options, self._connect, self.interpolation, self.time.clock, self.time.pause)
+        self.exchange = ArmExchange(self.options, self._connect, self.interpolation, self.time.clock, self.time.pause)
 
     def _connect(self) -> VirtualPort:
         self.port = VirtualPort(self.emulator, self.time, self.latency)
         return self.port
-
-    def start_anew(self) -> None:
-        """As after a host that was killed: nothing was left tidy."""
-        self.exchange = self._driving()
 
     def run(self, command: Vector | None, seconds: float) -> list[ArmSample]:
         """Cycles at the rate of the bus."""

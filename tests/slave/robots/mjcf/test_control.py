@@ -9,7 +9,7 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 import numpy as np
 
-from tests.slave.robots.mjcf.models import MASS, TICK, chain, gantry, hold, lead, readings, robot, written
+from tests.slave.robots.mjcf.models import MASS, TICK, chain, gantry, readings, robot, written
 from weberlink.geometry.vector import distance
 from weberlink.slave.robots.mjcf.impedance import Impedance
 from weberlink.slave.robots.mjcf.plant import Plant, settle
@@ -29,19 +29,6 @@ def test_a_step_is_that_of_the_damped_oscillator(tmp_path: Path, ratio: float) -
         assert found == pytest.approx(expected, abs=0.004 * 0.01)
     else:
         assert max(found) == pytest.approx(0.01 * (1.0 + exp(-3.14159 / sqrt(3.0))), rel=0.01)
-
-
-@pytest.mark.parametrize("compensated", [0.0, 1.0])
-def test_gravity_and_actuators_do_not_move_it(tmp_path: Path, compensated: float) -> None:
-    made = robot(tmp_path, chain(compensated), home_m=ABOVE)
-    made.open(0.0)
-    assert distance(hold(made, ABOVE, 500).position, ABOVE) < 1e-9
-
-
-def test_redundant_arm_follows_and_returns_its_joints(tmp_path: Path) -> None:
-    made = robot(tmp_path, chain(), home_m=ABOVE, stiffness_n_m=500.0)
-    for goal in ((0.03, 0.04, 0.03), (-0.02, -0.03, 0.05)):
-        assert distance(lead(made, ABOVE, goal, ticks=400).position, goal) < 1e-5
 
 
 @pytest.mark.parametrize("posture", [0.0, 2.0])

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from tests.slave.robots.mjcf.models import GROUND, MASS, TICK, gantry, hold, robot, wall
+from tests.slave.robots.mjcf.models import GROUND, TICK, gantry, hold, robot, wall
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.slave.robots.mjcf.driver import LONGEST_GAP
@@ -26,24 +26,6 @@ def test_wall_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
     felt = 0.01 * SERIES
     assert reading.force == pytest.approx((felt, -felt, -felt), rel=1e-6)
     assert reading.position == pytest.approx((-0.05 + felt / STIFF, 0.05 - felt / STIFF, 0.05 - felt / STIFF))
-
-
-@pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_nothing_is_felt_in_free_space(tmp_path: Path, force: str) -> None:
-    """Not what other things do to each other, nor what the end effector does to itself.
-
-    The sensor of a robot that moves feels the inertia of what hangs on it, so this one rests.
-    """
-    weight = '<body pos="0.5 0 0"><freejoint/><geom size="0.005" mass="3"/></body>'
-    finger = (
-        '<body pos="0 0 -0.011"><joint type="slide" axis="0 0 1" stiffness="100" springref="0.02"/>'
-        '<geom size="0.005" mass="0.01"/></body>'
-    )
-    made = robot(tmp_path, gantry(wall(distance=0.05) + weight, tool=finger), force=force)
-    made.open(0.0)
-    reading = hold(made, ZERO, 1000)
-    assert reading.force == pytest.approx(ZERO, abs=1e-3)
-    assert reading.position == pytest.approx(ZERO, abs=1e-4)
 
 
 def test_force_sensor_feels_inertia(tmp_path: Path) -> None:
@@ -69,23 +51,6 @@ def test_long_gap_is_skipped(tmp_path: Path) -> None:
     assert 0.005 < positions[0][2] < 0.025
 
 
-@pytest.mark.parametrize(("timestep", "stiffness", "steps"), [(0.1, 500.0, 1), (0.0003, 500.0, 4), (0.1, 2e5, 3)])
-def test_steps_divide_tick_and_suit_the_control(tmp_path: Path, timestep: float, stiffness: float, steps: int) -> None:
-    """sqrt(2e5 / 0.2) is 1 rad per tick, at most 0.4 of it per step."""
-    made = robot(tmp_path, gantry(timestep=timestep), stiffness_n_m=stiffness)
-    assert f"{steps} step" in made.description()
-    made.open(0.0)
-    assert hold(made, (0.0, 0.0, 0.01), 1000).position == pytest.approx((0.0, 0.0, 0.01), abs=1e-9)
-
-
-def test_axes_follow_from_joints(tmp_path: Path) -> None:
-    joints = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
-    made = robot(tmp_path, gantry(joints=joints))
-    assert made.spec.axes == "xz"
-    made.open(0.0)
-    assert hold(made, (0.01, 0.02, 0.03), 500).position == pytest.approx((0.01, 0.0, 0.03))
-
-
 @pytest.mark.parametrize("command", [(1e308, 0.0, 0.0), (1e12, -1e12, 0.0)])
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
 def test_extreme_command_is_a_silent_robot_fault(
@@ -105,13 +70,3 @@ def test_extreme_command_is_a_silent_robot_fault(
     assert hold(made, ZERO, 10, start=2.0).position == pytest.approx(ZERO, abs=1e-12)
     assert tuple(capfd.readouterr()) == ("", "")
     assert list(folder.iterdir()) == []
-
-
-def test_the_workspace_may_be_given_axis_by_axis(tmp_path: Path) -> None:
-    made = robot(tmp_path, gantry(), workspace_m=[[-0.1, 0.2], [-0.3, 0.4], [-0.5, 0.6]])
-    assert made.spec.workspace_m == ((-0.1, -0.3, -0.5), (0.2, 0.4, 0.6))
-
-
-def test_mass_is_as_the_model_says(tmp_path: Path) -> None:
-    """Or the stiffness of the walls above would not be what they are said to be."""
-    assert f"on {MASS:g} kg" in robot(tmp_path, gantry()).description()

@@ -1,8 +1,6 @@
 """The two shipped models, driven as their configuration files say."""
 
-from collections.abc import Iterator
 from functools import cache
-from math import cos, sin
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -19,8 +17,6 @@ from weberlink.slave.robots.mjcf.driver import MujocoRobot
 CONFIGS = Path(__file__).parents[4] / "configs"
 FELT = 2000.0 / 3.0
 """Control of 2000 N/m and contact of 1000 N/m in series."""
-DOME, BOWL = (-0.033, 0.0, -0.042), (0.033, 0.0, 0.043)
-DOME_RADIUS, BOWL_RADIUS = 0.05, 0.037
 
 
 @cache
@@ -40,29 +36,16 @@ def peg() -> MujocoRobot:
     return MujocoRobot(MujocoRobot.Options(**named("mujoco-peg.yaml")), None, TICK)
 
 
-def direction(tilt: float, azimuth: float) -> Vector:
-    """Off the vertical [rad]."""
-    return (sin(tilt) * cos(azimuth), sin(tilt) * sin(azimuth), cos(tilt))
-
-
-def pressed(robot: MujocoRobot, surface: Vector, normal: Vector, depth: float) -> Vector:
-    """The force after a way from above along the normal to `depth` [m] below a point of the surface."""
-    above, before = (surface[0], surface[1], 0.045), add(surface, scale(normal, 0.005))
-    return lead(robot, above, before, add(surface, scale(normal, -depth))).force
-
-
-@pytest.mark.parametrize("at", [(0.0, 0.045, 0.0), (0.05, -0.05, 0.0), (-0.058, 0.058, 0.0), (0.0, -0.04, 0.0)])
-def test_the_plane_pushes_up(arm: MujocoRobot, at: Vector) -> None:
-    for depth in (0.002, 0.006):
-        assert pressed(arm, at, (0.0, 0.0, 1.0), depth) == pytest.approx((0.0, 0.0, FELT * depth), rel=0.01, abs=1e-3)
+@pytest.mark.parametrize("depth", [0.002, 0.006])
+def test_the_plane_pushes_up(arm: MujocoRobot, depth: float) -> None:
+    force = lead(arm, (0.05, -0.05, 0.045), (0.05, -0.05, 0.005), (0.05, -0.05, -depth)).force
+    assert force == pytest.approx((0.0, 0.0, FELT * depth), rel=0.01, abs=1e-3)
 
 
 CONTACTS = [
     ("mujoco-arm.yaml", (0.0, 0.045, -0.006)),
     ("mujoco-arm.yaml", (-0.033, 0.0, 0.002)),
     ("mujoco-arm.yaml", (0.033, 0.0, 0.0)),
-    ("mujoco-arm.yaml", (0.048, 0.005, 0.004)),
-    ("mujoco-arm.yaml", (-0.003, 0.0, -0.004)),
     ("mujoco-peg.yaml", (0.03, 0.01, 0.03)),
     ("mujoco-peg.yaml", (0.05, 0.01, 0.01)),
 ]
@@ -88,21 +71,6 @@ def test_a_command_that_rests_feeds_no_energy(file: str, goal: Vector) -> None:
     for reading in moved[-300:]:
         assert distance(reading.position, rest.position) < 1e-6
         assert distance(reading.force, rest.force) < 0.01
-
-
-def test_wall_force_on_peg_is_within_friction_cone(peg: MujocoRobot) -> None:
-    force = lead(peg, (0.01, 0.02, 0.03), (0.026, 0.02, 0.03)).force
-    assert force == pytest.approx((-FELT * 0.006, 0.0, 0.0), rel=0.01, abs=0.02)
-    for sliding in along((0.026, 0.02, 0.03), (0.026, -0.02, 0.03)):
-        peg.command(sliding, peg.latest(0.0).at + TICK)
-        rubbing = peg.latest(peg.latest(0.0).at + TICK).force
-        assert abs(rubbing[1]) <= 0.2 * -rubbing[0] + 0.05
-    assert rubbing[1] > 0.02, "against the motion"
-
-
-def along(start: Vector, end: Vector, ticks: int = 400) -> Iterator[Vector]:
-    for tick in range(1, ticks + 1):
-        yield add(start, scale(subtract(end, start), tick / ticks))
 
 
 def test_peg_goes_into_the_hole_to_its_bottom(peg: MujocoRobot) -> None:
