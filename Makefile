@@ -11,6 +11,8 @@ FRANKA := $(VENV)/franka
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
+GUESTS := franka
+
 MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
@@ -65,7 +67,7 @@ foxglove: $(DEV) $(FOXGLOVE)/.made  ## Foxglove's own client and schemas against
 	$(BIN)/python -m trials.foxglove
 
 franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a simulator that others wrote
-	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider tests/slave/robots/franka
+	$(FRANKA)/bin/python -m pytest -q -p no:cacheprovider plugins/franka
 	$(FRANKA)/bin/python -m trials.franka --json build/franka.json
 
 anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in contact; needs root, coturn and nftables
@@ -109,7 +111,8 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures
 
-schema: $(DEV)  ## the JSON Schema of configuration files, for editors
+schema: $(DEV)  ## the JSON Schema of configuration files, for editors, and the list of guests
+	$(BIN)/python -m weberlink.installation plugins src/weberlink/guests.json
 	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
 
 docs: $(DEV)  ## the documentation as a site, in docs/_build
@@ -145,15 +148,16 @@ $(RUN): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	touch $@
 
-$(DEV): requirements-dev.lock $(RUN)  # what is imported is compiled then; most of these packages never are
+$(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(GUESTS:%=-e plugins/%)
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 	$(PYTHON) -m venv $(FRANKA)
 	$(FRANKA)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
-		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist hypothesis -e ".[franka]"
+		"franka-sim==1.1.7" "pylibfranka==0.21.3" pytest pytest-xdist hypothesis -e . -e plugins/franka
 	touch $@
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)

@@ -27,7 +27,7 @@ from weberlink.system.simulate import simulate
 ROOT = Path(__file__).parents[1]
 STORED = Path(__file__).with_suffix(".json")
 DURATION = 5.0
-LIVE = {"franka.yaml", "koch-so101.yaml", "phantom-arm.yaml", "ros2.yaml"}
+LIVE = {"koch-so101.yaml", "phantom-arm.yaml", "ros2.yaml"}
 KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 NO_KEY = {

@@ -1,19 +1,47 @@
-"""How this program was installed, for messages that name a command of pip."""
+"""How this program was installed: its guests (distributions that add to it), and the command of pip that adds one.
 
+`python -m weberlink.installation PLUGINS OUT` lists the guests of a folder of distributions in a file.
+"""
+
+import json
 import os
 import sys
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from shlex import quote
 from shutil import which
 
+GUESTS = Path(__file__).with_name("guests.json")
+"""Made by `make schema`: group of entry points, name, and the guest that has the entry."""
+
+
+@cache
+def guests(group: str | None) -> Mapping[str, str]:
+    """The guests of this project by the names that they add to a group of entry points, installed or not."""
+    listed: Mapping[str | None, Mapping[str, str]] = json.loads(GUESTS.read_text(encoding="utf-8"))
+    return listed.get(group, {})
+
+
+def config_folders() -> list[Path]:
+    """The folders of configuration files: the program's own, then those of the guests that are installed."""
+    from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
+
+    modules = ["weberlink.configs", *(entry.module for entry in entry_points(group="weberlink.configs"))]
+    return [Path(str(files(module))).resolve() for module in modules]
+
 
 def install_line(extra: str) -> str:
-    """The command that adds an extra to this installation, to be typed in the present directory."""
+    """The command that adds an extra or a guest to this installation, to be typed in the present directory."""
     clone = Path(__file__).resolve().parents[2]
     if not (clone / "pyproject.toml").is_file():
         return f'{pip_install()} "weberlink[{extra}]"'
     where = "." if clone == Path.cwd() else str(clone)
+    if (clone / "plugins" / extra).is_dir():
+        return f"{pip_install()} -e {quote(f'{where}/plugins/{extra}')}"
     return f'{pip_install()} -e "{where}[{extra}]"'
 
 
@@ -31,3 +59,17 @@ def _short(path: Path) -> str:
     """A path below the present directory as it is typed there; any other one whole."""
     here = Path.cwd()
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
+
+
+def list_guests(plugins: Path) -> str:
+    """The content of `GUESTS` for a folder that has one folder for each guest."""
+    found: dict[str, dict[str, str]] = {}
+    for path in sorted(plugins.glob("*/pyproject.toml")):
+        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        for group, entries in project.get("entry-points", {}).items():
+            found.setdefault(group, {}).update(dict.fromkeys(entries, path.parent.name))
+    return json.dumps(found, indent=1, sort_keys=True) + "\n"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[2]).write_text(list_guests(Path(sys.argv[1])), encoding="utf-8")

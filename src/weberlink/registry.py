@@ -9,6 +9,8 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar, cast
 
+from weberlink.installation import guests, install_line
+
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
     from types import FrameType
@@ -96,12 +98,23 @@ class Registry(Mapping[str, T], Generic[T]):
         """Return the name if an entry has it.
 
         Raises:
-            ValueError: no entry has this name; the message lists all names and the nearest one.
+            ValueError: no entry has this name; the message says how to install the guest that has it, or lists all
+                names and the nearest one.
         """
         if name in self:
             return name
-        (nearest,) = get_close_matches(name, self, n=1, cutoff=0.0)
-        raise ValueError(f"no {self.kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(self)}")
+        absent = self.absent()
+        if name in absent:
+            of = f"weberlink-{absent[name]}, which is not installed; install it with: {install_line(absent[name])}"
+            raise ValueError(f"{self.kind} {name!r} is of {of}")
+        names = [*self, *absent]
+        (nearest,) = get_close_matches(name, names, n=1, cutoff=0.0)
+        raise ValueError(f"no {self.kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(names)}")
+
+    def absent(self) -> dict[str, str]:
+        """Names of entries that guests of this project add and that are not installed here, each with its guest."""
+        known = guests(self.group)
+        return {name: guest for name, guest in known.items() if name not in self}
 
     def places(self) -> dict[str, str]:
         """Map each name to its "module:attribute", entry points included; for tables whose entries are all places."""

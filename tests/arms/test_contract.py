@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tests.pace import TICK, real_time, virtual_time
 from tests.wait import until
 from weberlink.arms.contract import ArmFault
 from weberlink.geometry.joints import is_finite
@@ -18,6 +17,7 @@ from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_link import LeaderTarget
 from weberlink.slave import emulators as follower_emulators
 from weberlink.slave.robots import followers
+from weberlink.testing.time import TICK, real_time, virtual_time
 
 LEADS = {"koch_leader", "omx_leader", "so101_leader", "arm_operator", "remote_leader"}
 REMOTE = {"joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)}

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import may_use_fifo
+from conftest import may_use_fifo
 from tests.program import PATIENT, Program, Telemetry, document
 from tests.wait import until
 

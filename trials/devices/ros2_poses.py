@@ -14,11 +14,11 @@ from time import monotonic, sleep
 import numpy as np
 
 from tests.master.devices.ros2.publishing import listening, next_target
-from tests.pace import TICK
 from tests.program import ROOT
 from tests.ros2.ports import endpoint
 from weberlink.master.devices.ros2.process import ListenerProcess
 from weberlink.realtime.process import prepare
+from weberlink.testing.time import TICK
 
 SDK = "tests.master.devices.ros2.sdk_publisher"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from plugins.franka.tests import library
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 PROGRAM = (
     sys.executable,
     "-c",

@@ -28,6 +28,8 @@ UNSEEN = "cannot be listed"
 NO_PERMISSION = "no permission"
 NO_RULES = "rules not installed"
 NO_EXTRA = "extra missing"
+ABSENT = "not installed"
+"""Of a driver of a guest of this project."""
 UNUSABLE = "not usable"
 BROKEN = "broken"
 COLOURS = {READY: "green", NOTHING: "dim", UNSEEN: "dim"}
@@ -129,6 +131,10 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, Sequence[Regist
         packages = _packages(table)
         drivers.extend(
             _Inspection(side, table, driver, packages.get(driver), here, has_rules).status() for driver in sorted(table)
+        )
+        drivers.extend(
+            DriverStatus(side, driver, f"weberlink-{guest}", None, guest, ABSENT, (), (install_line(guest),))
+            for driver, guest in sorted(table.absent().items())
         )
     return Survey(drivers, has_rules)
 

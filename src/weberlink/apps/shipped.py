@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,10 +13,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from weberlink.installation import config_folders
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.targets import TargetError, check_file
 
-HOME = Path(str(files("weberlink.configs"))).resolve()
 SCHEMA = "weberlink.schema.json"
 OTHERS = {
     "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
@@ -53,7 +52,8 @@ class Listing:
 
 
 def listing() -> Listing:
-    configurations = [(path.stem, _about(path)) for path in sorted(HOME.glob("*.yaml"))]
+    found = sorted((path for folder in config_folders() for path in folder.glob("*.yaml")), key=lambda path: path.stem)
+    configurations = [(path.stem, _about(path)) for path in found]
     return Listing([*configurations, *OTHERS.items()])
 
 
@@ -75,9 +75,9 @@ def find(name: str) -> Path:
         ConfigurationError: there is none.
     """
     asked = name.removeprefix("configs/")
-    inside = {str(path.relative_to(HOME)): path for path in _all()}
+    inside = {str(path.relative_to(folder)): path for folder in config_folders() for path in _all(folder)}
     folders = {f"{place}/": path for place, path in inside.items() if path.is_dir()}
-    known = inside | folders | {path.stem: path for path in HOME.glob("*.yaml")}
+    known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
     if asked in known:
         return known[asked]
     nearest = get_close_matches(asked, known, n=1)
@@ -85,9 +85,9 @@ def find(name: str) -> Path:
     raise ConfigurationError(f"{name}: there is no such shipped file; {meant}weberlink configs lists them")
 
 
-def _all() -> Iterator[Path]:
+def _all(folder: Path) -> Iterator[Path]:
     """Files and folders, without what Python itself makes of the folder."""
-    for path in HOME.rglob("*"):
+    for path in folder.rglob("*"):
         if path.name != "__pycache__" and path.suffix not in (".py", ".pyc"):
             yield path
 
@@ -125,11 +125,13 @@ def copy(name: str, out: Path | None) -> list[Path]:
     source = find(name)
     target = Path(source.name) if out is None else out / source.name if out.is_dir() else out
     if source.is_dir():
-        pairs = {
-            path: target / path.relative_to(source) for path in _all() if path.is_file() and source in path.parents
-        }
+        pairs = {path: target / path.relative_to(source) for path in _all(source) if path.is_file()}
     else:
-        beside = {path: target.parent / path.relative_to(source.parent) for path in needed_by(source)}
+        folders = (source.parent, *config_folders())
+        beside = {
+            path: target.parent / path.relative_to(next(each for each in folders if each in path.parents))
+            for path in needed_by(source)
+        }
         pairs = {source: target} | beside
     new = {path: place for path, place in pairs.items() if not _is_there(path, place)}
     try:
@@ -156,13 +158,14 @@ def _is_there(source: Path, place: Path) -> bool:
 
 
 def needed_by(path: Path) -> list[Path]:
-    """The files that a file names, and those that these name, in turn."""
+    """The files that a file names, and those that these name, in turn: beside it, or of the program's own."""
     found: list[Path] = []
     waiting = [path]
     while waiting:
         at = waiting.pop()
         for text in _named_in(at):
             near = (at.parent / text).resolve()
+            near = near if near.is_file() else config_folders()[0] / text
             if near.is_file() and near not in (path.resolve(), *found):
                 found.append(near)
                 waiting.append(near)

@@ -22,7 +22,6 @@ from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 from tests.master.devices.targets import Targets
 from tests.master.devices.touch import fake_hd
-from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.emulator import PtyDevice, ServedDevice, WireFaults
 from weberlink.hardware.websocket_device import WebSocketDevice
@@ -32,6 +31,7 @@ from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.master.emulators import load as load_emulator
+from weberlink.testing.time import TICK, real_time, virtual_time
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
 

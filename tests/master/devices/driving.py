@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from tests.pace import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault
+from weberlink.testing.time import TICK
 
 
 def drive(device: Any, is_so: Callable[[], object], force: Vector = ZERO) -> None:

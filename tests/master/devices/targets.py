@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from random import Random
 
-from tests.pace import TICK
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer_link import PointerTarget
+from weberlink.testing.time import TICK
 
 Path = Callable[[float], tuple[Vector, bool] | None]
 """Target [m] at a time [s], and whether it is held; None where nothing is sent."""

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.pace import TICK
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 from weberlink.master.devices import load
@@ -21,6 +20,7 @@ from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLe
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
 from weberlink.master.devices.turning import Wrist
+from weberlink.testing.time import TICK
 
 STIFFNESS = WristOptions().stiffness_n_m_rad
 STIFF = HandOptions(mass_kg=0.01, damping_n_s_m=20.0, stiffness_n_m=10_000.0)

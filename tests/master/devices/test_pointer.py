@@ -5,13 +5,13 @@ from itertools import pairwise
 import pytest
 
 from tests.master.devices.targets import Path, Targets
-from tests.pace import TICK
 from weberlink.geometry.rotation import vector
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.pointer import PointerDevice, PointerIntention, PointerOptions
 from weberlink.master.devices.pointer_link import PointerTarget
+from weberlink.testing.time import TICK
 
 HOME: Vector = (0.0, 0.0, 0.03)
 LEFT, RIGHT = (-0.05, 0.0, 0.03), (0.05, 0.0, 0.03)

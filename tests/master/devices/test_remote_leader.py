@@ -5,11 +5,11 @@ from math import inf
 
 import pytest
 
-from tests.pace import TICK
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.remote_leader import RemoteLeader, RemoteLeaderOptions
 from weberlink.master.devices.remote_link import LeaderTarget
+from weberlink.testing.time import TICK
 
 OPTIONS = {"joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)}
 START = 10.0

@@ -17,6 +17,7 @@ from weberlink.hardware.slot import Slot
 from weberlink.registry import Tier
 from weberlink.slave.robots.computed import saturated
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from weberlink.slave.scenes.scene import Scene
 from weberlink_franka.messages import (
     MEMORY_SIZE,
     ArmCommand,
@@ -26,7 +27,6 @@ from weberlink_franka.messages import (
     state_slot,
 )
 from weberlink_franka.options import FrankaOptions
-from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "franka"
 PROGRAM: Final = tuple(python("-m", "weberlink_franka.controller"))

@@ -5,9 +5,9 @@ from typing import Final
 from weberlink.geometry import rotation
 from weberlink.geometry.rotation import Quaternion, product
 from weberlink.geometry.vector import Vector
+from weberlink.slave.safety import Follower, toward
 from weberlink_franka.messages import ArmCommand
 from weberlink_franka.options import FrankaOptions
-from weberlink.slave.safety import Follower, toward
 
 LONGEST_STEP_S: Final = 0.005
 """By which the goal moves on in one cycle, however late it is."""

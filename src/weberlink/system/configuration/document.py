@@ -3,12 +3,12 @@
 import re
 from collections.abc import Hashable
 from contextlib import suppress
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
+from weberlink.installation import config_folders
 from weberlink.system.configuration.errors import STUCK, ConfigurationError, no_space
 
 
@@ -87,8 +87,8 @@ def _text(path: Path) -> str:
 
 
 def _shipped(path: Path) -> str:
-    """How to get the file of this name that comes with the program, if there is one."""
-    is_shipped = path.suffix == ".yaml" and (files("weberlink.configs") / path.name).is_file()
+    """How to get the file of this name that comes with the program or a guest, if there is one."""
+    is_shipped = path.suffix == ".yaml" and any((folder / path.name).is_file() for folder in config_folders())
     return f"; weberlink configs {path.stem} copies the shipped one here" if is_shipped else ""
 
 

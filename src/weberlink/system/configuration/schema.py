@@ -12,24 +12,29 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.codec.deadband import DEADBANDS
-from weberlink.master import devices
-from weberlink.master.devices import leaders
-from weberlink.slave import robots
-from weberlink.slave.robots import followers
+from weberlink.installation import guests
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
+from weberlink.registry import Registry
+from weberlink.slave.robots import ROBOTS
+from weberlink.slave.robots.followers import FOLLOWERS
 from weberlink.system.configuration import joints, model
 from weberlink.system.configuration.deadband import settings_of
 from weberlink.system.configuration.model import System
 
 
 def schema() -> dict[str, Any]:
-    """The schema of a whole file, with the options of every built-in driver."""
+    """The schema of a whole file, with the options of every driver of the kernel and its guests; needs all of them."""
     document = System.model_json_schema()
     definitions = document["$defs"]
     _explain(definitions | {System.__name__: document})
     del definitions["DriverSettings"]
-    parts = ("MasterSettings", "device", (devices, leaders)), ("SlaveSettings", "robot", (robots, followers))
+    parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
+        ("MasterSettings", "device", (DEVICES, LEADERS)),
+        ("SlaveSettings", "robot", (ROBOTS, FOLLOWERS)),
+    )
     for owner, field, tables in parts:
-        drivers = {name: table.load(name) for table in tables for name in table.BUILT_IN}
+        drivers = {name: table.load(name) for table in tables for name in (*table.built_in, *guests(table.group))}
         choices = [_driver(name, driver.Options, definitions) for name, driver in drivers.items()]
         # A driver of another package may take any options.
         other = {"properties": {"driver": {"not": {"enum": list(drivers)}, "type": "string"}}}

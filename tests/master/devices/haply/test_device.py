@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from tests.master.devices.driving import drive, fault_of
-from tests.pace import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -21,6 +20,7 @@ from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.master.devices.haply.linkage import VERSIONS, degrees
 from weberlink.master.devices.haply.options import HaplyOptions
 from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
+from weberlink.testing.time import TICK
 
 COUNT_M = 2e-4
 """More than a count of the encoders is at the tip, and less than anything that is tested."""

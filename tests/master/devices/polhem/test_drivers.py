@@ -13,7 +13,6 @@ import pytest
 
 from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.polhem.boards import Counts6, ScriptedHidBoard, Teensy
-from tests.pace import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -26,6 +25,7 @@ from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSeri
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.testing.time import TICK
 
 WOODY = PARAMETERS["woodenhaptics_2015"].mechanism
 MIDDLE: Counts6 = (*WOODY.counts_at(ZERO), 0, 0, 0)

@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 
 from tests.master.devices.benches import Poses
-from tests.pace import TICK
 from weberlink.geometry.vector import distance
 from weberlink.master.devices.contract import DeviceFault, ReportsTrouble
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
+from weberlink.testing.time import TICK
 
 LEFT = (-0.05, 0.0, 0.03)
 

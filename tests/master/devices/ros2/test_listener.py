@@ -22,13 +22,13 @@ from tests.master.devices.ros2.publishing import (
     steadily,
     targets_for,
 )
-from tests.pace import TICK
 from tests.program import ROOT
 from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.ros2.node import CONFIG_VARIABLE, Node
+from weberlink.testing.time import TICK
 
 pytestmark = pytest.mark.realtime
 

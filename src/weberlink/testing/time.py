@@ -1,0 +1,43 @@
+"""Times of ticks for drivers, of a clock that only counts or of the real one, and waiting for what must come."""
+
+from collections.abc import Callable
+from time import monotonic, sleep
+from typing import TypeVar
+
+import pytest
+
+T = TypeVar("T")
+
+TICK = 0.001
+PATIENCE = 60.0
+"""Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
+PAUSE = 0.01
+
+
+def virtual_time(start: float = 100.0) -> Callable[[], float]:
+    """Times one tick apart [s]."""
+    count = iter(range(1_000_000))
+    return lambda: start + next(count) * TICK
+
+
+def real_time() -> Callable[[], float]:
+    """Times of CLOCK_MONOTONIC [s] at least one tick apart; each call waits for its own."""
+    due = monotonic()
+
+    def tick() -> float:
+        nonlocal due
+        due = max(due + TICK, monotonic())
+        sleep(max(0.0, due - monotonic()))
+        return monotonic()
+
+    return tick
+
+
+def until(condition: Callable[[], T], what: str, *, patience: float = PATIENCE, pause: float = PAUSE) -> T:
+    """The first value of the condition that counts as true; the test fails after `patience` [s]."""
+    deadline = monotonic() + patience
+    while not (value := condition()):
+        if monotonic() > deadline:
+            pytest.fail(f"waited {patience:g} s for {what}")
+        sleep(pause)
+    return value
