@@ -49,7 +49,7 @@ class FrankaSession(Session):
 
     def __init__(self, folder: Path, host: str, seed: int, lenient: bool, overrides: Sequence[str]) -> None:
         self._make_robot = partial(SimulatedRobot, folder, host, lenient)
-        file = CONFIGS / "franka.yaml"
+        file = CONFIGS.parent / "plugins/franka/configs/franka.yaml"
         super().__init__(file, seed=seed, overrides=(f"slave.robot.host={host}", *overrides))
 
     def __enter__(self) -> Self:
