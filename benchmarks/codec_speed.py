@@ -16,10 +16,10 @@ from weberlink.codec import Channel, force_channel
 from weberlink.codec.replay import code
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
-from weberlink.studies.evaluate.replay import signal_of
-from weberlink.studies.evaluate.traces import SHIPPED
-from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.environment import environment, footer
+from weberlink_studies.evaluate.replay import signal_of
+from weberlink_studies.evaluate.traces import SHIPPED
+from weberlink_studies.paper.claims import PREDICTORS
 
 ROUNDS, QUICK_ROUNDS = 5, 1
 POSITION_STEP_M = 2e-6

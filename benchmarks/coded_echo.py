@@ -25,10 +25,10 @@ from weberlink.protocol.events import Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
-from weberlink.studies.evaluate.traces import SHIPPED
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.link import build_endpoint, build_security
 from weberlink.system.configuration import Configuration, load
+from weberlink_studies.evaluate.traces import SHIPPED
 
 OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")
 """Every sample is sent."""

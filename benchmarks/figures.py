@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from benchmarks.lateness import Lateness
-from weberlink.studies.sheet import caption_below, save
+from weberlink_studies.sheet import caption_below, save
 
 COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
 """Colours of Okabe and Ito, distinct for colour-blind readers; the limit is black and dashed."""

@@ -33,8 +33,8 @@ from benchmarks.percentiles import summary
 from weberlink.apps.doctor import Needs
 from weberlink.cli.sessions import free_port
 from weberlink.protocol.keys import generate
-from weberlink.studies.result import plain_table
 from weberlink.system.environment import environment, footer
+from weberlink_studies.result import plain_table
 
 A, B = "A", "B"
 ECHO_S = 2.0

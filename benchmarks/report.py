@@ -12,8 +12,8 @@ from benchmarks.arrangement import MAIN_RATE_HZ, RATES_HZ
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
-from weberlink.studies.result import plain_table
 from weberlink.system.environment import footer
+from weberlink_studies.result import plain_table
 
 
 @dataclass(frozen=True)

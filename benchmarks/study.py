@@ -29,11 +29,11 @@ from benchmarks.start_up import StartUp
 from benchmarks.update_cost import UpdateCost
 from weberlink.apps.doctor import Needs
 from weberlink.protocol.keys import generate
-from weberlink.studies.result import StudyResult, how_much
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment, footer
 from weberlink.system.interruption import Interruption
+from weberlink_studies.result import StudyResult, how_much
 
 KIND = "weberlink bench"
 PARTS = len(RATES_HZ) + 4

@@ -28,9 +28,9 @@ from weberlink.master.devices.touch.servo import ServoArguments
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathNews
 from weberlink.slave.robots.contract import RobotFault
-from weberlink.studies.parallel import parallel_map
 from weberlink_franka.driver import FrankaRobot
 from weberlink_franka.options import FrankaOptions
+from weberlink_studies.parallel import parallel_map
 
 NOWHERE = "ws://127.0.0.1:1/v1"
 ENDLESS = (str(CONFIGS / "loopback.yaml"), "--set", "realtime.lock_memory=false", "--set", "link.silence_ms=2000")

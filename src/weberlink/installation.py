@@ -20,10 +20,14 @@ GUESTS = Path(__file__).with_name("guests.json")
 
 
 @cache
+def _listed() -> Mapping[str | None, Mapping[str, str]]:
+    listed: Mapping[str | None, Mapping[str, str]] = json.loads(GUESTS.read_text(encoding="utf-8"))
+    return listed
+
+
 def guests(group: str | None) -> Mapping[str, str]:
     """The guests of this project by the names that they add to a group of entry points, installed or not."""
-    listed: Mapping[str | None, Mapping[str, str]] = json.loads(GUESTS.read_text(encoding="utf-8"))
-    return listed.get(group, {})
+    return _listed().get(group, {})
 
 
 def config_folders() -> list[Path]:
@@ -35,14 +39,17 @@ def config_folders() -> list[Path]:
 
 
 def install_line(extra: str) -> str:
-    """The command that adds an extra or a guest to this installation, to be typed in the present directory."""
+    """The command that adds to this installation, to be typed in the present directory.
+
+    Args:
+        extra: of the kernel; or a guest, which may have an extra too, such as "studies[dask]".
+    """
+    is_guest = extra.partition("[")[0] in {guest for names in _listed().values() for guest in names.values()}
     clone = Path(__file__).resolve().parents[2]
     if not (clone / "pyproject.toml").is_file():
-        return f'{pip_install()} "weberlink[{extra}]"'
+        return f"{pip_install()} {quote(f'weberlink-{extra}' if is_guest else f'weberlink[{extra}]')}"
     where = "." if clone == Path.cwd() else str(clone)
-    if (clone / "plugins" / extra).is_dir():
-        return f"{pip_install()} -e {quote(f'{where}/plugins/{extra}')}"
-    return f'{pip_install()} -e "{where}[{extra}]"'
+    return f"{pip_install()} -e {quote(f'{where}/plugins/{extra}' if is_guest else f'{where}[{extra}]')}"
 
 
 def pip_install() -> str:

@@ -17,7 +17,6 @@ from tests.system.systems import CONFIGS
 from tests.wait import until
 from weberlink.codec.replay import code
 from weberlink.master.trace import read_motion, read_trace
-from weberlink.studies.evaluate.replay import signal_of
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
@@ -26,6 +25,7 @@ from weberlink.telemetry.record import COUNTERS, FIELDS
 from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
+from weberlink_studies.evaluate.replay import signal_of
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 HALF_STEP_N = 0.5e-3 * 3**0.5

@@ -21,7 +21,7 @@ from benchmarks.start_up import StartUp
 from benchmarks.study import Findings, assemble
 from benchmarks.update_cost import UpdateCost
 from tests.records import ticks
-from weberlink.studies.result import StudyResult
+from weberlink_studies.result import StudyResult
 
 
 def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSide:

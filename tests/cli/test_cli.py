@@ -19,10 +19,10 @@ from weberlink.apps.monitor import address
 from weberlink.cli import app
 from weberlink.cli.output import progress_bar, publish
 from weberlink.master.trace import read_trace
-from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import load
 from weberlink.system.order import INTERRUPTED
 from weberlink.system.simulate import simulate
+from weberlink_studies.result import StudyResult
 
 FILES = sorted({path.name for path in CONFIGS.glob("*.yaml")} - set(UNUSABLE))
 HARDWARE = ("franka.yaml", "koch-so101.yaml", "phantom-arm.yaml")

@@ -62,7 +62,7 @@ for arguments in json.loads(sys.argv[1]):
 OBSERVERS = {
     "weberlink.cli",
     "weberlink.apps",
-    "weberlink.studies",
+    "weberlink_studies",
     "weberlink.watching",
     "weberlink.system.launcher",
     "matplotlib",

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
+from weberlink.installation import guests, install_line
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
@@ -71,19 +72,6 @@ Log = Annotated[
     Path | None,
     typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."),
 ]
-Plots = Annotated[
-    Path | None,
-    typer.Option("--plots", metavar="DIR", callback=folder_target, help="Draw figures (extra: weberlink[studies])."),
-]
-Workers = Annotated[
-    int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
-]
-Dask = Annotated[
-    str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that works (extra: weberlink[dask])."),
-]
-Csv = Annotated[Path | None, typer.Option("--csv", metavar="OUT", callback=file_target, help="Write every row as CSV.")]
-Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study, which takes longer.")]
 Listen = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Address to serve; one that other hosts can reach needs --public.")
 ]
@@ -137,6 +125,10 @@ class CommandGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args[0] not in self.commands and not args[0].startswith("-"):
+            guest = guests("weberlink.commands").get(args[0]) if ctx.parent is None else None
+            if guest is not None:
+                of = f"weberlink-{guest}, which is not installed; install it with: {install_line(guest)}"
+                ctx.fail(f"the command {args[0]!r} is of {of}")
             ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], list(self.commands))}")
         return super().resolve_command(ctx, args)
 

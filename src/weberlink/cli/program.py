@@ -7,19 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
-from weberlink.cli import look, sessions, setup, studies, try_session
+from weberlink.cli import look, sessions, setup, try_session
 from weberlink.cli.arguments import CommandGroup
 from weberlink.cli.output import fail
 from weberlink.compiled import is_compiled
 from weberlink.system.order import MISCONFIGURED
 
 GROUP = "weberlink.commands"
-"""Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
+"""Entry points of other distributions: functions with typer annotations, or typer apps, each a command, or a group of
+them, of its entry point's name."""
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Run": (try_session.try_session, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
     "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
     "Setup": (setup.device, setup.peer, setup.keygen, setup.configs),
-    "Study": (studies.study,),
 }
 """The commands and groups of commands, as the help lists them."""
 NAMES: dict[Callable[..., None], str] = {try_session.try_session: "try"}
@@ -43,7 +43,7 @@ for topic, commands in TOPICS.items():
 
 
 def installed(entry: EntryPoint) -> Callable[..., Any]:
-    """The function of another distribution's command; one that says why, if it cannot be loaded."""
+    """The function or typer app of another distribution's command; one that says why, if it cannot be loaded."""
     try:
         found = entry.load()
         problem = None if callable(found) else "it is not a function"
@@ -61,7 +61,11 @@ def installed(entry: EntryPoint) -> Callable[..., Any]:
 
 
 for entry in entry_points(group=GROUP):
-    app.command(entry.name, rich_help_panel="Installed")(installed(entry))
+    found = installed(entry)
+    if isinstance(found, typer.Typer):
+        app.add_typer(found, name=entry.name, rich_help_panel="Installed")
+    else:
+        app.command(entry.name, rich_help_panel="Installed")(found)
 
 
 @app.callback()

@@ -1,0 +1,190 @@
+"""The cases of `weberlink study evaluate`: every trace with every deadband, predictor and Weber factor, a row each."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from weberlink.codec import Channel, force_channel, position_channel
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
+from weberlink.codec.rate import UpdateRate
+from weberlink.system.configuration.model import PositionCodecSettings
+from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
+from weberlink_studies.evaluate.replay import Signal, replay, signal_of
+from weberlink_studies.evaluate.traces import FILES, NamedTrace
+from weberlink_studies.frame import Row
+from weberlink_studies.paper.claims import PREDICTORS
+
+DEFAULT_PERIOD_S = 1e-3
+SAMPLE_S = 1e-5
+"""Rough run time of a coded sample."""
+
+
+@dataclass(frozen=True)
+class EvaluationStudy:
+    """What varies for every trace, and what is the same for all.
+
+    Args:
+        predictors: names, "hybrid" among them; each once.
+        webers: Weber factors; each once.
+        floor: absolute threshold of the deadband [N].
+        force_step: wire step [N].
+        position_step: wire step [m].
+        saturates: whether the int16 range applies.
+        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
+        deadbands: names of shapes, each once; their other parameters have the default values.
+        lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
+        max_updates_per_s: largest rate of updates; None for no limit.
+        position_predictors: names, with the same Weber factors; each once.
+    """
+
+    predictors: Sequence[str] = PREDICTORS
+    webers: Sequence[float] = (0.10,)
+    floor: float = 0.02
+    force_step: float = 1e-3
+    position_step: float = 1e-5
+    saturates: bool = True
+    jnd: float = WEBER_FRACTION
+    deadbands: Sequence[str] = (ISOTROPIC,)
+    lookahead_ms: float = 0.0
+    max_updates_per_s: float | None = None
+    position_predictors: Sequence[str] = ()
+
+    def channel(
+        self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
+    ) -> Channel:
+        """A force channel for a signal of this period, with the first deadband unless another is named."""
+        shape, most = DEADBANDS[deadband or self.deadbands[0]], self.max_updates_per_s
+        rate = None if most is None else UpdateRate.limited_to(most, period_s)
+        return force_channel(
+            predictor=predictor,
+            deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.defaults())),
+            force_step=self.force_step,
+            position_step=self.position_step,
+            saturates=self.saturates,
+            rate=rate,
+            tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
+        )
+
+    def position_channel(self, predictor: str, weber: float, period_s: float = DEFAULT_PERIOD_S) -> Channel:
+        """A position channel with the bound of a configuration."""
+        settings = PositionCodecSettings.model_validate({"predictor": predictor})
+        return position_channel(
+            predictor=predictor,
+            bank=settings.bank,
+            weber=weber,
+            bound=settings.bound_m,
+            position_step=self.position_step,
+            saturates=self.saturates,
+            tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
+        )
+
+    def cases(self, traces: Iterable[NamedTrace]) -> list["EvaluationCase"]:
+        """All cases: traces outermost, then force (deadbands) and position, then predictors, then Weber factors."""
+        ways = [(deadband, "force", predictor) for deadband in self.deadbands for predictor in self.predictors]
+        ways += [(ISOTROPIC, "position", predictor) for predictor in self.position_predictors]
+        return [
+            EvaluationCase(trace, self, predictor, weber, deadband, channel)
+            for trace in traces
+            for deadband, channel, predictor in ways
+            for weber in self.webers
+        ]
+
+    def rows(self, trace: NamedTrace) -> list[Row]:
+        """All rows of one trace, computed here."""
+        return [row for case in self.cases([trace]) for row in rows_of(case)]
+
+
+class EvaluationCase(NamedTuple):
+    """One row to compute."""
+
+    trace: NamedTrace
+    study: EvaluationStudy
+    predictor: str
+    weber: float
+    deadband: str
+    channel: str = "force"
+
+
+def rows_of(case: EvaluationCase) -> list[Row]:
+    """The row of a case."""
+    (name, trace, source), study, predictor, weber, deadband, kind = case
+    signal = signal_of(trace)
+    told: dict[str, Any] = {"predictor": predictor, "weber": weber, "source": source}
+    if kind == "position":
+        # About the middle of the range, as in the workspace of a device.
+        middle = 0.5 * (signal.position_m.min(axis=0) + signal.position_m.max(axis=0))
+        centered = Signal(signal.position_m - middle, signal.position_m, signal.period_s)
+        return [evaluate(name, centered, study.position_channel(predictor, weber, signal.period_s), None, **told)]
+    channel = study.channel(predictor, weber, deadband, signal.period_s)
+    return [evaluate(name, signal, channel, Threshold(study.jnd), deadband=deadband, **told)]
+
+
+def seconds(case: EvaluationCase) -> float:
+    """Estimated run time of a case [s]."""
+    return SAMPLE_S * len(case.trace.trace.time_s)
+
+
+def evaluate(
+    name: str,
+    signal: Signal,
+    channel: Channel,
+    threshold: Threshold | None,
+    *,
+    predictor: str,
+    weber: float,
+    deadband: str | None = None,
+    source: str = FILES,
+) -> Row:
+    """Code a signal with a fresh encoder and decoder. Figures that do not apply are left out of the row.
+
+    `reduction` is against one packet per sample, `bytes_per_s` the UDP payload on a link secured by a pre-shared key,
+    `error_max_deadbands` in the deadband's own measure, `violation_*` outside the deadband (none if the codec works),
+    `tick_us` the median run time of encode plus decode, and `selected` the sends per predictor of a bank; `widened_*`
+    tell where the bounded rate of updates widened the deadband. The rest are measures of `QualityStatistics`, of forces
+    alone; the errors of positions are in metres.
+
+    Args:
+        name: of the trace.
+        signal: force and position; on a position channel, positions instead of forces.
+        channel: of force or position. The keyword arguments are copied to the row.
+        threshold: a JND of the person; None on a position channel.
+    """
+    run = replay(signal, channel)
+    samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
+    sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
+    outside = run.deviation_n > run.bound_n
+    unit, measures = "m", {}
+    if threshold is not None:
+        quality = QualityStatistics(signal.period_s, threshold)
+        quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
+        quality.add_jumps(run.jump_n, run.before_n)
+        unit, measures = "n", quality.summary()
+    row = {
+        "trace": name,
+        "channel": "position" if threshold is None else "force",
+        "predictor": predictor,
+        "weber": weber,
+        "samples": samples,
+        "duration_s": duration,
+        "packets": packets,
+        "packets_per_s": packets / duration,
+        "reduction": 1.0 - packets / samples,
+        "bytes_per_s": run.payload_bytes(channel) / duration,
+        f"error_rms_{unit}": rms(run.error_n),
+        f"error_max_{unit}": float(run.error_n.max()),
+        "error_max_deadbands": float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        "violation_fraction": float(outside.mean()),
+        "violation_longest_s": longest_run(outside) * signal.period_s,
+        **measures,
+        "tick_us": run.tick_us,
+        "selected": dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
+        "deadband": deadband,
+        "source": source,
+        "widened_fraction": None if channel.rate is None else float(run.widened.mean()),
+        f"widened_max_{unit}": float(run.bound_n[run.widened].max()) if run.widened.any() else None,
+    }
+    return {name: figure for name, figure in row.items() if figure is not None}

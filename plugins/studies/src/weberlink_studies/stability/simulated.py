@@ -1,0 +1,29 @@
+"""A system of a configuration in virtual time, and the records of both sides."""
+
+import numpy as np
+
+from weberlink.system.configuration import Configuration
+from weberlink.system.scoring.energy import Records
+from weberlink_studies.baselines import build_with
+
+
+def recorded(configuration: Configuration, scheme: str, duration_s: float) -> tuple[tuple[Records, Records], str]:
+    """Records of master and slave under a control scheme, and why a side ended early; empty if neither did.
+
+    Raises:
+        ConfigurationError: a part cannot be made as the file asks.
+    """
+    simulation = build_with(configuration, scheme)
+    kept: list[tuple[Records, Records]] = []
+
+    class Keeper:
+        def add(self, master: Records, slave: Records) -> None:
+            kept.append((master.copy(), slave.copy()))
+
+    try:
+        simulation.run(duration_s, [Keeper()])
+    finally:
+        simulation.close()
+    failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
+    master, slave = zip(*kept, strict=True)
+    return (np.concatenate(master), np.concatenate(slave)), "; ".join(failures)

@@ -1,0 +1,229 @@
+"""Verdict on a cell from the telemetry of both sides: settled or not, force felt and pressed, energy."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.control.contract import AccountParameters
+from weberlink.protocol.states import State
+from weberlink.system.scoring.bound import EnergyBound
+from weberlink.system.scoring.channel import in_session
+from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import FINITE
+from weberlink_studies.frame import Row
+from weberlink_studies.stability.cells import CONTACT_LIMIT_N, SENSOR_RANGE_N, SystemCell
+from weberlink_studies.stability.script import CellTiming
+
+Floats = NDArray[np.float64]
+Phase = Literal["settled", "decaying", "lost", "oscillating", "growing", "driven", "failed", "refused"]
+
+CALM = ("settled", "decaying", "driven")
+
+SHARE = 0.05
+"""Swing of a steady force, as a share of it, beside that of the deadband."""
+
+DECAYING, GROWING = 0.9, 1.5
+"""Ratios of the later to the earlier variance below which an oscillation decays and above which it grows."""
+
+FAINTEST_N = 0.02
+"""Force below which there is no contact, where the cell has no threshold of its own."""
+
+AT_LIMIT = 0.999
+"""Share of a limit from which on a force counts as limited."""
+
+
+def verdict(
+    cell: SystemCell,
+    when: CellTiming,
+    records: tuple[Records, Records],
+    account: AccountParameters | None,
+    failure: str | None = None,
+) -> Row:
+    """Judge a finished run. Both sides tick at the same times, as in virtual time.
+
+    `state` judges the force (or torque) on the operator during the hold, without its first 0.3 s and one round trip;
+    the rest is halved. The swing (largest minus smallest) of a steady force is at most two deadbands and 5 %. In the
+    second half:
+
+        settled      the swing is not larger
+        decaying     it is larger, but smaller than in the first half, with 10 % less variance and no limited force
+        lost         either of these, but the operator felt nothing for at least one tick of the two halves
+        growing      it is larger, and its variance is above 1.5 times that of the first half
+        oscillating  none of these: a limit cycle, to which the force limiter turns every growing oscillation
+        driven       the wall moves, so the force cannot be steady
+        failed       a fault, no session during the hold, a value that is not finite, or the cell could not run
+        refused      the configuration is out of range
+
+    A cell is `bounded` if it is settled, decaying or driven. A cell at its limit may be judged either way. A heavy hand
+    that still bounces off the force limiter in the second half counts as oscillating.
+
+    Figures that do not apply are left out:
+
+        energy_out_j      largest energy that the operator got out of the port since the press began, beyond what was
+                          paid in since
+        bound_share       largest share of the bound of the account that was got out; above 1 it is not kept
+        link_generated_j  largest energy that came out of the two ports together beyond what went in, while both sides
+                          were engaged and neither was in a ramp: of device, link and control, without the wall
+        peak_force_n, peak_contact_n  largest force on the operator, and on the robot
+        swing_n, steady_force_n, wall_force_n  swing and mean force on the operator, mean force on the robot, along z
+        felt              `felt_share`; `impulse_ratio` of a moving wall and of torques, which have none
+        felt_share, pressed_share  these means over the force on the ideal local wall
+        saturated         limits met in either half: the operator's force limiter, the sensor's range, the press limit
+        settle_s          time from the press until the force stays within the larger of the deadband and 5 % about its
+                          mean; left out if it does so for less than the last tenth of the hold
+        impulse_ratio     integral of |force on the operator| over that of |force on the robot|, from the press to the
+                          end of the run. All contacts begin and end within it on both sides, so none is shifted in
+                          time, whatever the delay
+        tangential_ratio  the same of the horizontal components, for a plane with friction
+        drift_m           distance of the robot's command from the hand in the last 0.1 s, at rest
+        force_reduction   reduction of force updates relative to one per tick
+
+    Args:
+        cell: its parameters.
+        when: the times of its script.
+        records: of both sides.
+        account: what bounds the energy out of the hand; None where that is not judged.
+        failure: reason of an early end.
+    """
+    master, slave = records
+    output, raw = master[f"{cell.torque}output"], slave[f"{cell.torque}raw"]
+    at = master["at"]
+    felt, wall = (_lengths(each) if cell.torque else each[:, 2] for each in (output, raw))
+    begin = when.hold + 0.3 + cell.round_trip_s
+    middle = 0.5 * (begin + when.release)
+    early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
+    failure = failure or _interruption(master[(at >= when.press) & (at < when.release)]) or _infinite(master, slave)
+    if failure is not None or not (early.any() and late.any()):
+        return {"state": "failed", "bounded": False, "failure": failure or "the hold is shorter than two ticks"}
+    holding, pressing = early | late, at >= when.press
+    steady, pressed = float(felt[late].mean()), float(wall[late].mean())
+    band = max(cell.weber * abs(steady), cell.floor, SHARE * abs(steady))
+    out, made = _energy(master, slave, pressing)
+    ideal = cell.ideal_n if cell.ideal_n is not None and cell.ideal_n >= FAINTEST_N else None
+    state = _state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any()))
+    impulses = _lengths(output[pressing]), _lengths(raw[pressing])
+    share = None if account is None or cell.torque else bound_share(master, account)
+    row = {
+        "state": state,
+        "bounded": state in CALM,
+        "energy_out_j": None if cell.wall_speed_m_s or cell.torque else out,
+        "bound_share": share,
+        "bound_kept": None if share is None else share <= 1.0,
+        "link_generated_j": None if cell.torque else made,
+        "peak_force_n": float(_lengths(output).max()),
+        "peak_contact_n": float(_lengths(raw).max()),
+        "swing_n": float(np.ptp(felt[late])),
+        "steady_force_n": steady,
+        "wall_force_n": pressed,
+        "felt": _ratio(*impulses) if ideal is None else steady / ideal,
+        "felt_share": None if ideal is None else steady / ideal,
+        "pressed_share": None if ideal is None else pressed / ideal,
+        "saturated": _saturated(master[holding], slave[holding]),
+        "settle_s": settling_time(at, felt, when, steady, band),
+        "impulse_ratio": _ratio(*impulses),
+        "tangential_ratio": _ratio(_lengths(output[pressing, :2]), _lengths(raw[pressing, :2]))
+        if cell.friction and cell.contact == "plane"
+        else None,
+        "drift_m": None if cell.robot == "arm" else _drift(master, slave),
+        "force_reduction": _reduction(slave),
+    }
+    return {name: figure for name, figure in row.items() if figure is not None}
+
+
+def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, band: float) -> float | None:
+    """From the press [s] until the force stays within the band for the rest of the hold; None if it hardly does."""
+    span = (at >= when.press) & (at < when.release)
+    outside = np.flatnonzero(np.abs(force[span] - steady) > band)
+    times = at[span]
+    last = float(times[outside[-1]]) if len(outside) else when.press
+    return last - when.press if last < when.release - 0.1 * (when.release - when.hold) else None
+
+
+def bound_share(master: Records, account: AccountParameters) -> float:
+    """The largest share of the bound that the hand got out by any tick, as a report has it, 0 or more.
+
+    Args:
+        master: records of the operator's side, shape (n,), n > 1.
+        account: in the frame of these records.
+    """
+    ways = np.diff(master["position"], axis=0)
+    works = -(master["output"][:-1] * ways).sum(axis=1)
+    bound = EnergyBound([account])
+    bound.add(master, [ways], works[np.newaxis], np.zeros(len(works), bool), np.cumsum(works))
+    return bound.share
+
+
+def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clipped: bool) -> Phase:
+    if cell.wall_speed_m_s:
+        return "driven"
+    lost = min(early.min(), late.min()) < _faintest(cell)
+    if float(np.ptp(late)) <= 2.0 * max(cell.weber * abs(steady), cell.floor) + SHARE * abs(steady):
+        return "lost" if lost else "settled"
+    before, after = float(early.var()), float(late.var())
+    if after < DECAYING * before and np.ptp(late) < np.ptp(early) and not clipped:
+        return "lost" if lost else "decaying"
+    return "growing" if after > GROWING * before else "oscillating"
+
+
+def _faintest(cell: SystemCell) -> float:
+    """Force on the operator [N] below which contact is lost; nothing is lost where the ideal wall is fainter."""
+    floor = cell.floor or FAINTEST_N
+    return floor if cell.ideal_n is None or cell.ideal_n > floor else -np.inf
+
+
+def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tuple[float, float]:
+    """Energy out since the press, and generated by the link [J]."""
+    given = PortWork("output", "position", held=True).add(master)
+    taken = PortWork("raw", "output", held=False).add(slave)
+    since = given[pressing]
+    link = LinkEnergy()
+    link.add(given, taken, in_session(master) & in_session(slave))
+    return max(0.0, float(since[0] - since.min())), max(0.0, -link.least)
+
+
+def _saturated(master: Records, slave: Records) -> list[str]:
+    largest = float(_lengths(slave["raw"]).max())
+    met = {
+        "operator": bool(master["clipped"].any()),
+        "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
+        "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
+    }
+    return [name for name, limited in met.items() if limited]
+
+
+def _lengths(vectors: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def _ratio(felt: Floats, pressed: Floats) -> float | None:
+    """Of two integrals over the same ticks; None if the robot touched next to nothing."""
+    return float(felt.sum() / pressed.sum()) if pressed.max() > FAINTEST_N else None
+
+
+def _interruption(pressing: Records) -> str | None:
+    """Reason why press and hold did not test the loop; None if they did."""
+    if not len(pressing):
+        return "ended before the hold"
+    away = int((pressing["state"] != State.ENGAGED.value).sum())
+    if away:
+        return f"not engaged for {away} ticks of the press"
+    faults = sorted({Fault(int(fault)).name.lower() for fault in np.unique(pressing["fault"]) if fault})
+    return f"faults during the press: {', '.join(faults)}" if faults else None
+
+
+def _infinite(master: Records, slave: Records) -> str | None:
+    wrong = sorted({name for side in (master, slave) for name in FINITE if not np.isfinite(side[name]).all()})
+    return f"not finite: {', '.join(wrong)}" if wrong else None
+
+
+def _reduction(slave: Records) -> float | None:
+    ticks = int((slave["state"] == State.ENGAGED.value).sum())
+    return 1.0 - int(slave["updates_sent"][-1]) / ticks if ticks else None
+
+
+def _drift(master: Records, slave: Records) -> float | None:
+    last = master["at"] > master["at"][-1] - 0.1
+    away = np.linalg.norm(slave["output"][last] - master["position"][last], axis=1).mean()
+    return float(away) if np.isfinite(away) else None

@@ -1,0 +1,59 @@
+"""What is felt of a scene: its cells, its figures and its table."""
+
+from typing import Any
+
+import pytest
+
+from weberlink_studies.frame import Row, data_frame
+from weberlink_studies.stability.display import DisplayCell, cells, rows_of
+from weberlink_studies.stability.display_study import former, judged, summary
+
+FINE: Row = {
+    "error_n": 0.3, "contacts": 12, "ghost_s": 0.0, "energy_out_j": 0.01, "tracking_m": 1e-3, "bound_share": 0.5,
+    "failure": "",
+}  # fmt: skip
+
+
+def row(cell: DisplayCell, scheme: str = "ours", **figures: Any) -> Row:
+    return cell._asdict() | {"scheme": scheme} | FINE | figures
+
+
+def test_the_schemes_before_are_stored_for_the_cells() -> None:
+    before = former()
+    assert {DisplayCell(*key) for key in before[list(DisplayCell._fields)].itertuples(index=False)} <= set(cells())
+    assert before.scheme.value_counts().nunique() == 1
+    assert list(before.scheme.unique()) == ["none", "tdpa", "mmt", "auto"]
+    assert before.attrs["origin"]["commit"].startswith("586f3695")
+    assert set(before[(before.scheme == "none") & (before.delay_ms == 0)].ideal_error_n) == {0.0}
+    cell = DisplayCell("plane", 100, "lossy")
+    mine = before[(before.scene == "plane") & (before.delay_ms == 100) & (before.link == "lossy")]
+    assert judged(data_frame([row(cell)])).former_error_n[0] == mine.error_n.min()
+
+
+def test_without_delay_none_is_its_own_reference() -> None:
+    (found,) = rows_of((DisplayCell("plane", 0), "none"))
+    assert found["failure"] == ""
+    assert found["ideal_error_n"] == found["ghost_s"] == 0.0
+    assert found["impulse_ratio"] == pytest.approx(1.0, abs=0.05)
+    assert found["error_n"] >= found["shifted_error_n"]
+
+
+def test_a_cell_that_cannot_run_has_failed() -> None:
+    (found,) = rows_of((DisplayCell("plane", 0), "nothing"))
+    assert "nothing" in found["failure"]
+    assert summary(data_frame([found, row(DisplayCell("plane", 0), "nothing")])).failed.tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    ("cell", "figures", "judgement"),
+    [
+        (DisplayCell("plane", 100), {"ghost_s": 0.25}, {"ghost": False}),  # as long as the round trip
+        (DisplayCell("plane", 100), {"ghost_s": 0.27}, {"ghost": True}),
+        (DisplayCell("plane", 0), {"bound_share": 1.1, "contacts": 25}, {"bound_kept": False, "few_contacts": False}),
+        (DisplayCell("plane", 0), {"error_n": 0.0}, {"worse": False, "compared": True, "bound_kept": True}),
+        (DisplayCell("plane", 0), {"error_n": 9.0}, {"worse": True, "few_contacts": True}),
+    ],
+)
+def test_a_run_is_judged(cell: DisplayCell, figures: Row, judgement: Row) -> None:
+    found = judged(data_frame([row(cell, **figures)])).iloc[0]
+    assert {name: bool(found[name]) for name in judgement} == judgement
