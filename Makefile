@@ -131,10 +131,13 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
+	mkdir -p build
+	cp requirements-dev.lock build/dev.lock
+	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,gamepad,inverse3,ros2,foxglove,anywhere,docs]" >build/dev.in
+	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--extra dev --extra studies --extra recording --extra parquet --extra dask --extra mujoco \
-		--extra monitor --extra camera --extra gamepad --extra inverse3 --extra ros2 --extra foxglove --extra anywhere --extra docs \
-		--output-file requirements-dev.lock pyproject.toml
+		--output-file build/dev.lock build/dev.in
+	awk '/^-e /{ours=1; next} ours && /^ /{next} {ours=0; print}' build/dev.lock >requirements-dev.lock  # paths of this machine
 	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \
 		-e '/^pylibfranka==/s/$$/ and platform_machine == "x86_64"/' \
 		-e '/^backports-zstd==/s/$$/ ; python_version < "3.14"/' requirements-dev.lock  # pip-compile drops them
