@@ -42,14 +42,6 @@ def test_servos_behind_a_silent_one_are_silent(host: Host) -> None:
     assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == list(IDS)
 
 
-def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
-    assert host.ask(packet.sync_write(65, 1, [(12, b"\x01"), (40, b"\x01"), (14, b"\x01")])) == []
-    assert [servo.registers["led"] for servo in host.emulator.servos] == [0, 1, 0, 1, 0]
-    assert host.ask(packet.sync_write(65, 1, [(12, b"\x07")])) == []
-    assert host.emulator.bus.errors == 1
-    assert host.ask(Packet(BROADCAST, packet.SYNC_WRITE, b"\x41\x00\x01\x00\x0c")) == []
-
-
 def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
     data = bytearray(encode_packet(READ_POSITION))
     data[-1] ^= 1

@@ -1,6 +1,5 @@
 """The emulated arm as a whole: its motors move it, its faults are those of its name, and the same bytes do the same."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,23 +8,10 @@ from tests.slave.emulators.host import IDS, Host
 from weberlink.arms.dynamixel import packet
 from weberlink.arms.dynamixel.packet import encode_packet
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
-from weberlink.slave.scenes.settings import object_settings
-
-FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
 
 
 def arm(**options: object) -> Host:
     return Host(DynamixelEmulator(DynamixelEmulatorOptions.model_validate(options)))
-
-
-def test_the_tip_feels_the_scene() -> None:
-    host = arm(scene=[FLOOR], held=False)
-    assert host.emulator.tip[2] > 0.1
-    for _ in range(3):
-        host.wait(1.0)
-    assert host.emulator.tip[2] < 0.1
-    assert host.emulator.tip_force[2] == pytest.approx(500.0 * (0.1 - host.emulator.tip[2]), rel=1e-6)
-    assert host.emulator.tip_force[2] > 0.5
 
 
 def test_a_restart_keeps_the_eeprom_alone() -> None:
@@ -44,7 +30,7 @@ def test_a_restart_keeps_the_eeprom_alone() -> None:
 
 def exercised(calls: list[float]) -> tuple[list[bytes], tuple[float, ...]]:
     """The same instructions at the same times, with calls of `advance` at other times in between."""
-    emulator = DynamixelEmulator(DynamixelEmulatorOptions(scene=(FLOOR,), seed=5))
+    emulator = DynamixelEmulator(DynamixelEmulatorOptions(seed=5))
     said = []
     setup = [packet.write(id_, 11, b"\x00") for id_ in IDS] + [packet.write(id_, 64, b"\x01") for id_ in IDS]
     cycle = [packet.sync_write(102, 2, [(12, b"\xf0\xff"), (13, b"\x0a\x00")]), packet.sync_read(126, 10, IDS)]

@@ -47,16 +47,6 @@ def test_what_a_servo_refuses(host: Host, address: int, size: int, value: int, e
     assert host.emulator.bus.errors == 1
 
 
-def test_goals_obey_the_present_limits(host: Host) -> None:
-    assert host.write(11, 38, 2, 100) == 0
-    assert host.write(11, 102, 2, 100) == 0
-    assert host.write(11, 102, 2, 101) == DATA_LIMIT_ERROR
-    assert host.write(11, 11, 1, 4) == 0
-    assert host.write(11, 116, 4, -1) == 0  # several turns
-    assert host.write(11, 64, 1, 1) == 0
-    assert host.write(11, 9, 1, 0) == ACCESS_ERROR, "EEPROM is locked while the torque is on"
-
-
 def test_alarm_disables_torque_until_reboot(host: Host) -> None:
     host.current_control(11, 12)
     host.emulator.inject("overload", 2)

@@ -1,6 +1,6 @@
 """`exact` against solutions that share nothing with it, at any step: flat contact, and one rough plane."""
 
-from math import asin, atan2, cos, log10, pi, sin, sqrt
+from math import cos, log10, pi, sin, sqrt
 
 import pytest
 from hypothesis import given
@@ -70,31 +70,6 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
 
 
 BODY = ControlledMass(0.05, 2000.0, 4.0)
-
-
-def test_it_slides_as_under_a_constant_force_and_stops_for_good() -> None:
-    """Pressed at a constant depth, thrown along the surface: half a swing about the goal displaced by the friction."""
-    depth, stiffness, mass, static, mu, speed = 1e-3, 1e4, 0.1, 0.5, 0.4, 0.5
-    body, scene = ControlledMass(mass, 50.0, 0.0), wall(stiffness, None, FrictionCone(static, mu))
-    scene.touch((0.0, 0.0, 1e-3))
-    start, goal = (0.0, 0.0, -depth), (0.0, 0.0, -depth * (1.0 + stiffness / body.stiffness))
-    motion = moving(scene, start, (speed, 0.0, 0.0))
-    integrator = INTEGRATORS["exact"].build(body, scene)
-    # It slips where the spring has taken up the static friction, and from there swings about -mu k depth / k_control.
-    stuck, sliding = sqrt((stiffness + body.stiffness) / mass), sqrt(body.stiffness / mass)
-    slipped = static * depth
-    rate = sqrt(speed * speed - (stuck * slipped) ** 2)
-    rest = -mu * stiffness * depth / body.stiffness
-    turn = atan2(rate, sliding * (slipped - rest)) / sliding
-    farthest = rest + sqrt((slipped - rest) ** 2 + (rate / sliding) ** 2)
-    began = asin(stuck * slipped / speed) / stuck
-    motion = integrator.advance(motion, goal, began + turn)
-    assert motion.position == pytest.approx((farthest, 0.0, -depth), abs=1e-12)
-    assert motion.velocity == pytest.approx(ZERO, abs=1e-9)
-    centre = (farthest - mu * depth) * stiffness / (stiffness + body.stiffness)
-    for _ in range(100):  # it swings about its anchor and does not slide back
-        motion = integrator.advance(motion, goal, 1e-3)
-        assert 2.0 * centre - farthest - 1e-12 < motion.position[0] < farthest + 1e-12
 
 
 def test_where_sliding_turns_the_order_is_two() -> None:

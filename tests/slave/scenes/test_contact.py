@@ -42,13 +42,6 @@ def test_stepwise_positions_keep_the_sliding_force() -> None:
             assert force[0] == pytest.approx(-DYNAMIC * STIFFNESS * DEPTH)
 
 
-def test_lifting_off_forgets_where_it_stuck() -> None:
-    scene = pressed()
-    scene.force((0.001, 0.0, -DEPTH), TICK)
-    scene.force((0.001, 0.0, 0.001), TICK)
-    assert scene.force((0.001, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
-
-
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
 def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
     ball = SphereShape((0.0, 0.0, -0.03), 0.03)

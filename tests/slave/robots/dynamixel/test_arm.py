@@ -58,12 +58,6 @@ def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> N
         assert arm_pose(joints).pitch == pytest.approx(pitch, abs=1e-9)
 
 
-@pytest.mark.parametrize("tip", [(0.5, 0.0, 0.1), (0.2, 0.0, 0.6), (0.012, 0.0, -0.4)])
-def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
-    assert inverse(tip, 0.0) is None
-    assert inverse_nearest(tip, 0.0) is None
-
-
 @given(poses)
 def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
     assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A

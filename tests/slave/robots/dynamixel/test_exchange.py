@@ -53,20 +53,6 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
     assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
 
 
-def test_arm_follows_a_slow_command() -> None:
-    bench = Bench()
-    bench.exchange.open()
-    sample = bench.lead(AT_WORK, 0.1)
-    assert distance(sample.tip, AT_WORK) < 0.01
-    sample = bench.run(AT_WORK, 0.2)[-1]
-    assert distance(bench.emulator.tip, AT_WORK) < 0.004
-    assert distance(sample.tip, bench.emulator.tip) < 1e-3
-    assert bench.emulator.largest_current <= 1.0 + 1e-9
-    newest = bench.interpolation.at(bench.time.now + 1.0)
-    assert newest.values == (*sample.tip, *sample.force)
-    assert 0.0 < bench.time.now - sample.at < 0.004
-
-
 SWEPT: Joints = (0.037, 0.085, 0.132, 0.045)
 FITTED: Joints = (0.0168, 0.0089, 0.0094, 0.0377)
 """Dry friction of the same arm by two methods of the same project [N m]."""

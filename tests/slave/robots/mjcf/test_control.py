@@ -49,13 +49,3 @@ def test_redundant_joints_return_without_moving_the_tip(tmp_path: Path, posture:
         assert distance(tuple(plant.position), ABOVE) < 0.003
     assert max(away) > 0.1
     assert (away[-1] < 1e-3) is (posture > 0.0)
-
-
-def test_home_is_reached_within_joint_limits(tmp_path: Path) -> None:
-    plant = Plant(written(tmp_path, chain(limit_deg=10.0)), "tip", "bent")
-    settle(plant, (0.03, -0.02, 0.05))
-    assert tuple(plant.position) == pytest.approx((0.03, -0.02, 0.05), abs=1e-6)
-    assert all(low <= q <= high for q, (low, high) in zip(plant.home, plant.model.jnt_range, strict=True))
-    plant.data.qpos[:] = 0.0
-    plant.reset()
-    assert tuple(plant.position) == pytest.approx((0.03, -0.02, 0.05), abs=1e-6)

@@ -1,7 +1,5 @@
 """What is wrong with a file is said in one line that begins with the option."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +8,6 @@ import pytest
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from tests.slave.robots.mjcf.models import SLIDES, chain, gantry, robot
-from weberlink.installation import install_line
-from weberlink.slave.robots.mjcf.driver import MujocoRobot
 
 BALL = SLIDES + '<joint name="ball" type="ball"/>'
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'
@@ -40,29 +36,3 @@ def test_a_file_or_a_name_that_is_wrong(
         robot(tmp_path, text, **options)
     assert "\n" not in str(caught.value)
     assert tuple(capfd.readouterr()) == ("", "")
-
-
-WITHOUT = """
-import sys
-sys.modules["mujoco"] = None
-from pathlib import Path
-from weberlink.slave.robots import load
-driver = load("mujoco")
-options = driver.Options(model=Path("model.xml"))
-driver.Options.model_json_schema()
-try:
-    driver(options, None, 0.001)
-except ValueError as error:
-    print(error)
-print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy", "weberlink.slave.robots.mjcf."))))
-"""
-
-
-def test_missing_mujoco_is_reported_at_construction() -> None:
-    ended = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=60, check=False)
-    assert ended.stderr == ""
-    assert ended.stdout.splitlines() == [
-        f"driver mujoco: needs mujoco; install it with: {install_line('mujoco')}",
-        "['weberlink.slave.robots.mjcf.driver', 'weberlink.slave.robots.mjcf.options']",
-    ]
-    assert MujocoRobot.NEEDS == ("mujoco", "mujoco")
