@@ -49,6 +49,9 @@ def test_push_on_a_wall_ends(goal: float, wall: float, weight: float, modelled: 
     before = axis.push
     give_way((goal,), here, axis.go)
     assert len(axis.goals) <= 1 + STEPS
+    mirrored = Axis(wall, weight, modelled)
+    give_way((-goal,), (-mirrored.go((goal,))[0],), lambda goals: (-mirrored.go((-goals[0],))[0],))
+    assert mirrored.goals == axis.goals, "in either direction"
     assert axis.push <= 0.1 * before + STIFFNESS_NM_RAD * LEAST_RAD + max(0.0, 0.0 if modelled else -weight)
 
 

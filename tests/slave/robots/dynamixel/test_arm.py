@@ -8,7 +8,6 @@ from weberlink.geometry.vector import Vector, distance
 from weberlink.slave.robots.dynamixel import arm
 from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
-    ROTOR_INERTIA_KG_M2,
     UPPER,
     Joints,
     arm_pose,
@@ -20,9 +19,7 @@ from weberlink.slave.robots.dynamixel.exchange import WEIGHT_A
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 STEP = 1e-6
-ROTOR = ROTOR_INERTIA_KG_M2
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
-small = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
 
 
 def moved(joints: Joints, index: int, by: float) -> Joints:
@@ -62,14 +59,3 @@ def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> N
 def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
     assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A
     assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
-
-
-@given(poses, small)
-def test_mass_matrix_is_symmetric_positive_definite(joints: Joints, rates: Joints) -> None:
-    here = arm_pose(joints)
-    columns = [here.momentum(moved((0.0, 0.0, 0.0, 0.0), index, 1.0), ROTOR) for index in range(4)]
-    for i in range(4):
-        for k in range(4):
-            assert columns[i][k] == pytest.approx(columns[k][i], abs=1e-15)
-    energy = sum(p * q for p, q in zip(here.momentum(rates, ROTOR), rates, strict=True))
-    assert energy >= ROTOR * sum(q * q for q in rates)
