@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.slave.robots.dynamixel import arm
 from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
     UPPER,
@@ -15,8 +14,6 @@ from weberlink.slave.robots.dynamixel.arm import (
     inverse_nearest,
     within_limits,
 )
-from weberlink.slave.robots.dynamixel.exchange import WEIGHT_A
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 STEP = 1e-6
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
@@ -36,14 +33,6 @@ def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
             assert row[index] == pytest.approx((a - b) / (2.0 * STEP), abs=1e-6)
 
 
-@given(poses)
-def test_gravity_is_the_gradient_of_potential_energy(joints: Joints) -> None:
-    gravity = arm_pose(joints).gravity
-    for index in range(4):
-        ahead, behind = (arm.potential_energy(moved(joints, index, by)) for by in (STEP, -STEP))
-        assert gravity[index] == pytest.approx((ahead - behind) / (2.0 * STEP), abs=1e-6)
-
-
 @given(st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25)), st.floats(0.0, 1.2))
 def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> None:
     joints = inverse_nearest(tip, pitch)
@@ -53,9 +42,3 @@ def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> N
     exact = inverse(tip, pitch)
     if exact is not None:
         assert arm_pose(joints).pitch == pytest.approx(pitch, abs=1e-9)
-
-
-@given(poses)
-def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
-    assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A
-    assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
