@@ -11,13 +11,7 @@ STIFFNESS_NM_RAD = 5.0
 
 
 class Axis:
-    """An axis without friction.
-
-    Args:
-        wall: stiffness of a wall at 0 toward larger angles [N m/rad]; 0 for none.
-        weight: that the motor carries [N m].
-        modelled: whether the driver knows it.
-    """
+    """An axis without friction, with a wall at 0 [N m/rad] and a weight [N m] that the driver may know."""
 
     def __init__(self, wall: float, weight: float, modelled: bool) -> None:
         self.wall, self.weight = wall, weight

@@ -67,13 +67,7 @@ class Tip:
 
 
 class Following:
-    """A port in virtual time, with a tool that turns.
-
-    Args:
-        at: where the robot begins [m].
-        most: of the press limit [N].
-        retract: on release [m].
-    """
+    """A port in virtual time, with a tool that turns; `most` is the press limit [N]."""
 
     def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
         self.robot = Tip(at)

@@ -60,13 +60,9 @@ def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
             assert tangential <= STATIC * pressing * (1.0 + 1e-6) + 1e-9
 
 
-def damped() -> Scene:
-    return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
-
-
 @given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
 def test_damping_never_pulls(heights: list[float], dt: float) -> None:
-    scene = damped()
+    scene = Scene([SceneObject(GROUND, 500.0, None, 10.0)])
     scene.force((0.0, 0.0, 0.02), dt)
     for z in heights:
         force = scene.force((0.0, 0.0, z), dt)

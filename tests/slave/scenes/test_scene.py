@@ -55,11 +55,8 @@ def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: floa
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_proxy_never_enters_a_solid(name: str) -> None:
-    """On a smooth path, at every tick, to a micrometre; and at some tick there is contact, or nothing was tested.
-
-    On the bumps the probe is at times deeper than their radius of curvature; then the proxy rolls off a crest, which
-    takes it a tick or two to settle.
-    """
+    """On a smooth path, at every tick, to a micrometre."""
+    # Deeper in the bumps than their radius, the proxy rolls off a crest, which takes it a tick or two.
     allowed = 2e-5 if name == "height field" else 1e-6
     scene = scenes()[name]
     shapes = [SHAPES[name]] if name in SHAPES else []

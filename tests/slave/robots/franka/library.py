@@ -96,11 +96,7 @@ class RobotState:
 
 
 class Arm:
-    """The arm itself, in steps of a millisecond.
-
-    Args:
-        scenario: name=value pairs or words, see the module.
-    """
+    """The arm itself, in steps of a millisecond."""
 
     def __init__(self, scenario: str) -> None:
         words = dict((*word.split("="), "1")[:2] for word in scenario.split(","))
