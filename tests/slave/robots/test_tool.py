@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from tests.examples import examples
-from weberlink.geometry.rotation import IDENTITY, Quaternion, turned
+from weberlink.geometry.rotation import Quaternion, turned
 from weberlink.geometry.vector import ZERO, Vector, add, scale
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.point import PointOptions, PointRobot
@@ -38,14 +38,11 @@ def about(axis: Vector, degrees: float) -> Quaternion:
     return (cos(half), *scale(axis, sin(half)))
 
 
-def held(made: PointRobot, position: Vector, orientation: Quaternion = IDENTITY, ticks: int = 1) -> RobotReading:
-    reading = made.latest(0.0)
-    for _ in range(ticks):
-        now = reading.at + TICK
-        made.command(position, now)
-        made.point(orientation, now)
-        reading = made.latest(now)
-    return reading
+def held(made: PointRobot, position: Vector, orientation: Quaternion) -> RobotReading:
+    now = made.latest(0.0).at + TICK
+    made.command(position, now)
+    made.point(orientation, now)
+    return made.latest(now)
 
 
 angles = st.floats(-170.0, 170.0)
@@ -83,16 +80,3 @@ def test_invalid_orientation_is_a_value_error(orientation: Quaternion) -> None:
     made = robot()
     with pytest.raises(ValueError, match="point: commanded an orientation that is none"):
         made.point(orientation, TICK)
-
-
-def test_a_second_session_begins_level_and_touches_nothing() -> None:
-    made = robot(PLANE | {"friction": {"static": 0.4, "dynamic": 0.3}})
-    readings = []
-    for _ in range(2):
-        made.open(0.0)
-        held(made, (0.0, 0.0, 0.0301))
-        way = [((1e-4 * step, 0.0, 0.01 - 2e-4 * step), about((0.6, 0.0, 0.8), step)) for step in range(100)]
-        readings.append([held(made, *place) for place in way])
-        made.close()
-    assert readings[0] == readings[1]
-    assert any(reading.torque[2] != 0.0 for reading in readings[0])
