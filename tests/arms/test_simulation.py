@@ -104,8 +104,7 @@ def test_no_gain_goal_or_contact_makes_it_diverge(
     assert max(map(abs, speeds)) < 0.12 * torque / 1e-4  # all the time with the torque on the least inertia
 
 
-@pytest.mark.parametrize("name", ["so101", "koch_follower", "koch_leader"])
-@pytest.mark.parametrize("stiffness", [1.0, 30.0, 100.0])
+@pytest.mark.parametrize(("name", "stiffness"), [("so101", 30.0), ("koch_follower", 1.0), ("koch_leader", 100.0)])
 def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
     """Springs without damping pull the arm into a hard table: backward Euler and contacts may only take energy."""
     made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e9, objects=[HARD])
