@@ -86,6 +86,7 @@ def test_impossible_options_are_refused(options: dict[str, Any], says: str) -> N
         DynamixelOptions(**options)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("fails", [False, True])
 def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, fails: bool) -> None:
     """Where it does not get home, it holds."""
@@ -96,6 +97,7 @@ def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, fails: bool) -> None:
     assert torque(wire) == ([True, True, True, False] if fails else [False] * 4)
 
 
+@pytest.mark.realtime
 def test_reconnected_arm_resumes(wire: PtyDevice) -> None:
     """That it does not jump is seen in virtual time."""
     robot = opened(wire, reconnect_s=60.0)
