@@ -46,15 +46,6 @@ def test_wall_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
     assert reading.position == pytest.approx((-0.05 + felt / STIFF, 0.05 - felt / STIFF, 0.05 - felt / STIFF))
 
 
-def test_force_sensor_feels_inertia(tmp_path: Path) -> None:
-    """Jerked upwards, the tool holds back: downwards, by its share of the mass times the acceleration."""
-    made = robot(tmp_path, gantry(), force="wrist")
-    made.open(0.0)
-    made.command((0.0, 0.0, 0.01), 0.0)
-    pulled = 1000.0 * 0.01
-    assert made.latest(TICK).force == pytest.approx((0.0, 0.0, -pulled / 3.0), rel=1e-6)
-
-
 def test_long_gap_is_skipped(tmp_path: Path) -> None:
     """It moves on as far as in the longest gap, and no further."""
     positions = []
