@@ -1,16 +1,12 @@
 """The calibration with weights: it finds the torque of an emulated servo, and says what cannot be."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.arms.virtual import VirtualPort, VirtualTime
 from weberlink.arms.emulators.feetech import FeetechEmulator, FeetechEmulatorOptions
-from weberlink.arms.feetech import calibration
 from weberlink.arms.feetech.arm import So101Options
 from weberlink.arms.feetech.calibration import Scales, Weighing, fit
 from weberlink.arms.feetech.exchange import So101Bus
-from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
 
 OWN_NM = 0.1
@@ -59,14 +55,3 @@ def test_too_heavy_a_weight_is_refused() -> None:
 def test_weighings_that_tell_nothing_are_refused(weighings: list[Weighing], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         fit(weighings)
-
-
-@pytest.mark.realtime
-def test_missing_arm_ends_with_one_line(tmp_path: Path) -> None:
-    emulator = FeetechEmulator()
-    with PtyDevice(emulator, tmp_path / "arm") as wire:
-        emulator.inject("wrong_model", 9)
-        arguments = ["--port", str(wire.path), "--joint", "gripper", "--lever-m", "0.1", "--masses-kg", "0", "0.1", "1"]
-        said: list[str] = []
-        assert calibration.main(arguments, ask=said.append, say=said.append) == 1
-    assert said == ["shoulder_pan (id 1): is model 9, an SO-101 has the STS3215 (model 777): check ids"]

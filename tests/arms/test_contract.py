@@ -201,17 +201,17 @@ def test_an_unplugged_arm_is_a_fault(name: str, tmp_path: Path) -> None:
         assert device.arm.guarded is (name == "so101_leader")
 
 
-COMMON: dict[str, list[tuple[dict[str, Any], str]]] = {
-    "ok": [({"bus_watchdog_ms": 40.0, "timeout_ms": 20.0}, ""), ({"lower_rad": -2.0 * pi}, "")],
-    "refused": [
-        ({"bus_watchdog_ms": 39.9, "timeout_ms": 20.0}, "bus_watchdog_ms"),
-        ({"sign": [1, 1]}, "sign"),
-        ({"sign": 0}, "sign"),
-        ({"torque_ratio": 0.09}, "torque_ratio"),
-        ({"torque_ratio": 10.1}, "torque_ratio"),
-        ({"offset_rad": 6.3}, "shoulder_pan|joint1"),
-    ],
-}
+COMMON: list[tuple[dict[str, Any], str]] = [
+    ({"bus_watchdog_ms": 40.0, "timeout_ms": 20.0}, ""),
+    ({"bus_watchdog_ms": 39.9, "timeout_ms": 20.0}, "bus_watchdog_ms"),
+    ({"sign": [1, 1]}, "sign"),
+    ({"sign": 0}, "sign"),
+    ({"torque_ratio": 0.1}, ""),
+    ({"torque_ratio": 0.09}, "torque_ratio"),
+    ({"torque_ratio": 10.0}, ""),
+    ({"torque_ratio": 10.1}, "torque_ratio"),
+    ({"offset_rad": 6.3}, "shoulder_pan|joint1"),
+]
 EACH = ("sign", "torque_ratio", "offset_rad", "lower_rad", "upper_rad", "dead_zone_nm", "p_gain", "ids")
 """Options with a value for each axis; a number in the tables stands for all of them."""
 MOST_HZ = {
@@ -227,41 +227,28 @@ OPTIONS: list[tuple[str, dict[str, Any], str]] = [
     *[(name, {"upper_rad": 6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
     *[(name, {"lower_rad": -6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
     *[(name, {"lower_rad": -2.0 * pi, "upper_rad": 2.0 * pi}, "") for name in MOST_HZ],
-    *[(name, {"unknown": 1}, "unknown") for name in BENCHES],
-    *[(name, *case) for name in DYNAMIXEL for kind in ("ok", "refused") for case in COMMON[kind]],
-    *[(name, {"torque_ratio": ratio}, "") for name in DYNAMIXEL for ratio in (0.1, 10.0)],
+    *[(name, *case) for name in DYNAMIXEL for case in COMMON],
     ("koch_leader", {"ids": [1, 2, 3, 4, 5, 5]}, "ids"),
     ("koch_leader", {"ids": [0, 2, 3, 4, 5, 252]}, ""),
     ("koch_leader", {"ids": [1, 2, 3, 4, 5, 253]}, "ids"),
     ("so101_leader", {"ids": [0, 2, 3, 4, 5, 253]}, ""),
     ("so101_leader", {"ids": [1, 2, 3, 4, 5, 254]}, "ids"),
-    ("so101_follower", {"ids": [1, 2, 3, 4, 5, 5]}, "ids"),
     ("so101_leader", {"torque_limit": 251}, "torque_limit"),
     ("koch_follower", {"p_gain": 16_383}, ""),
     ("koch_follower", {"p_gain": 16_384}, "p_gain"),
     ("koch_follower", {"p_gain": -1}, "p_gain"),
-    ("koch_follower", {"p_gain": [100] * 4}, "p_gain"),
     ("koch_follower", {"dead_zone_nm": -1.0}, "dead_zone_nm"),
-    ("koch_follower", {"dead_zone_nm": [0.1] * 5}, "dead_zone_nm"),
-    ("mujoco_arm", {"stiffness_nm_rad": (1.0, 2.0)}, "stiffness_nm_rad"),
     ("mujoco_arm", {"stiffness_nm_rad": 0.0}, "stiffness_nm_rad"),
     ("mujoco_arm", {"stiffness_nm_rad": 1e-6}, ""),
     ("mujoco_arm", {"stiffness_nm_rad": 1.01e9}, "stiffness_nm_rad"),
-    ("mujoco_arm", {"home_rad": (0.0,)}, "home_rad"),
     ("mujoco_arm", {"home_rad": (1.91986, 0.0, 0.0, 0.0, 0.0, 0.0)}, ""),
     ("mujoco_arm", {"home_rad": (1.93, 0.0, 0.0, 0.0, 0.0, 0.0)}, "home_rad: shoulder_pan"),
     ("mujoco_arm", {"home_rad": (0.0, 0.0, 0.0, 0.0, 0.0, -0.01)}, "home_rad: gripper"),
     ("mujoco_arm", {"model": "no_such_file.xml"}, "model"),
-    ("mujoco_arm", {"torque_nm": (1.0,) * 5}, "torque_nm"),
-    ("mujoco_arm", {"objects": [{"kind": "cone"}]}, "objects"),
     ("mujoco_arm", {"objects": [{"kind": "table", "position_m": (0, 0, 0), "time_constant_s": 0.0}]}, "objects"),
-    ("remote_leader", {"lower_rad": (-1.0, -1.0)}, "lower_rad"),
     ("remote_leader", {"home_rad": (0.0, 1.5, 1.2)}, ""),
     ("remote_leader", {"home_rad": (0.0, 1.6, 0.0)}, "home_rad"),
     ("remote_leader", {"home_rad": (0.0, -1.6, 0.0)}, "home_rad"),
-    ("remote_leader", {"lower_rad": 1.0, "upper_rad": 1.0, "home_rad": 1.0}, "home_rad"),
-    ("remote_leader", {"joints": ()}, "joints"),
-    ("remote_leader", {"speed_rad_s": 0.0}, "speed_rad_s"),
 ]
 
 

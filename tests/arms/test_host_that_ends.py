@@ -29,21 +29,13 @@ AFTER_S = 1.0
 
 
 class Family(NamedTuple):
-    """An arm.
+    """An arm."""
 
-    Args:
-        driver: its name, which is that of its emulator.
-        axis: that pushes.
-        push: torque at least, before [N m].
-        left: torque at most, after: the dry friction of the gears, and their share of what they gave way.
-        options: of the driver: a busy machine does not trip its watchdogs.
-    """
-
-    driver: str
-    axis: int
-    push: float
-    left: float
-    options: dict[str, Any]
+    driver: str  # its name, which is that of its emulator
+    axis: int  # that pushes
+    push: float  # torque at least, before [N m]
+    left: float  # torque at most, after: the dry friction of the gears, and their share of what they gave way
+    options: dict[str, Any]  # of the driver: a busy machine does not trip its watchdogs
 
     @property
     def leads(self) -> bool:
@@ -52,7 +44,6 @@ class Family(NamedTuple):
 
 PATIENT = {"rate_hz": 100.0, "timeout_ms": 50.0, "bus_watchdog_ms": 500.0}
 FAMILIES = {
-    "Koch, motor with a goal current": Family("koch_follower", 2, 0.3, 0.02, PATIENT),
     "Koch, XL430": Family("koch_follower", 0, 1.0, 0.2, PATIENT),
     "SO-101": Family("so101_follower", 2, 1.0, 0.2, {"gravity": False, "timeout_ms": 50.0}),
     "SO-101 leader": Family("so101_leader", 0, 0.1, 0.0, {"reconnect_s": 5.0}),
@@ -102,19 +93,12 @@ def pushes_no_more(emulator: Any, family: Family) -> Callable[[], bool]:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP])
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path: Path) -> None:
-    """A leader is without torque, a follower does not drop."""
+    """A leader is without torque, a follower does not drop; one that was stopped goes on when it is continued."""
     with pushing(family, tmp_path) as (process, emulator):
         process.send_signal(number)
         until(pushes_no_more(emulator, family), "the push to end")
         assert (process.poll() is None) is (number == signal.SIGSTOP)
         assert {servo.torque_on for servo in emulator.servos} == {not family.leads}
-
-
-@pytest.mark.parametrize("name", ["SO-101", "SO-101 leader"])
-def test_stopped_process_pushes_again_when_it_is_continued(name: str, tmp_path: Path) -> None:
-    family = FAMILIES[name]
-    with pushing(family, tmp_path) as (process, emulator):
-        process.send_signal(signal.SIGSTOP)
-        until(pushes_no_more(emulator, family), "the push to end")
-        process.send_signal(signal.SIGCONT)
-        until(lambda: push(emulator, family) > family.push, "the arm to push again")
+        if number == signal.SIGSTOP and family.driver.startswith("so101"):
+            process.send_signal(signal.SIGCONT)
+            until(lambda: push(emulator, family) > family.push, "the arm to push again")

@@ -1,9 +1,7 @@
 """Readings at any moment: between neighbours, exact at samples, never ahead of the newest, late by the stated lag."""
 
-from itertools import pairwise
-
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.arms.interpolation import Interpolation, TimedValues
@@ -28,22 +26,6 @@ def test_sample_is_exact_at_its_time_plus_lag(walk: list[tuple[float, float, flo
         given_back = interpolation.at(sample.at + lag)
         assert given_back.values == pytest.approx(sample.values, rel=1e-6, abs=1e-6)
         assert given_back.at == pytest.approx(sample.at, abs=1e-9)
-
-
-@given(steps, st.floats(0.0, 1.0), st.data())
-def test_in_between_it_is_on_the_line(
-    walk: list[tuple[float, float, float]], share: float, data: st.DataObject
-) -> None:
-    assume(len(walk) > 1)
-    interpolation = Interpolation(0.01, 6)
-    samples = filled(interpolation, walk)
-    a, b = data.draw(st.sampled_from(list(pairwise(samples))))
-    now = a.at + share * (b.at - a.at) + 0.01
-    between = interpolation.at(now)
-    exact = (now - 0.01 - a.at) / (b.at - a.at)
-    for low, high, value in zip(a.values, b.values, between.values, strict=True):
-        assert value == pytest.approx(low + exact * (high - low), rel=1e-6, abs=1e-6)
-        assert min(low, high) - 1e-9 <= value <= max(low, high) + 1e-9
 
 
 @given(st.lists(st.tuples(st.floats(1e-4, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=8))

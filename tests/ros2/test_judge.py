@@ -1,4 +1,4 @@
-"""A session on the topics of `bridge ros2`, listed and received by zenoh-ros2-sdk, which others wrote; and its pose."""
+"""A session on the topics of `bridge ros2`, listed and received by zenoh-ros2-sdk, which others wrote."""
 
 import json
 import subprocess
@@ -6,7 +6,6 @@ import sys
 import time
 from pathlib import Path
 from threading import Timer
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from tests.watching.sources import description, write
 from tests.watching.sources import records as engaged
 from weberlink.apps.bridge.follow import SessionFollower
 from weberlink.apps.bridge.ros2 import Ros2Bridge
-from weberlink.ros2.messages import decode
 from weberlink.ros2.names import Qos
 from weberlink.ros2.node import Node
 from weberlink.system.description import Description
@@ -33,7 +31,6 @@ LISTED = {
     "/weberlink/measured": [WRENCH],
     "/weberlink/robot": [POSE],
     "/weberlink/scene": [MARKERS],
-    "/weberlink/target": [POSE],
 }
 DOMAIN = 5
 TICKS = 200
@@ -44,15 +41,12 @@ LIMIT_S = 120.0
 
 
 @pytest.mark.realtime
-def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None:
+def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
-    where, targets = endpoint(), list[Any]()
-    node = Node("weberlink", DOMAIN, where)
-    node.subscribe("/weberlink/target", POSE, lambda cdr, *_: targets.append(decode(cdr, POSE)))
-    bridge = Ros2Bridge(node, Qos(), None, print)
+    where = endpoint()
+    bridge = Ros2Bridge(Node("weberlink", DOMAIN, where), Qos(), None, print)
     follower = SessionFollower(bridge, None, print, tmp_path)
-    port = where.rpartition(":")[2]
-    command = [sys.executable, "-m", "tests.ros2.sdk", port, str(DOMAIN), str(len(LISTED)), "--pose"]
+    command = [sys.executable, "-m", "tests.ros2.sdk", where.rpartition(":")[2], str(DOMAIN), str(len(LISTED))]
     rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
     follower.look(0.0)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
@@ -78,25 +72,16 @@ def test_a_client_of_others_lists_receives_and_publishes(tmp_path: Path) -> None
     bridge.close()
     for writer in rings.values():
         writer.close()
-    received = json.loads(output)
-    for name in ("/weberlink/hand", "/weberlink/felt", "/weberlink/robot", "/weberlink/measured", "/tf hand"):
-        np.testing.assert_allclose(np.diff(received[name]["stamps_ns"]), 1e6, atol=1000)
-        assert len(received[name]["stamps_ns"]) == TICKS
-    last, newest = made[-1], {name: stream["newest"] for name, stream in received.items()}
+    received, last = json.loads(output), made[-1]
+    for name in ("hand", "felt", "robot", "measured"):
+        assert len(received[f"/weberlink/{name}"]) == TICKS
+    newest = {name: messages[-1] for name, messages in received.items()}
     assert list(newest["/weberlink/hand"]["pose"]["position"].values()) == last["position"].tolist()
     assert list(newest["/weberlink/felt"]["wrench"]["force"].values()) == last["output"].tolist()
     assert list(newest["/weberlink/robot"]["pose"]["position"].values()) == last["output"].tolist()
     assert list(newest["/weberlink/measured"]["wrench"]["force"].values()) == last["raw"].tolist()
-    places = {
-        each["ns"]: each["pose"]["position"] for each in newest["/weberlink/bodies"]["markers"] if each["id"] == 0
-    }
-    assert list(places["master"].values()) == last["position"].tolist()
     assert len(newest["/weberlink/scene"]["markers"]) == 2  # of configs/loopback.yaml
-    assert [each["child_frame_id"] for each in newest["/tf robot"]["transforms"]] == ["robot", "measured"]
-    assert {status["name"] for status in newest["/diagnostics"]["status"]} == {
-        f"weberlink: {part}" for part in ("bridge", "master", "slave")
-    }
-    assert targets[-1].pose.position.x > targets[0].pose.position.x > 0.0
+    assert {each["transforms"][0]["child_frame_id"] for each in received["/tf"]} >= {"robot"}
 
 
 def ring(folder: Path, side: str) -> RingWriter:

@@ -72,20 +72,6 @@ def test_sdk_computes_the_same_hash(name: str) -> None:
     assert get_type_hash(name, msg_definition=own, dependencies=dependencies) == type_hash(name)
 
 
-@pytest.mark.parametrize("qos", [Qos(), Qos(depth=42), Qos(reliable=False, depth=1)])
-def test_sdk_reads_the_quality_of_service(qos: Qos) -> None:
-    sdk = others("qos")
-    read = sdk.QosProfile.decode(qos.text())
-    assert (read.reliability is sdk.QosReliability.RELIABLE) == qos.reliable
-    assert read.history_depth == (10 if qos.depth == 42 else qos.depth)  # the SDK takes 10 for rmw_zenoh's default
-
-
-@given(st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1), st.binary(min_size=16, max_size=16))
-def test_attachment_survives_its_bytes(sequence: int, stamp_ns: int, source: bytes) -> None:
-    attachment = Attachment(sequence, stamp_ns, source)
-    assert Attachment.from_bytes(attachment.to_bytes()) == attachment
-
-
 def test_sdk_reads_our_attachment_and_we_its() -> None:
     sdk = others("attachment")
     theirs = sdk.Attachment(7, 123_456_789, bytes(range(16)))

@@ -60,19 +60,6 @@ def test_other_domains_hear_nothing() -> None:
 
 
 @pytest.mark.realtime
-def test_nodes_talk_on_without_the_first() -> None:
-    where = endpoint()
-    first = Node("first", connect=where)
-    with first, Node("second", connect=where) as second, Node("third", connect=where) as third:
-        heard = hear(third)
-        publisher = second.publisher("/chatter", STRING)
-        until(lambda: second.connections == 2, "both connections")
-        first.close()
-        heard.clear()
-        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
-
-
-@pytest.mark.realtime
 def test_a_router_elsewhere_forwards_messages() -> None:
     where = endpoint().replace("127.0.0.1", "127.0.0.2")
     with pytest.raises(NodeError, match="Unable to connect"):

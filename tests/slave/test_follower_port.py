@@ -103,6 +103,7 @@ events = st.lists(
 @example([("lead", (9.0, -9.0, 9.0), 40), ("load", (2.1, 0.0, 0.0), 30), ("lead", (-1.0, 0.0, 0.4), 40)])
 @example([("lead", (0.02, 0.0, 0.4), 100), ("idle", (0.0, 0.0, 0.0), 2), ("lead", (0.5, 0.5, 0.5), 9)])
 @example([("lead", (0.02, 0.0, 0.4), 100), ("no gripper", (0.1, 0.0, 0.0), 2), ("lead", (0.5, 0.5, 0.5), 9)])
+@example([("lead", (0.0, 0.0, 0.9), 999), ("load", (0.0, 0.0, 0.9), 1), ("settle", (0.0, 0.0, 0.0), 2)])
 @example([("load", (2.0, -2.0, 1.0), 5), ("load", (0.0, -2.1, 0.0), 90), ("settle", (0.0, 0.0, 0.0), 2)])
 @examples(80)
 def test_in_every_state_commands_are_slow_and_in_range(happens: list[tuple[str, Joints, int]]) -> None:
@@ -135,7 +136,7 @@ def test_in_every_state_commands_are_slow_and_in_range(happens: list[tuple[str, 
             assert applied == port.applied
             slack = 0.1 if event == "settle" else 0.0
             for angle, before, low, high in zip(applied, last, LOWER, UPPER, strict=True):
-                assert low <= angle <= high
+                assert low - max(0.0, low - before) <= angle <= high + max(0.0, before - high), "no further out"
                 assert abs(angle - before) <= (SPEED if is_there else APPROACH) * TICK * (1 + 1e-9) + 1e-12 + slack
             if not usable and not port.tripped and event not in ("settle", "load"):
                 assert applied == last, "it holds until all angles are there"
@@ -196,6 +197,7 @@ def test_it_holds_when_nobody_leads_and_fades(retreat: bool) -> None:
 def test_it_presses_with_no_more_than_the_limit() -> None:
     following = Following(Servos(walls=(-0.02, -inf, 0.1), angles=(0.0, 0.0, 0.4)))
     largest = [0.0, 0.0, 0.0]
+    assert following.row().contact_ticks == 0
     for tick in range(3000):
         following.tick((-min(1.0, tick * 4e-4), 0.3), (0.0,))
         largest = [max(most, abs(torque)) for most, torque in zip(largest, following.arm.torques, strict=True)]
@@ -204,6 +206,16 @@ def test_it_presses_with_no_more_than_the_limit() -> None:
     assert following.port.applied[1] == 0.3, "an axis in free space goes on"
     assert following.row().contact_ticks > 0
     assert following.trips == 0
+
+
+def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
+    following = Following().there((0.0, 0.0), (0.2,))
+    for angle, engaged in ((0.01, True), (0.3, False), (0.3, True)):
+        following.arm.angles, following.arm.torques = (angle, 0.0, 0.2), (PRESS[0], 0.0, 0.0)
+        following.sense()
+        before = following.port.applied
+        following.tick((-0.5, 0.0), (0.2,), engaged=engaged)
+    assert following.port.applied[0] > before[0], "out at once: the excess was there before it went on"
 
 
 def test_arm_that_sags_keeps_a_light_load_up() -> None:

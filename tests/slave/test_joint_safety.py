@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from math import inf
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -45,7 +46,9 @@ def test_trip_backs_off_the_axes_that_were_too_strong() -> None:
     tripped = guard()
     torques, where = (0.9, -1.4, 0.1), (0.0, -0.03, 0.4)
     assert tripped.is_overloaded(torques)
+    tripped.follow((0.0, 0.0, 0.4), TICK)
     tripped.trip(torques, where)
+    assert not tripped.following
     way = [tripped.follow((0.3, 0.3, 0.4), TICK) for _ in range(600)]
     assert max(steps(way)) <= APPROACH * TICK * (1 + 1e-9)
     assert way[-1] == (0.0, pytest.approx(-0.03 - TRIP_RETREAT), 0.4)
@@ -104,6 +107,41 @@ def test_press_limit_outlasts_the_contact_by_the_rebound() -> None:
         assert limit.bounded((-0.5, 0.0, 0.0), still, still, still, TICK)[0] == pytest.approx(-0.1)
     target = (-0.5, 0.0, 0.0)
     assert limit.bounded(target, still, still, still, TICK) is target
+    limit.bounded(still, still, still, (0.5, 0.0, 0.0), TICK)
+    limit.bounded((0.1, 0.0, 0.0), still, still, still, TICK)
+    assert limit.bounded(target, still, still, still, TICK) is target, "out of the contact, it is over at once"
+
+
+@pytest.mark.parametrize("held", [0.0, -0.15])
+@pytest.mark.parametrize("ends", ["forgets", "rebound", "out"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_after_a_contact_it_bounds_as_a_new_one(ends: str, held: float, sign: float) -> None:
+    limit, new = (JointPressLimit((1.0,), (10.0,), NOISE) for _ in range(2))
+    for before in (-0.12, -0.04):
+        limit.bounded((-sign,), (sign * before,), (0.0,), (sign,), TICK)
+    if ends == "forgets":
+        limit.forget()
+    for _ in range(round(REBOUND / TICK) + 2 if ends == "rebound" else ends == "out"):
+        for each in (limit, new):
+            each.bounded((-sign if ends == "rebound" else 0.1 * sign,), (0.0,), (0.0,), (0.0,), TICK)
+    for _ in range(2):
+        found, expected = (each.bounded((-sign,), (sign * held,), (0.0,), (sign,), TICK) for each in (limit, new))
+        assert found == expected
+
+
+@pytest.mark.parametrize(("sign", "shift"), [(-1.0, 0.0), (1.0, 0.7), (-1.0, -0.4)])
+def test_where_and_in_which_direction_an_axis_presses_makes_no_difference(sign: float, shift: float) -> None:
+    limit, plain = (JointPressLimit((1.0,), (10.0,), NOISE) for _ in range(2))
+    draw, bounds = Random(4), 0
+    for _ in range(400):
+        target, held, angle = draw.uniform(-0.6, 0.1), draw.uniform(-0.2, 0.1), draw.uniform(-0.1, 0.1)
+        torque = draw.choice([0.0, 0.1, 0.94, 0.96])
+        moved = [(sign * each + shift,) for each in (target, held, angle)]
+        (found,) = limit.bounded(*moved, (sign * torque,), TICK)
+        (expected,) = plain.bounded((target,), (held,), (angle,), (torque,), TICK)
+        assert found == pytest.approx(sign * expected + shift, abs=1e-12)
+        bounds += expected != target
+    assert bounds > 100
 
 
 def test_light_load_does_not_make_a_sagging_arm_sink() -> None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.joint_safety import JointPressLimit
@@ -27,21 +28,13 @@ HEIGHT = 0.005
 
 @dataclass(frozen=True)
 class Tap:
-    """A motion down to a depth, a rest there, and the way back, as often as there are taps.
+    """A motion down to a depth, a rest there, and the way back, as often as there are taps."""
 
-    Args:
-        speed: largest one [m/s].
-        depth: below the surface [m].
-        rest: how long it stays down [s].
-        taps: how many.
-        hold: ticks for which a command is held, as a coarse coding does.
-    """
-
-    speed: float
-    depth: float = 0.02
-    rest: float = 0.1
+    speed: float  # largest one [m/s]
+    depth: float = 0.02  # below the surface [m]
+    rest: float = 0.1  # how long it stays down [s]
     taps: int = 2
-    hold: int = 1
+    hold: int = 1  # ticks for which a command is held, as a coarse coding does
 
     @property
     def way_time(self) -> float:
@@ -135,6 +128,7 @@ taps = st.builds(
 FAST = Tap(speed=0.5, taps=4)
 
 
+@examples(25)
 @given(cases, taps)
 @example(Case(None, 500.0, 20.0), FAST)
 @example(Case(None, 2500.0, 20.0), FAST)
@@ -150,6 +144,7 @@ def test_limit_makes_no_contacts_and_no_force_that_would_not_be_there_without_it
     assert limited.peak <= max(1.03 * free.peak, 1.05 * case.most)
 
 
+@examples(25)
 @given(cases, taps)
 @example(Case(None, 500.0, 20.0), FAST)
 @example(Case(0.01, 10_000.0, 50.0), FAST)

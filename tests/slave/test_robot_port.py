@@ -67,13 +67,7 @@ class Tip:
 
 
 class Following:
-    """A port in virtual time, with a tool that turns.
-
-    Args:
-        at: where the robot begins [m].
-        most: of the press limit [N].
-        retract: on release [m].
-    """
+    """A port in virtual time, with a tool that turns; `most` is the press limit [N]."""
 
     def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
         self.robot = Tip(at)
@@ -196,12 +190,15 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
 
 def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel() -> None:
     following = Following()
-    following.robot.force, following.robot.torque = (0.0, 0.0, 2.0), (0.0, 0.1, 0.0)
+    force = following.robot.force = (1.0, -0.5, 2.0)
+    following.robot.torque = (0.0, 0.1, 0.0)
     shown = []
     turn = (0.0, 0.0, 0.2)
     for _ in range(400):
         following.tick((0.005, 0.0, 0.0), turn)
-        shown.append((following.port.force.sample()[0][2], following.torque.sample()[0][1]))
+        felt = following.port.force.sample()[0]
+        assert felt == pytest.approx(scale(force, felt[2] / 2.0)), "of one direction"
+        shown.append((felt[2], following.torque.sample()[0][1]))
     arrival = round(0.2 / TURN_APPROACH / TICK)  # the tool is the last
     assert set(shown[: arrival - 1]) == {(0.0, 0.0)}
     assert max(b[0] - a[0] for a, b in pairwise(shown)) <= 2.0 * TICK / RAMP * 1.05
@@ -285,6 +282,16 @@ def test_the_robot_presses_with_no_more_than_the_limit() -> None:
     assert following.port.led(0) is None
 
 
+def test_after_a_pause_the_press_limit_acts_as_a_new_one() -> None:
+    """An excess that was not there a tick ago stops the command; one that was there before it goes on moves it out."""
+    following = Following(most=MOST_N).there(ZERO)
+    following.robot.follows, following.robot.force = False, (0.0, 0.0, 3.0)
+    following.tick((0.0, 0.0, -0.001))
+    following.robot.at = (0.0, 0.0, 0.02)
+    held = following.tick(None, engaged=False)
+    assert following.tick((0.0, 0.0, -0.05))[2] > held[2]
+
+
 def test_after_a_stall_it_holds_with_the_force_that_it_presses_with() -> None:
     following = Following().there((0.0, 0.0, 0.02))
     following.robot.at, following.robot.force = (0.01, 0.0, 0.0), (0.0, 0.0, 5.0)
@@ -319,11 +326,14 @@ def test_it_is_a_port_and_its_record_says_what_it_did() -> None:
     assert (row.position, row.output) == ((9.0, 0.0, 0.0), following.port.applied)
     assert row.clipped
     assert row.rotation_output == pytest.approx((0.0, 0.0, 0.3))
+    assert following.row().ramping is following.port.ramping is False
     assert following.row(is_led=False).ramping == RELEASED
     following.tick(following.port.applied, (0.0, 0.0, 2.0))
     assert following.port.clipped, "the tool is limited"
+    shown = following.port.shown(UP)
     following.port.halt(following.now)
     assert following.robot.turns[-1] == following.robot.turns[-2]
+    assert following.port.shown(UP) == shown
     port.close()
     assert not following.robot.is_open
     assert following.torque.complaint(RobotReading(0.0, ZERO, ZERO, torque=(1e9, 0.0, 0.0))) is not None

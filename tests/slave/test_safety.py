@@ -1,6 +1,7 @@
 """The limit of the force with which a robot presses; its guard is tested with its port."""
 
 from math import inf
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -79,12 +80,35 @@ def test_a_robot_of_unstated_stiffness_is_not_bounded() -> None:
     assert PressLimit(MOST, inf).bounded(deep, deep, ZERO, (0.0, 0.0, 5.0), TICK) == deep
 
 
-def test_a_limit_that_forgets_bounds_as_a_new_one() -> None:
-    limit, up = PressLimit(MOST, COUPLING), (0.0, 0.0, 3.0)
-    deep, surface = (0.0, 0.0, -0.02), (0.0, 0.0, 0.0)
-    for depth, height in ((0.0, 0.0), (0.001, 0.005), (0.001, 0.0)):  # an excess that goes when the command stops
-        limit.bounded(deep, (0.0, 0.0, -depth), (0.0, 0.0, height), up, TICK)
-    as_new = PressLimit(MOST, COUPLING).bounded(deep, surface, surface, up, TICK)
-    assert limit.bounded(deep, surface, surface, up, TICK) != as_new
-    limit.forget()
-    assert limit.bounded(deep, surface, surface, up, TICK) == as_new
+@pytest.mark.parametrize("held", [ZERO, (0.0, 0.0, -0.004)])
+@pytest.mark.parametrize("ends", ["forgets", "rebound", "out"])
+def test_after_a_contact_it_bounds_as_a_new_one(ends: str, held: Vector) -> None:
+    limit, new = PressLimit(MOST, COUPLING), PressLimit(MOST, COUPLING)
+    deep, up = (0.0, 0.0, -0.02), (0.0, 0.0, 3.0)
+    limit.bounded(deep, (0.0, 0.0, -0.003), ZERO, up, TICK)
+    limit.bounded(deep, (0.0, 0.0, -0.001), ZERO, up, TICK)
+    if ends == "forgets":
+        limit.forget()
+    for _ in range(round(REBOUND / TICK) + 2 if ends == "rebound" else ends == "out"):
+        for each in (limit, new):
+            each.bounded(deep if ends == "rebound" else (0.0, 0.0, 0.001), ZERO, ZERO, ZERO, TICK)
+    for _ in range(2):
+        assert limit.bounded(deep, held, ZERO, up, TICK) == new.bounded(deep, held, ZERO, up, TICK)
+
+
+@pytest.mark.parametrize("out", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.0, -0.8), (2 / 3, -1 / 3, 2 / 3)])
+def test_the_direction_of_the_contact_makes_no_difference(out: Vector) -> None:
+    limit, upward, draw = PressLimit(MOST, COUPLING), PressLimit(MOST, COUPLING), Random(4)
+    most, bounds = MOST / COUPLING, 0
+    for _ in range(400):
+        target, held, tip = (
+            draw.uniform(-6.0, 1.0) * most,
+            draw.uniform(-2.0, 1.0) * most,
+            draw.uniform(-1.0, 1.0) * most,
+        )
+        force = draw.choice([0.0, LEAST_CONTACT, 5.0])
+        bounded = limit.bounded(*(scale(out, along) for along in (target, held, tip, force)), TICK)
+        expected = upward.bounded(*((0.0, 0.0, along) for along in (target, held, tip, force)), TICK)[2]
+        assert bounded == pytest.approx(scale(out, expected), abs=1e-12)
+        bounds += expected != target
+    assert bounds > 100

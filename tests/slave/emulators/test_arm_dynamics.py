@@ -1,41 +1,28 @@
 """Mechanics of the emulated arm against laws and against MuJoCo."""
 
 from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.slave.emulators.arm_dynamics import (
-    STEP,
-    STILL,
-    EmulatedArm,
     mass_matrix,
     sliding,
     times,
     with_dry_friction,
 )
 from weberlink.slave.robots.dynamixel.arm import (
-    COULOMB_N_M,
     LINKS,
     LOWER,
     ROTOR_INERTIA_KG_M2,
     UPPER,
-    VISCOUS_N_M_S,
     ArmLink,
     Joints,
     arm_pose,
 )
-from weberlink.slave.scenes.settings import build, object_settings
 
-POSE: Joints = (0.3, -0.6, 0.5, 0.8)
 NO_FRICTION = [0.0] * 4
-SETTLES: dict[str, Any] = {"rotor_inertia": 0.005, "viscous": (0.02, 0.02, 0.02, 0.02)}
-"""An arm that comes to rest soon."""
-WALL = {"shape": "plane", "point_m": (0.19, 0.0, 0.0), "normal": (-1.0, 0.0, 0.0), "stiffness_n_m": 1000.0}
-ROUGH = {"static": 0.9, "dynamic": 0.8}
-BALL = {"shape": "sphere", "center_m": (0.25, 0.04, 0.09), "radius_m": 0.05, "stiffness_n_m": 800.0}
 angles = st.floats(-1.5, 1.5)
 impulses = st.floats(-0.01, 0.01)
 
@@ -43,18 +30,6 @@ impulses = st.floats(-0.01, 0.01)
 def drawn(random: Random, reach: float = 0.8) -> Joints:
     a, b, c, d = (random.uniform(reach * low, reach * high) for low, high in zip(LOWER, UPPER, strict=True))
     return a, b, c, d
-
-
-def servoed(arm: EmulatedArm, goal: Joints, time: float) -> list[float]:
-    """The last torques of springs, dampers and gravity compensation that hold the arm at a goal."""
-    torques = [0.0] * 4
-    for _ in range(round(time / STEP)):
-        torques = [
-            g + 8.0 * (there - q) - 0.3 * v
-            for g, there, q, v in zip(arm_pose(arm.angles).gravity, goal, arm.angles, arm.velocities, strict=True)
-        ]
-        arm.step(torques)
-    return torques
 
 
 def body(link: ArmLink, position: str, rod: str, inner: str) -> str:
@@ -94,28 +69,6 @@ def test_equations_of_motion_are_those_of_mujoco() -> None:
         assert acceleration == pytest.approx(list(data.qacc), rel=1e-9, abs=1e-9)
 
 
-def test_a_step_obeys_the_equations_of_motion() -> None:
-    random = Random(6)
-    for _ in range(20):
-        q, v = drawn(random), drawn(random, 2.0)
-        torques = [random.uniform(-1, 1) for _ in range(4)]
-        arm = EmulatedArm(None, q, coulomb=STILL)
-        arm.velocities = v
-        arm.step(torques)
-        pose = arm_pose(q)
-        inertia = mass_matrix(pose, ROTOR_INERTIA_KG_M2)
-        changed = [b - a for a, b in zip(times(inertia, v), times(inertia, arm.velocities), strict=True)]
-        assert changed == pytest.approx(
-            [
-                STEP * (torque - g - c - viscous * w)
-                for torque, g, c, viscous, w in zip(
-                    torques, pose.gravity, pose.coriolis(v), VISCOUS_N_M_S, arm.velocities, strict=True
-                )
-            ],
-            abs=1e-12,
-        )
-
-
 @example((0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, -1 / 128), (0.0, 1e-5, 1e-5, 1e-5), (-1.0, -1.0, -1.0, 1.0))
 @given(
     st.tuples(angles, angles, angles, angles),
@@ -133,64 +86,3 @@ def test_each_joint_slides_with_full_friction_or_sticks(
         assert abs(friction) <= limit + 1e-12
         if velocity != 0.0 and limit > 0.0:
             assert abs(friction - (limit if velocity > 0.0 else -limit)) < 1e-12
-
-
-def test_energy_never_grows_in_a_passive_arm() -> None:
-    random = Random(3)
-    for _ in range(5):
-        arm = EmulatedArm(None, drawn(random))
-        arm.velocities = drawn(random, 2.0)
-        energy = arm.energy()
-        for _ in range(300):
-            arm.step(STILL)
-            now = arm.energy()
-            within = all(low <= q <= high for low, q, high in zip(LOWER, arm.angles, UPPER, strict=True))
-            assert now <= energy or not within  # the energy of the stops is not counted
-            energy = now
-
-
-@pytest.mark.parametrize("stiffness", [300.0, 1e7])
-def test_a_dropped_arm_comes_to_rest_on_a_table(stiffness: float) -> None:
-    table = object_settings(
-        shape="plane", point_m=(0.0, 0.0, 0.05), stiffness_n_m=stiffness, friction={"static": 0.5, "dynamic": 0.4}
-    )
-    arm = EmulatedArm(build([table]), (0.0, -0.2, 0.3, 0.4), **SETTLES)
-    for _ in range(5500):
-        arm.step(STILL)
-    assert arm.velocities == STILL
-    angles = arm.angles
-    arm.step(STILL)
-    assert arm.angles == angles
-    assert arm.force[2] > 0.2
-    assert abs(arm.force[0]) > 0.1  # friction carries a part
-    assert arm.force[2] == pytest.approx(stiffness * (0.05 - arm.tip[2]), rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("thing", "goal", "coulomb"),
-    [
-        (WALL, (0.3, -0.3, 0.5, 0.5), COULOMB_N_M),
-        (WALL | {"friction": ROUGH}, (0.45, -0.3, 0.5, 0.5), COULOMB_N_M),
-        (BALL, (0.2, -0.2, 0.5, 0.3), STILL),
-    ],
-    ids=["wall", "rough wall", "ball without dry friction"],
-)
-def test_at_rest_motors_contact_and_weight_balance(thing: dict[str, Any], goal: Joints, coulomb: Joints) -> None:
-    options = SETTLES if coulomb == STILL else {}
-    arm = EmulatedArm(build([object_settings(**thing)]), POSE, coulomb=coulomb, **options)
-    servoed(arm, (POSE[0], *goal[1:]), 0.7)
-    torques = servoed(arm, goal, 2.3)
-    assert max(map(abs, arm.velocities)) < 1e-3
-    assert max(map(abs, arm.force)) > 0.5
-    pose = arm_pose(arm.angles)
-    for torque, held, weight, sticks in zip(torques, pose.torques(arm.force), pose.gravity, coulomb, strict=True):
-        assert abs(torque + held - weight) <= sticks + 1e-5
-
-
-def test_stops_hold() -> None:
-    arm = EmulatedArm(None, (0.0, -1.0, 0.5, 0.0), **SETTLES)
-    for _ in range(2000):
-        arm.step((2.0, -2.0, 2.0, -2.0))
-    for low, angle, high in zip(LOWER, arm.angles, UPPER, strict=True):
-        assert low - 0.02 < angle < high + 0.02
-    assert max(map(abs, arm.velocities)) < 1e-6

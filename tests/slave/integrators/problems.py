@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from weberlink.geometry.vector import ZERO, Vector, dot, subtract
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
@@ -11,8 +11,6 @@ from weberlink.slave.scenes.solids import PlaneShape, SphereShape
 
 UP: Vector = (0.0, 0.0, 1.0)
 BODY = ControlledMass(0.2, 500.0, 5.0)
-OFF = ControlledMass(0.05, 0.0, 0.0)
-"""Its control is off: nothing but contact acts on it."""
 
 
 def wall(stiffness: float, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
@@ -53,16 +51,6 @@ def run(
     for _ in range(steps):
         motion = integrator.advance(motion, goal, duration / steps)
     return motion
-
-
-def energy(body: ControlledMass, motion: MassState, goal: Vector, scene: Scene, stiffness: float) -> float:
-    """Of motion, of the control's spring, and of contact with a single stiffness [J]."""
-    away = subtract(motion.position, goal)
-    return 0.5 * (
-        body.mass * dot(motion.velocity, motion.velocity)
-        + body.stiffness * dot(away, away)
-        + stiffness * scene.penetration_depth**2
-    )
 
 
 def difference(one: MassState, other: MassState, seconds: float) -> float:

@@ -2,19 +2,18 @@
 
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
 from math import sqrt
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.slave.integrators.problems import BODY, UP, ball, corner, difference, energy, moving, run, wall
-from tests.slave.scenes.solids import SHAPES, scenes
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
+from tests.slave.integrators.problems import BODY, UP, ball, corner, difference, moving, run, wall
+from tests.slave.scenes.solids import scenes
+from weberlink.geometry.vector import ZERO
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.contact_force import contact_force
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
@@ -31,18 +30,6 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "everything": lambda: scenes()["everything"],
 }
 every_scene = pytest.mark.parametrize("place", sorted(SCENES))
-
-
-def roaming(name: str, scene: Scene | None, ticks: int = 400) -> list[MassState]:
-    """Down into the scene, then about in it."""
-    integrator = INTEGRATORS[name].build(BODY, scene)
-    motion = moving(scene, (0.0, 0.0, 0.03), ZERO)
-    motions = []
-    for tick in range(ticks):
-        goal = (0.00005 * tick, -0.00002 * tick, max(-0.01, 0.03 - 0.0004 * tick))
-        motion = integrator.advance(motion, goal, TICK / 2.0)
-        motions.append(motion)
-    return motions
 
 
 @every_scene
@@ -64,35 +51,12 @@ def test_force_and_scene_match_returned_position(name: str, place: str) -> None:
     assert touched > 50
 
 
-@every_scene
-@every_integrator
-def test_motion_is_smooth_and_reproducible(name: str, place: str) -> None:
-    motions = roaming(name, SCENES[place]())
-    assert motions == roaming(name, SCENES[place]())
-    for before, after in pairwise(motions):
-        moved = max(abs(a - b) for a, b in zip(after.position, before.position, strict=True))
-        assert moved < 0.001
-        assert is_finite(after.force)
-
-
 @every_integrator
 def test_rests_where_control_and_contact_balance(name: str) -> None:
     end = run(name, BODY, lambda: wall(2000.0, 5.0), (0.0, 0.0, 0.01), ZERO, (0.01, 0.0, -0.01), 2.0, 4000)
     assert end.position == pytest.approx((0.01, 0.0, -0.002), abs=1e-9)
     assert end.velocity == pytest.approx(ZERO, abs=1e-9)
     assert end.force == pytest.approx((0.0, 0.0, 4.0), abs=1e-6)
-
-
-@pytest.mark.parametrize("goal", [(1e308, 0.0, 0.0), (0.0, -1e200, 0.0), (0.0, 0.0, -1e15), (1e13, 1e13, -1e13)])
-@every_scene
-@every_integrator
-def test_extreme_goal_still_ends_the_step(name: str, place: str, goal: Vector) -> None:
-    scene = SCENES[place]()
-    integrator = INTEGRATORS[name].build(BODY, scene)
-    motion = moving(scene, (0.0, 0.0, 0.001), ZERO)
-    for _ in range(5):
-        motion = integrator.advance(motion, goal, TICK)
-        assert is_finite(motion.force) or not is_finite(motion.position)
 
 
 @every_integrator
@@ -112,72 +76,32 @@ STEPS = (40, 80, 160, 320)
 FINEST = 3000
 
 
-class Problem(NamedTuple):
-    make: Callable[[], Scene | None]
-    position: Vector
-    velocity: Vector
-    goal: Vector
-    duration: float
-
-    def arrived(self, name: str, steps: int) -> MassState:
-        return arrival(self, name, steps)
+SMOOTH: dict[str, tuple[Any, ...]] = {  # scene, position, velocity, goal, duration
+    "free": (lambda: None, (0.0, 0.0, 0.03), (0.1, 0.2, 0.3), (0.01, 0.0, 0.02), 0.05),
+    "in a wall": (lambda: wall(2000.0, 5.0), (0.0, 0.0, -0.004), (0.1, 0.0, -0.05), (0.01, 0.0, -0.02), 0.02),
+    "in a ball": (lambda: ball(2000.0, 5.0), (0.001, 0.0, -0.004), (0.2, 0.1, 0.0), (0.02, 0.01, -0.02), 0.02),
+    "in a corner": (
+        lambda: corner((UP, 3000.0, 2.0), ((1.0, 0.3, 0.6), 800.0, None)),
+        (-0.004, 0.0, -0.006), (-0.05, 0.1, -0.05), (-0.01, 0.01, -0.02), 0.01,
+    ),
+}  # fmt: skip
 
 
 @cache
-def arrival(problem: Problem, name: str, steps: int) -> MassState:
-    return run(name, BODY, *problem, steps)
-
-
-SMOOTH = {
-    "free": Problem(lambda: None, (0.0, 0.0, 0.03), (0.1, 0.2, 0.3), (0.01, 0.0, 0.02), 0.05),
-    "in a wall": Problem(lambda: wall(2000.0, 5.0), (0.0, 0.0, -0.004), (0.1, 0.0, -0.05), (0.01, 0.0, -0.02), 0.02),
-    "in a ball": Problem(lambda: ball(2000.0), (0.001, 0.0, -0.004), (0.2, 0.1, 0.0), (0.02, 0.01, -0.02), 0.02),
-    "in a damped ball": Problem(
-        lambda: ball(2000.0, 5.0), (0.001, 0.0, -0.004), (0.2, 0.1, 0.0), (0.02, 0.01, -0.02), 0.02
-    ),
-}
-BOUNCE = Problem(lambda: ball(2000.0), (0.001, 0.0, 0.004), (0.1, 0.0, -0.5), (0.01, 0.0, 0.005), 0.05)
-
-
-def slope(name: str, problem: Problem, truth: MassState) -> float:
-    errors = [difference(problem.arrived(name, steps), truth, 0.01) for steps in STEPS]
-    return -float(np.polyfit(np.log(STEPS), np.log(errors), 1)[0])
+def arrived(problem: str, name: str, steps: int) -> MassState:
+    return run(name, BODY, *SMOOTH[problem], steps)
 
 
 @pytest.mark.parametrize("problem", SMOOTH)
-@pytest.mark.parametrize("name", sorted(INTEGRATORS))
+@every_integrator
 def test_order_on_smooth_motion_is_as_tabulated(name: str, problem: str) -> None:
-    scheme, case = INTEGRATORS[name], SMOOTH[problem]
-    truth = case.arrived("exact", FINEST)
+    scheme, truth = INTEGRATORS[name], arrived(problem, "exact", FINEST)
     if scheme.exact_if_linear and "ball" not in problem:
-        assert difference(case.arrived(name, STEPS[0]), truth, 0.01) < 1e-13
-    else:
-        assert slope(name, case, truth) == pytest.approx(scheme.order, abs=0.2)
-
-
-@pytest.mark.parametrize(("name", "least"), [("semi_implicit", 0.8), ("implicit", 1.5), ("exact", 1.8)])
-def test_order_across_a_bounce(name: str, least: float) -> None:
-    assert slope(name, BOUNCE, BOUNCE.arrived("exact", FINEST)) > least
-
-
-def test_reference_solutions_of_two_schemes_agree() -> None:
-    """The reference of the orders above is right."""
-    for case in SMOOTH.values():
-        assert difference(case.arrived("implicit", FINEST // 2), case.arrived("exact", FINEST), 0.01) < 1.2e-7
-
-
-@pytest.mark.parametrize("damping", [None, 100.0])
-def test_the_implicit_scheme_is_l_stable(damping: float | None) -> None:
-    """One step into contact a million times too stiff for it, and nothing is left of the motion along the normal."""
-    scene = wall(1e7, damping)
-    integrator = INTEGRATORS["implicit"].build(ControlledMass(1e-3, 1.0, 0.0), scene)
-    motion = moving(scene, (0.0, 0.0, -1e-5), (0.1, 0.0, -0.01))
-    left = []
-    for _ in range(6):
-        motion = integrator.advance(motion, (0.0, 0.0, -0.001), 0.1)
-        left.append(abs(motion.velocity[2]))
-    assert left[-1] < 1e-7
-    assert left[-1] < 1e-4 * 0.01
+        assert difference(arrived(problem, name, STEPS[0]), truth, 0.01) < 1e-13
+        return
+    errors = [difference(arrived(problem, name, steps), truth, 0.01) for steps in STEPS]
+    slope = -float(np.polyfit(np.log(STEPS), np.log(errors), 1)[0])
+    assert slope == pytest.approx(scheme.order, abs=0.2)
 
 
 @pytest.mark.parametrize("damping", [0.0, 30.0])
@@ -192,27 +116,3 @@ def test_symplectic_euler_is_stable_just_where_it_says(damping: float, factor: f
         motion = integrator.advance(motion, ZERO, factor * limit)
         farthest = max(farthest, abs(motion.position[2]))
     assert (farthest < 100.0) == stable
-
-
-@pytest.mark.parametrize(
-    ("shape", "stiffness", "mass", "tick", "position", "velocity"),
-    [
-        ("sphere", 3.2e6, 3.1e-3, 3.8e-3, (0.00586, -0.00034, 0.02415), (1.558, -0.0913, -5.546)),
-        ("turned box", 9.9e6, 4.7e-3, 9.3e-3, (0.01191, 0.00786, 0.00596), (1.287, 0.849, -4.219)),
-        ("box cavity", 7.5e6, 1.4, 7.8e-3, (0.0, 0.0, 0.01), (1.0, 1.0, -1.0)),
-        ("pocket", 2e6, 4e-3, 1e-3, (0.0, 0.0, -0.004), (3.0, 2.0, -1.0)),
-    ],
-)
-def test_failed_newton_iteration_still_loses_energy(
-    shape: str, stiffness: float, mass: float, tick: float, position: Vector, velocity: Vector
-) -> None:
-    """Metres per second against a rough, stiff, curved surface, a centimetre per step."""
-    body, goal = ControlledMass(mass, 1000.0, 2.0 * sqrt(1000.0 * mass)), (0.0, 0.0, -0.015)
-    scene = Scene([SceneObject(SHAPES[shape], stiffness, FrictionCone(0.5, 0.4), 60.0)])
-    integrator = INTEGRATORS["implicit"].build(body, scene)
-    motion = moving(scene, position, velocity)
-    first = energy(body, motion, goal, scene, stiffness)
-    for _ in range(100):
-        motion = integrator.advance(motion, goal, tick)
-        assert energy(body, motion, goal, scene, stiffness) <= first * 1.001
-    assert norm(motion.velocity) < 0.1 * norm(velocity)

@@ -25,31 +25,27 @@ from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
 GROUND = 500.0  # [N/m]
+SLIDERS = """
+<mujoco><option timestep="0.001"/><worldbody>
+<geom name="ground" type="plane" size="1 1 0.1" solref="-500 -20" solimp="0.99 0.99 0.001"/>
+<body pos="0 0 0.03">
+<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
+<geom type="sphere" size="0.001" mass="0.1"/><site name="tip"/></body>
+</worldbody></mujoco>
+"""
 
 
 @dataclass
 class Bench:
-    """A robot before a ground that pushes up.
+    """A robot before a ground that pushes up."""
 
-    Args:
-        robot: not open.
-        tick: the time of the next tick [s]; waits for it where time is real.
-        above: a free place over the ground.
-        below: a place in the ground that makes a few newtons.
-        tolerance_m: how near it comes to where it is told.
-        settle_ticks: in which it does.
-        driven: what drives the motors now, in any unit; 0 for none.
-        faults: by name, each as a deed; empty for a robot that only exists in the computer.
-    """
-
-    robot: Robot
-    tick: Callable[[], float]
-    above: Vector
-    below: Vector
-    tolerance_m: float = 1e-3
-    settle_ticks: int = 600
-    driven: Callable[[], float] = lambda: 0.0
-    faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
+    robot: Robot  # not open
+    tick: Callable[[], float]  # the time of the next tick [s]; waits for it where time is real
+    above: Vector  # a free place over the ground
+    below: Vector  # a place in the ground that makes a few newtons
+    tolerance_m: float = 1e-3  # how near it comes to where it is told
+    settle_ticks: int = 600  # in which it does
+    faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)  # none for one that is computed
 
     def hold(self, position: Vector, ticks: int | None = None) -> Iterator[float]:
         """Command a position, tick by tick; gives each time after the command."""
@@ -67,16 +63,6 @@ def ground() -> Scene:
 def computed(name: str, folder: Path) -> Iterator[Bench]:
     driver = load(name)
     yield Bench(driver(driver.Options(), ground(), TICK), virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))
-
-
-SLIDERS = """
-<mujoco><option timestep="0.001"/><worldbody>
-<geom name="ground" type="plane" size="1 1 0.1" solref="-500 -20" solimp="0.99 0.99 0.001"/>
-<body pos="0 0 0.03">
-<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-<geom type="sphere" size="0.001" mass="0.1"/><site name="tip"/></body>
-</worldbody></mujoco>
-"""
 
 
 @contextmanager
@@ -115,7 +101,6 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
                 below=(0.20, 0.02, floor - 0.02),
                 tolerance_m=0.012,
                 settle_ticks=500,
-                driven=lambda: max(map(abs, emulator.currents)),
                 faults=faults,
             )
         finally:

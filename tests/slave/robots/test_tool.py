@@ -1,7 +1,6 @@
 """A tool of several points: forces and torques that can be worked out by hand, and what a tool must not do."""
 
-from math import cos, pi, radians, sin
-from random import Random
+from math import cos, inf, nan, radians, sin
 from typing import Any
 
 import pytest
@@ -10,8 +9,8 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from tests.examples import examples
-from weberlink.geometry.rotation import IDENTITY, Quaternion, turned
-from weberlink.geometry.vector import ZERO, Vector, add, dot, is_finite, norm, scale, subtract
+from weberlink.geometry.rotation import Quaternion, turned
+from weberlink.geometry.vector import ZERO, Vector, add, scale
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.point import PointOptions, PointRobot
 from weberlink.slave.scenes.scene import Scene
@@ -19,8 +18,7 @@ from weberlink.slave.scenes.settings import SceneSettings, build
 
 TICK = 0.001
 SCENES: TypeAdapter[Any] = TypeAdapter(SceneSettings)
-HALF = 0.03
-STICK = [[HALF, 0.0, 0.0], [-HALF, 0.0, 0.0]]
+STICK = [[0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]
 STIFFNESS = 500.0
 PLANE = {"shape": "plane", "stiffness_n_m": STIFFNESS}
 
@@ -40,49 +38,11 @@ def about(axis: Vector, degrees: float) -> Quaternion:
     return (cos(half), *scale(axis, sin(half)))
 
 
-def held(made: PointRobot, position: Vector, orientation: Quaternion = IDENTITY, ticks: int = 1) -> RobotReading:
-    reading = made.latest(0.0)
-    for _ in range(ticks):
-        now = reading.at + TICK
-        made.command(position, now)
-        made.point(orientation, now)
-        reading = made.latest(now)
-    return reading
-
-
-@given(st.floats(0.001, 0.02))
-def test_flat_stick_on_plane_has_no_torque(depth: float) -> None:
-    made = robot()
-    held(made, (0.01, 0.0, 0.01))
-    reading = held(made, (0.01, 0.0, -depth))
-    assert reading.force == pytest.approx((0.0, 0.0, 2.0 * STIFFNESS * depth))
-    assert reading.torque == pytest.approx(ZERO, abs=1e-12)
-
-
-@pytest.mark.parametrize("tilt", [1.0, 4.0])
-def test_tilted_stick_in_plane_is_a_torsion_spring(tilt: float) -> None:
-    """f = 2 k d whatever the tilt; torque = -2 k a^2 sin cos about the axis of the tilt."""
-    made = robot()
-    orientation = about((0.0, 1.0, 0.0), tilt)
-    held(made, (0.0, 0.0, 0.02), orientation)
-    reading = held(made, (0.0, 0.0, -0.01), orientation)
-    angle = radians(tilt)
-    assert reading.force == pytest.approx((0.0, 0.0, 2.0 * STIFFNESS * 0.01))
-    expected = -2.0 * STIFFNESS * HALF * HALF * sin(angle) * cos(angle)
-    assert reading.torque == pytest.approx((0.0, expected, 0.0), abs=1e-12)
-
-
-def test_each_point_remembers_its_own_friction() -> None:
-    """Turned on the plane about the vertical, both ends rub against it: a torque about -z and no force along it."""
-    rough = PLANE | {"friction": {"static": 0.4, "dynamic": 0.3}}
-    made = robot(rough)
-    held(made, (0.0, 0.0, 0.01))
-    held(made, (0.0, 0.0, -0.01), ticks=5)
-    for step in range(1, 400):
-        reading = held(made, (0.0, 0.0, -0.01), about((0.0, 0.0, 1.0), 0.1 * step))
-    assert reading.force == pytest.approx((0.0, 0.0, 10.0), abs=0.05)
-    assert reading.torque[2] == pytest.approx(-2.0 * HALF * 0.3 * 5.0, rel=0.02)
-    assert norm((reading.torque[0], reading.torque[1], 0.0)) < 1e-3
+def held(made: PointRobot, position: Vector, orientation: Quaternion) -> RobotReading:
+    now = made.latest(0.0).at + TICK
+    made.command(position, now)
+    made.point(orientation, now)
+    return made.latest(now)
 
 
 angles = st.floats(-170.0, 170.0)
@@ -115,83 +75,8 @@ def cross(a: Vector, b: Vector) -> Vector:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@pytest.mark.parametrize(
-    "things",
-    [
-        (PLANE,),
-        (PLANE | {"friction": {"static": 0.4, "dynamic": 0.3}},),
-        ({"shape": "sphere", "center_m": [0.01, 0.01, -0.1], "radius_m": 0.1, "stiffness_n_m": 900},),
-    ],
-    ids=["plane", "rough", "sphere"],
-)
-def test_no_closed_way_of_the_tool_gains_energy(things: tuple[dict[str, Any], ...]) -> None:
-    """The work that the scene does on the tool, f . dx + torque . w dt, over ways there and back."""
-    made = robot(*things, points=[*STICK, [0.0, 0.02, -0.01]], force_n=1e3, workspace_m=0.1)
-    draw = Random(5)
-    for _ in range(10):
-        held(made, (0.0, 0.0, 0.05))
-        phases = [draw.uniform(0.0, 2.0 * pi) for _ in range(6)]
-        axis, height = (0.6, 0.0, 0.8) if draw.random() < 0.5 else (0.0, 1.0, 0.0), draw.uniform(0.0, 0.01)
-        work, before = 0.0, held(made, (0.0, 0.0, 0.05))
-        place_before, angle_before = (0.0, 0.0, 0.05), 0.0
-        steps = 2000
-        for step in range(1, steps + 1):
-            turn = 2.0 * pi * step / steps
-            down = 0.5 * (1.0 - cos(turn))
-            place = (
-                0.01 * down * sin(2.0 * turn + phases[0]),
-                0.01 * down * sin(turn + phases[1]),
-                0.05 - (0.05 + height) * down,
-            )
-            angle = 40.0 * down * sin(turn + phases[2])
-            reading = held(made, place, about(axis, angle))
-            f, t = scale(add(before.force, reading.force), 0.5), scale(add(before.torque, reading.torque), 0.5)
-            work += dot(f, subtract(place, place_before)) + dot(t, axis) * radians(angle - angle_before)
-            before, place_before, angle_before = reading, place, angle
-        assert reading.force == ZERO
-        assert work < 1e-5, "[J]"
-
-
-@pytest.mark.parametrize("place", [1e9, -1e9, 1e15, -1e200])
-def test_absurd_places_give_finite_readings(place: float) -> None:
-    made = robot()
-    for position in ((0.0, 0.0, place), (place, place, place), (0.0, 0.0, 0.03)):
-        reading = held(made, position, about((0.0, 1.0, 0.0), 123.0))
-        assert is_finite(reading.force)
-        assert is_finite(reading.torque)
-        assert norm(reading.torque) <= made.spec.torque_n_m * (1 + 1e-12)
-    assert reading.force == ZERO
-
-
-NONE = [(0.0,) * 4, (float("nan"), 0.0, 0.0, 0.0), (float("inf"), 0.0, 0.0, 0.0)]
-
-
-@pytest.mark.parametrize("orientation", NONE)
+@pytest.mark.parametrize("orientation", [(0.0,) * 4, (nan, 0.0, 0.0, 0.0), (inf, 0.0, 0.0, 0.0)])
 def test_invalid_orientation_is_a_value_error(orientation: Quaternion) -> None:
     made = robot()
     with pytest.raises(ValueError, match="point: commanded an orientation that is none"):
         made.point(orientation, TICK)
-    held(made, (0.0, 0.0, 0.01))
-    assert held(made, (0.0, 0.0, -0.01)).torque == pytest.approx(ZERO, abs=1e-12), "what was held before still is"
-
-
-def test_a_second_session_begins_level_and_touches_nothing() -> None:
-    made = robot(PLANE | {"friction": {"static": 0.4, "dynamic": 0.3}})
-    readings = []
-    for _ in range(2):
-        made.open(0.0)
-        held(made, (0.0, 0.0, 0.0301))
-        way = [((1e-4 * step, 0.0, 0.01 - 2e-4 * step), about((0.6, 0.0, 0.8), step)) for step in range(100)]
-        readings.append([held(made, *place) for place in way])
-        made.close()
-    assert readings[0] == readings[1]
-    assert any(reading.torque[2] != 0.0 for reading in readings[0])
-    made.open(0.0)
-    made.command((0.0, 0.0, -0.001), TICK)
-    assert made.latest(TICK).torque == pytest.approx(ZERO, abs=1e-12), "level until it is told otherwise"
-
-
-@pytest.mark.parametrize("tool", [{}, {"points_m": []}, {"points_m": [[0, 0]]}, {"points_m": STICK, "torque_n_m": 0}])
-def test_a_wrong_tool_is_refused_by_name(tool: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="tool"):
-        PointOptions(tool=tool)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import GROUND
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
+from weberlink.geometry.vector import Vector, dot, norm, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import SphereShape
@@ -32,16 +32,6 @@ def test_within_the_static_cone_it_sticks(share: float, angle: float) -> None:
     assert scene.force((0.0, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
 
 
-def test_sliding_force_is_independent_of_speed() -> None:
-    for step in (0.00001, 0.0001, 0.001):
-        scene = pressed()
-        x, force = 0.0, (0.0, 0.0, 0.0)
-        while x < 0.02:
-            x += step
-            force = scene.force((x, 0.0, -DEPTH), TICK)
-        assert force == pytest.approx((-DYNAMIC * STIFFNESS * DEPTH, 0.0, STIFFNESS * DEPTH))
-
-
 def test_stepwise_positions_keep_the_sliding_force() -> None:
     """Nine ticks of standstill between jumps, as a decoded position has them: no return to the static limit."""
     scene = pressed()
@@ -50,23 +40,6 @@ def test_stepwise_positions_keep_the_sliding_force() -> None:
             force = scene.force((0.0004 * jump, 0.0, -DEPTH), TICK)
         if 0.0004 * jump > STATIC * DEPTH:
             assert force[0] == pytest.approx(-DYNAMIC * STIFFNESS * DEPTH)
-
-
-def test_turning_back_brings_the_static_limit_back() -> None:
-    scene = pressed()
-    for i in range(100):
-        scene.force((0.0001 * i, 0.0, -DEPTH), TICK)
-    largest = 0.0
-    for i in range(100, -100, -1):
-        largest = max(largest, scene.force((0.0001 * i, 0.0, -DEPTH), TICK)[0])
-    assert largest == pytest.approx(STATIC * STIFFNESS * DEPTH, rel=0.06)
-
-
-def test_lifting_off_forgets_where_it_stuck() -> None:
-    scene = pressed()
-    scene.force((0.001, 0.0, -DEPTH), TICK)
-    scene.force((0.001, 0.0, 0.001), TICK)
-    assert scene.force((0.001, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
 
 
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
@@ -85,35 +58,3 @@ def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
             tangential = norm(subtract(force, (normal[0] * pressing, normal[1] * pressing, normal[2] * pressing)))
             assert pressing > 0.0
             assert tangential <= STATIC * pressing * (1.0 + 1e-6) + 1e-9
-
-
-def damped() -> Scene:
-    return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
-
-
-def test_pressing_in_is_resisted_by_speed() -> None:
-    scene = damped()
-    for i in range(1, 11):
-        force = scene.force((0.0, 0.0, -0.0001 * i), TICK)
-    assert force == pytest.approx((0.0, 0.0, 500.0 * 0.001 + 10.0 * 0.1))
-    assert scene.force((0.0, 0.0, -0.001), TICK) == pytest.approx((0.0, 0.0, 0.5)), (
-        "standing still there is only the spring"
-    )
-
-
-@given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
-def test_damping_never_pulls(heights: list[float], dt: float) -> None:
-    scene = damped()
-    scene.force((0.0, 0.0, 0.02), dt)
-    for z in heights:
-        force = scene.force((0.0, 0.0, z), dt)
-        assert force[2] >= 0.0
-        if z > 0.0:
-            assert force == ZERO
-
-
-def test_the_depth_before_a_new_touch_is_zero() -> None:
-    scene = damped()
-    scene.force((0.0, 0.0, -0.005), TICK)
-    scene.force((0.0, 0.0, 0.001), TICK)
-    assert scene.force((0.0, 0.0, -0.0001), TICK)[2] == pytest.approx(0.05 + 10.0 * 0.1)

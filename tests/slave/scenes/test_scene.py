@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.proxy import along
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.solids import BoxShape, PlaneShape, SphereShape
+from weberlink.slave.scenes.solids import BoxShape, SphereShape
 
 TICK = 0.001
 near = st.floats(-0.08, 0.08)
@@ -27,15 +27,6 @@ def walked(scene: Scene, start: Vector, end: Vector, steps: int) -> Vector:
     for i in range(steps + 1):
         force = scene.force(along(start, end, i / steps), TICK)
     return force
-
-
-@given(depth=st.floats(1e-6, 0.05), x=near, y=near)
-def test_a_plane_pushes_by_stiffness_times_depth(depth: float, x: float, y: float) -> None:
-    scene = elastic(PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 2.0)))
-    scene.force((x, y, 0.01), TICK)
-    assert scene.force((x, y, -depth), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * depth), abs=1e-12)
-    assert scene.penetration_depth == pytest.approx(depth)
-    assert scene.contacts == 1
 
 
 @given(depth=st.floats(0.0, 0.02), azimuth=st.floats(-pi, pi), height=st.floats(-1.0, 1.0))
@@ -53,15 +44,6 @@ def test_proxy_on_a_sphere_is_the_closest_point(depth: float, azimuth: float, he
         assert norm(subtract(force, scale(direction, STIFFNESS * depth))) < 1e-9 * STIFFNESS + 1e-12
 
 
-@given(beyond=st.floats(0.0, 0.05), azimuth=st.floats(-pi, pi))
-def test_a_cavity_pushes_to_its_centre(beyond: float, azimuth: float) -> None:
-    radius = 0.04
-    scene = elastic(SphereShape(ZERO, radius, inside=True))
-    direction = (cos(azimuth), sin(azimuth), 0.0)
-    force = walked(scene, ZERO, scale(direction, radius + beyond), 50)
-    assert norm(subtract(force, scale(direction, -STIFFNESS * beyond))) < 1e-9 * STIFFNESS + 1e-12
-
-
 @pytest.mark.parametrize("thickness", [0.02, 0.002, 0.0002])
 @given(x=st.floats(-0.04, 0.04), y=st.floats(-0.04, 0.04), jump=st.floats(0.001, 0.5))
 def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: float) -> None:
@@ -71,28 +53,10 @@ def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: floa
     assert force == pytest.approx((0.0, 0.0, STIFFNESS * (thickness / 2.0 + jump / 2.0)))
 
 
-def test_pocket_corner_pushes_from_all_faces() -> None:
-    scene = elastic(SHAPES["pocket"])
-    force = walked(scene, (0.0, 0.0, 0.005), (0.023, 0.017, -0.013), 60)
-    assert force == pytest.approx((-STIFFNESS * 0.003, -STIFFNESS * 0.002, STIFFNESS * 0.003))
-    assert scene.contacts == 1
-
-
-def test_two_objects_hold_together_where_they_meet() -> None:
-    wall = PlaneShape((0.02, 0.0, 0.0), (-1.0, 0.0, 0.0))
-    scene = Scene([SceneObject(GROUND, 500.0), SceneObject(wall, 1000.0)])
-    force = walked(scene, (0.0, 0.0, 0.01), (0.022, 0.0, -0.003), 50)
-    assert force == pytest.approx((-2.0, 0.0, 1.5))
-    assert scene.contacts == 2
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_the_proxy_never_enters_a_solid(name: str) -> None:
-    """On a smooth path, at every tick, to a micrometre; and at some tick there is contact, or nothing was tested.
-
-    On the bumps the probe is at times deeper than their radius of curvature; then the proxy rolls off a crest, which
-    takes it a tick or two to settle.
-    """
+    """On a smooth path, at every tick, to a micrometre."""
+    # Deeper in the bumps than their radius, the proxy rolls off a crest, which takes it a tick or two.
     allowed = 2e-5 if name == "height field" else 1e-6
     scene = scenes()[name]
     shapes = [SHAPES[name]] if name in SHAPES else []
@@ -108,30 +72,6 @@ def test_the_proxy_never_enters_a_solid(name: str) -> None:
     assert touched > 100
 
 
-@pytest.mark.parametrize("name", ["sphere", "height field", "plane"])
-def test_smooth_elastic_contact_gives_back_what_it_took(name: str) -> None:
-    """Work over a closed path within contact is zero, so an elastic scene cannot feed an oscillation."""
-    scene = elastic(SHAPES[name])
-    low = {"sphere": 0.015, "height field": -0.002, "plane": -0.02}[name]
-    center = (0.01, 0.0) if name == "sphere" else (0.0, 0.0)
-    walked(scene, (center[0] + 0.006, center[1], 0.06), (center[0] + 0.006, center[1], low), 100)
-    work, moved = 0.0, 0.0
-    before: tuple[Vector, Vector] | None = None
-    for i in range(4001):
-        angle = 2.0 * pi * i / 4000
-        position = (center[0] + 0.006 * cos(angle), center[1] + 0.006 * sin(angle), low + 0.001 * sin(3.0 * angle))
-        force = scene.force(position, TICK)
-        assert scene.contacts == 1
-        if before is not None:
-            step = subtract(position, before[0])
-            mean = scale(add(force, before[1]), 0.5)
-            work += dot(mean, step)
-            moved += abs(dot(mean, step))
-        before = (position, force)
-    assert moved > 1e-4
-    assert abs(work) < 2e-4 * moved
-
-
 @pytest.mark.parametrize("name", SCENES)
 @examples(60)
 @given(
@@ -144,48 +84,15 @@ def test_whatever_the_positions_the_force_is_finite(name: str, path: list[Vector
         assert scene.proxy is None or is_finite(scene.proxy)
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize(
-    "position",
-    [(1e9, 0.0, 0.0), (0.0, 0.0, -1e9), (-1e9, 1e9, -1e9), (0.0, 0.0, 0.0), (0.03, 0.02, 0.0), (0.0, 0.0, -0.1)],
-)
-def test_extreme_positions_leave_no_trace(name: str, position: Vector) -> None:
-    scene = scenes()[name]
-    for point in ((0.0, 0.0, 0.05), position, position):
-        assert is_finite(scene.force(point, TICK))
-    assert scene.rejected == 0
-    scene.reset()
-    fresh = scenes()[name]
-    for point in wander(400):
-        assert scene.force(point, TICK) == fresh.force(point, TICK)
-
-
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_non_finite_position_gives_zero_force(bad: float, axis: int) -> None:
+def test_non_finite_position_gives_zero_force(bad: float) -> None:
     scene = elastic(GROUND)
     scene.force((0.0, 0.0, 0.01), TICK)
     held = scene.force((0.0, 0.0, -0.01), TICK)
-    position = (bad if axis == 0 else 0.0, bad if axis == 1 else 0.0, bad if axis == 2 else -0.01)
-    assert scene.force(position, TICK) == ZERO
-    assert scene.rejected == 1
+    for position in ((bad, 0.0, -0.01), (0.0, bad, -0.01), (0.0, 0.0, bad)):
+        assert scene.force(position, TICK) == ZERO
+    assert scene.rejected == 3
     assert scene.force((0.0, 0.0, -0.01), TICK) == held, "the contact is as it was"
-
-
-@pytest.mark.parametrize(
-    ("thing", "named"),
-    [
-        (lambda: SceneObject(GROUND, 0.0), "stiffness_n_m"),
-        (lambda: SceneObject(GROUND, nan), "stiffness_n_m"),
-        (lambda: SceneObject(GROUND, 1.0, None, -1.0), "damping_n_s_m"),
-        (lambda: FrictionCone(0.3, 0.4), "friction"),
-        (lambda: FrictionCone(0.3, -0.1), "friction"),
-    ],
-)
-def test_an_impossible_surface_is_refused_by_name(thing: object, named: str) -> None:
-    assert callable(thing)
-    with pytest.raises(ValueError, match=named):
-        thing()
 
 
 @given(st.floats(1.0, 1e5), st.floats(1e-5, 0.02), st.floats(0.0, 0.01))
@@ -208,13 +115,3 @@ def test_a_softened_scene_yields_as_if_made_of_the_softer_material(most: float, 
         assert softened.force(position, TICK) == pytest.approx(made.force(position, TICK))
     for softer, expected in zip(softened.facing((0.0, 0.0, 0.01)), made.facing((0.0, 0.0, 0.01)), strict=True):
         assert (softer.stiffness, softer.damping) == pytest.approx((expected.stiffness, expected.damping))
-
-
-def test_a_contact_keeps_its_state_when_the_scene_is_softened() -> None:
-    scene = Scene([SceneObject(GROUND, 1e4, FrictionCone(0.6, 0.4))])
-    walked(scene, (0.0, 0.0, 0.001), (0.0, 0.0, -0.001), 1)
-    before = scene.state
-    scene.soften(1e3)
-    assert scene.state == before
-    (x, _, z) = scene.force((0.0001, 0.0, -0.001), TICK)
-    assert (x, z) == pytest.approx((-0.1, 1.0))  # held at the anchor by the softer grip

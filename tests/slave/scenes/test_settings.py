@@ -20,33 +20,11 @@ def force_of(scene: list[dict[str, Any]], position: tuple[float, float, float]) 
     return force
 
 
-def test_a_bounded_field_ends_at_its_border() -> None:
-    field = {
-        "shape": "height_field",
-        "bumps": {"amplitude_m": 0.002, "wavelength_m": 0.02, "size_m": 0.04},
-        "stiffness_n_m": 500,
-    }
-    assert force_of([field], (0.03, 0.0, -0.001))[2] > 0.0
-    assert force_of([field | {"bounded": True}], (0.03, 0.0, -0.001)) == (0.0, 0.0, 0.0)
-    assert force_of([field | {"bounded": True}], (0.01, 0.01, -0.001))[2] > 0.0
-
-
-def test_height_file_equals_list_of_heights(tmp_path: Path) -> None:
-    path = tmp_path / "heights.csv"
-    path.write_text("0.0,0.001,0.0\n0.002,0.003,0.001\n\n0.0,0.0,0.001\n")
-    common = {"shape": "height_field", "spacing_m": 0.02, "stiffness_n_m": 500}
-    listed = common | {"heights_m": [[0.0, 0.001, 0.0], [0.002, 0.003, 0.001], [0.0, 0.0, 0.001]]}
-    position = (0.004, -0.003, -0.001)
-    assert force_of([common | {"csv": str(path)}], position) == force_of([listed], position)
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("0,1\n0,x\n", "row 2"),
         ("0,1\n0,nan\n", "row 2"),
         ("0,1\n0,1,2\n", "row 2: expected 2 values, found 3"),
-        ("0,1\n", "at least 2 rows"),
         ("", "at least 2 rows"),
         (None, "readable"),
     ],
@@ -56,9 +34,8 @@ def test_bad_height_file_error_names_row(tmp_path: Path, content: str | None, ex
     if content is not None:
         path.write_text(content)
     scene = SCENE.validate_python([{"shape": "height_field", "csv": path, "spacing_m": 0.01, "stiffness_n_m": 500}])
-    with pytest.raises(ValueError, match=expected) as error:
+    with pytest.raises(ValueError, match=expected):
         build(scene)
-    assert "heights.csv" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -66,21 +43,19 @@ def test_bad_height_file_error_names_row(tmp_path: Path, content: str | None, ex
     [
         ({"stiffness_n_m": 0}, "stiffness_n_m"),
         ({"stiffness_n_m": float("nan")}, "stiffness_n_m"),
-        ({"stiffness_n_m": float("inf")}, "stiffness_n_m"),
         ({"normal": [0, 0, 0]}, "normal"),
-        ({"normal": [0, 1]}, "normal"),
         ({"damping_n_s_m": -1}, "damping_n_s_m"),
         ({"friction": {"static": 0.3, "dynamic": 0.4}}, "dynamic"),
-        ({"friction": {"static": 0.3}}, "dynamic"),
-        ({"colour": "red"}, "colour"),
         ({"shape": "cone"}, "shape"),
         ({"shape": "sphere", "center_m": [0, 0, 0], "radius_m": -1}, "radius_m"),
         ({"shape": "box", "center_m": [0, 0, 0], "size_m": [1, 1, 0]}, "size_m"),
         ({"shape": "height_field"}, "exactly one of"),
-        ({"shape": "height_field", "heights_m": [[0, 0], [0, 0]]}, "spacing_m"),
         ({"shape": "height_field", "heights_m": [[0, 0], [0]], "spacing_m": 0.1}, "heights_m"),
         ({"shape": "height_field", "bumps": {"amplitude_m": 0.001, "wavelength_m": 0.0001}}, "size_m"),
         ({"carve": [{"shape": "height_field"}]}, "carve"),
+        ({"motion": {"amplitude_m": 0.0, "frequency_hz": 2.0}}, "greater than 0"),
+        ({"motion": {"amplitude_m": 5.0, "frequency_hz": 2.0}}, r"peak speed of at most 10 m/s, got 62\.8 m/s"),
+        ({"motion": {"amplitude_m": 0.01, "frequency_hz": 2.0, "direction": [0, 0, 0]}}, "longer than zero"),
     ],
 )
 def test_a_wrong_setting_is_refused_by_name(change: dict[str, Any], field: str) -> None:
@@ -88,33 +63,15 @@ def test_a_wrong_setting_is_refused_by_name(change: dict[str, Any], field: str) 
         SCENE.validate_python([{"shape": "plane", "stiffness_n_m": 500} | change])
 
 
-MOTION = {"amplitude_m": 0.01, "frequency_hz": 2.0}
-
-
 def test_object_moves_as_configured() -> None:
     still = {"shape": "plane", "stiffness_n_m": 500}
     assert type(build(SCENE.validate_python([still, still]))) is Scene
-    scene = build(SCENE.validate_python([still | {"motion": MOTION | {"direction": [0, 0, -3], "phase_deg": 90.0}}]))
+    motion = {"amplitude_m": 0.01, "frequency_hz": 2.0, "direction": [0, 0, -3], "phase_deg": 90.0}
+    scene = build(SCENE.validate_python([still | {"motion": motion}]))
     assert scene.moves
     scene.force((0.0, 0.0, 0.02), 0.0)
     assert scene.force((0.0, 0.0, -0.011), 0.0) == pytest.approx((0.0, 0.0, 0.5))
     assert scene.force((0.0, 0.0, 0.009), 0.25) == pytest.approx((0.0, 0.0, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("change", "complaint"),
-    [
-        ({"amplitude_m": 0.0}, "greater than 0"),
-        ({"frequency_hz": -1.0}, "greater than 0"),
-        ({"amplitude_m": 5.0}, r"peak speed of at most 10 m/s, got 62\.8 m/s"),
-        ({"direction": [0, 0, 0]}, "longer than zero"),
-        ({"wave": "square"}, "'sine' or 'triangle'"),
-        ({"phase": 90}, "not permitted"),
-    ],
-)
-def test_a_motion_that_cannot_be_is_an_error(change: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(ValidationError, match=complaint):
-        SCENE.validate_python([{"shape": "plane", "stiffness_n_m": 500, "motion": MOTION | change}])
 
 
 BOX = {"shape": "box", "center_m": [0, 0, -0.01], "size_m": [0.02, 0.02, 0.02]}

@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.slave.robots.dynamixel.stability import largest_eigenvalue, workspace
 from weberlink.geometry.vector import ZERO, Vector, add, distance
 from weberlink.slave.robots.dynamixel.arm import (
-    LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
-    ROTOR_INERTIA_KG_M2,
     UPPER,
     Joints,
     arm_pose,
@@ -20,14 +17,10 @@ from weberlink.slave.robots.dynamixel.arm import (
 )
 from weberlink.slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
-    SLOWEST_HZ,
     ImpedanceGains,
     TipGoal,
     currents,
-    fastest_damping,
     joint_torques,
-    null_direction,
-    stiffest,
 )
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
@@ -35,7 +28,6 @@ poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, stri
 free = st.tuples(*[st.floats(low + 0.3, high - 0.3) for low, high in zip(LOWER, UPPER, strict=True)])
 rates = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
 offsets = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
-AT_WORK: Joints = (0.3, -0.4, 0.5, 0.6)
 
 
 def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: float = 0.0) -> Joints:
@@ -44,11 +36,6 @@ def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: 
     given_ = joint_torques(here, speeds, add(here.tip, offset), here.pitch + turn, ImpedanceGains())
     a, b, c, d = (tau - weight for tau, weight in zip(given_, here.gravity, strict=True))
     return (a, b, c, d)
-
-
-@given(free)
-def test_torque_at_the_goal_is_gravity_compensation(joints: Joints) -> None:
-    assert torque(joints) == pytest.approx(STILL, abs=1e-12)
 
 
 @given(free, offsets)
@@ -68,21 +55,6 @@ def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
     gains = ImpedanceGains()
     energy = 0.5 * sum(p * rate for p, rate in zip(arm_pose(joints).momentum(speeds, gains.rotor), speeds, strict=True))
     assert power == pytest.approx(-2.0 * gains.damping_rate * energy, abs=1e-9), "all motion dies away at the same rate"
-
-
-@given(free, st.floats(-1.0, 1.0))
-def test_pitch_torque_exerts_no_tip_force(joints: Joints, turn: float) -> None:
-    here = arm_pose(joints)
-    null = null_direction(here)
-    motion = (0.0, *null)
-    assert hypot(*here.velocity(motion)) < 1e-12
-    turning = torque(joints, ZERO, STILL, turn)
-    for row in here.jacobian():  # a tip that is held feels J^T f only, to which n is at right angles
-        pressing = sum(j * n for j, n in zip(row, motion, strict=True))
-        assert pressing == pytest.approx(0.0, abs=1e-12)
-    along = sum(tau * n for tau, n in zip(turning, motion, strict=True))
-    assert turning == pytest.approx(tuple(along * n for n in motion), abs=1e-12)
-    assert along * sum(null) * turn >= -1e-12, "towards the pitch that is wanted"
 
 
 @given(poses)
@@ -105,43 +77,6 @@ def test_no_current_is_beyond_the_limit(torques: Joints, most: float) -> None:
         assert amperes == pytest.approx(max(-most, min(most, tau / 1.78)))
 
 
-SPREAD = [(LEAST_ROTOR_INERTIA_KG_M2, 2.48), (LEAST_ROTOR_INERTIA_KG_M2, 1.65), (0.045, 2.48), (0.1, 2.48), (0.1, 1.65)]
-"""What motors may really be: the inertias [kg m^2] and torque constants [N m/A] that are published, and beyond."""
-
-
-@pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, 0.02, ROTOR_INERTIA_KG_M2])
-@pytest.mark.parametrize("rate", [SLOWEST_HZ, 250.0, 400.0])
-@pytest.mark.parametrize("share", [0.4, 1.0])
-def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: float, share: float) -> None:
-    damping = share * fastest_damping(rate, rotor)
-    gains = ImpedanceGains(stiffest(damping, rate, rotor), damping, rotor=rotor)
-    for joints in workspace():
-        for true_rotor, constant in SPREAD:
-            for wall in (0.0, 2000.0):
-                largest = largest_eigenvalue(
-                    joints, gains, 1.0 / rate, rotor=true_rotor, torque=constant / 1.78, wall=wall
-                )
-                assert largest < 1.0, f"{joints}, {true_rotor} kg m^2, {constant} N m/A, a wall of {wall} N/m"
-
-
-@given(poses, st.sampled_from(SPREAD), st.sampled_from((LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2)))
-def test_stable_up_to_the_joint_limits(joints: Joints, motor: tuple[float, float], rotor: float) -> None:
-    damping = fastest_damping(250.0, rotor)
-    gains = ImpedanceGains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
-    largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
-    assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
-
-
-def test_damping_bound_depends_on_assumed_rotor_inertia() -> None:
-    """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
-    assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
-    gains = ImpedanceGains(200.0, 50.0)
-    light = max(
-        largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=LEAST_ROTOR_INERTIA_KG_M2) for joints in workspace()
-    )
-    assert light > 1.02
-
-
 HERE: Vector = (0.2, 0.0, 0.1)
 THERE: Vector = (0.2, 0.0, 0.12)
 PERIOD = 0.004
@@ -161,13 +96,6 @@ def test_first_command_is_approached_at_limited_speed() -> None:
     assert points[40] != THERE
     assert points[-1] == THERE
     assert goal.next(HERE, HERE, 6.0) == HERE
-
-
-def test_a_gap_shorter_than_the_patience_changes_nothing() -> None:
-    goal = TipGoal(0.1, 0.1)
-    goal.place(HERE, 5.0)
-    run(goal, THERE, HERE, 5.0, 60)
-    assert set(run(goal, None, HERE, 5.24, 24)) == {THERE}
 
 
 def test_goal_holds_after_pause_and_resumes_smoothly() -> None:

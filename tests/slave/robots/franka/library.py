@@ -2,21 +2,19 @@
 
 Three joints move the tip along x, y and z, three turn the tool, and the seventh moves nothing: so the Jacobian is
 constant and everything can be said in numbers. The host name says how it begins, for example "reflex", "offset=8" or
-"offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `trials/franka` compares its names and
-arguments with those of the real library.
+"offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `trials/franka` drives the real library
+with the same driver.
 """
 
 import enum
 from signal import SIGUSR1, SIGUSR2, signal
 from time import monotonic, sleep
-from typing import Any
 
 import numpy as np
 
 from weberlink.geometry.rotation import quaternion, turned
 
 CYCLE_S = 0.001
-PATIENCE_CYCLES = 20
 GROUND_N_M = 2000.0
 GROUND_N_S_M = 20.0
 MASS = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.2])
@@ -98,11 +96,7 @@ class RobotState:
 
 
 class Arm:
-    """The arm itself, in steps of a millisecond.
-
-    Args:
-        scenario: name=value pairs or words, see the module.
-    """
+    """The arm itself, in steps of a millisecond."""
 
     def __init__(self, scenario: str) -> None:
         words = dict((*word.split("="), "1")[:2] for word in scenario.split(","))
@@ -146,7 +140,7 @@ class Model:
 
 
 class ActiveControlBase:
-    """The loop: a state each millisecond of real time; 20 without an answer end it."""
+    """The loop: a state each millisecond of real time."""
 
     def __init__(self, arm: Arm, robot: "Robot") -> None:
         self._arm, self._robot = arm, robot
@@ -160,8 +154,6 @@ class ActiveControlBase:
             arm.step()
             cycles += 1
             self._due += CYCLE_S if cycles > 1 else 0.0
-        if cycles > self._robot.patience:
-            arm.stop("communication_constraints_violation")
         self._check()
         return RobotState(arm), Duration(cycles * CYCLE_S)
 
@@ -185,9 +177,7 @@ class ActiveControlBase:
 class Robot:
     def __init__(self, robot_ip_address: str, realtime_config: RealtimeConfig = RealtimeConfig.kEnforce) -> None:
         self._arm = Arm(robot_ip_address)
-        self.patience = PATIENCE_CYCLES if "strict" in robot_ip_address else 1_000_000
         self.is_cut = False
-        self.thresholds: tuple[Any, ...] = ()
         signal(SIGUSR1, lambda *_: self._arm.stop("cartesian_reflex"))
         signal(SIGUSR2, lambda *_: setattr(self, "is_cut", True))
 
@@ -205,13 +195,7 @@ class Robot:
         upper_torque_thresholds: list[float],
         lower_force_thresholds: list[float],
         upper_force_thresholds: list[float],
-    ) -> None:
-        self.thresholds = (
-            lower_torque_thresholds,
-            upper_torque_thresholds,
-            lower_force_thresholds,
-            upper_force_thresholds,
-        )
+    ) -> None: ...
 
     def start_torque_control(self) -> ActiveControlBase:
         self._arm.mode = RobotMode.Move

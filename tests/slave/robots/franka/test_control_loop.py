@@ -2,13 +2,12 @@
 
 from math import inf
 
-import numpy as np
 import pytest
 
 from tests.slave.robots.franka.library import HOME
 from tests.slave.robots.franka.loop_bench import LoopBench
 from weberlink.geometry.rotation import quaternion
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.geometry.vector import Vector, norm
 from weberlink.slave.robots.franka.goal import REST_RAD_S
 from weberlink.slave.robots.franka.impedance import HIGHEST, TORQUE_STEP_N_M
 from weberlink.slave.robots.franka.messages import Phase
@@ -20,44 +19,23 @@ GROUND = "arm,ground=0.44"
 BELOW: Vector = (0.5, 0.0, 0.41)
 
 
-def test_tip_follows_and_arrives() -> None:
-    bench = LoopBench(approach_m_s=0.3)
-    state = bench.lead(ASIDE, 1.8)
-    assert distance(state.position, ASIDE) < 1e-3
+@pytest.mark.parametrize("goal", [ASIDE, (0.5, 5.0, 0.45)])
+def test_tip_follows_slowly_and_arrives_within_the_workspace(goal: Vector) -> None:
+    bench, fastest = LoopBench(approach_m_s=0.3), 0.0
+    for _ in range(2000):
+        bench.lead(goal, 0.001)
+        fastest = max(fastest, abs(bench.arm.dq[1]))
+    assert bench.state.position[1] == pytest.approx(min(goal[1], 0.30), abs=2e-3)
+    assert 0.15 < fastest < 0.36
     assert bench.largest_step <= TORQUE_STEP_N_M + 1e-9
 
 
-def test_first_commands_are_approached_slowly() -> None:
-    bench = LoopBench(approach_m_s=0.1)
-    fastest = 0.0
-    for _ in range(500):
-        bench.lead(ASIDE, 0.001)
-        fastest = max(fastest, abs(bench.arm.dq[1]))
-    assert 0.05 < fastest < 0.12
-
-
-def test_commands_beyond_the_workspace_end_at_its_edge() -> None:
-    bench = LoopBench(approach_m_s=0.5)
-    assert bench.lead((0.5, 5.0, 0.45), 2.0).position[1] == pytest.approx(0.30, abs=1e-3)
-
-
-def test_force_of_spring_is_bounded() -> None:
-    bench = LoopBench(GROUND, force_n=5.0, approach_m_s=0.5)
-    assert bench.lead((0.5, 0.0, 0.15), 3.0).force[2] == pytest.approx(5.0, abs=0.1)
-
-
-def test_contact_force_is_that_of_the_spring() -> None:
-    bench = LoopBench(f"{GROUND},offset=2", stiffness_n_m=600.0, approach_m_s=0.5)
+@pytest.mark.parametrize(("deep", "most"), [(BELOW, 30.0), ((0.5, 0.0, 0.15), 5.0)])
+def test_contact_force_is_that_of_the_spring_up_to_its_limit(deep: Vector, most: float) -> None:
+    bench = LoopBench(f"{GROUND},offset=2", stiffness_n_m=600.0, approach_m_s=0.5, force_n=most)
     assert norm(bench.state.force) < 1e-9
-    state = bench.lead(BELOW, 2.0)
-    assert state.force[2] == pytest.approx(600.0 * (state.position[2] - BELOW[2]), rel=0.02)
-
-
-def test_stiff_contact_comes_to_rest() -> None:
-    bench = LoopBench(GROUND, stiffness_n_m=3000.0, approach_m_s=0.5, force_n=100.0, reflex_n=100.0)
-    bench.lead((0.5, 0.0, 0.43), 2.0)
-    forces = [bench.lead((0.5, 0.0, 0.43), 0.001).force[2] for _ in range(200)]
-    assert max(forces) - min(forces) < 0.01 * max(forces)
+    state = bench.lead(deep, 3.0)
+    assert state.force[2] == pytest.approx(min(most, 600.0 * (state.position[2] - deep[2])), rel=0.02)
 
 
 def test_arm_without_commands_stops_without_turning_back() -> None:
@@ -76,18 +54,6 @@ def test_pressed_contact_is_released_without_commands() -> None:
     assert bench.wait(1.0).force[2] < 0.3 * pressed
 
 
-def test_commands_after_a_pause_are_approached() -> None:
-    bench = LoopBench(approach_m_s=0.2)
-    bench.lead(ASIDE, 2.5)
-    bench.wait(0.2)
-    fastest = 0.0
-    for _ in range(300):
-        bench.lead(START, 0.001)
-        fastest = max(fastest, abs(bench.arm.dq[1]))
-    assert 0.1 < fastest < 0.25
-    assert distance(bench.lead(START, 1.5).position, START) < 2e-3
-
-
 def test_pause_of_the_loop_stops_the_arm() -> None:
     bench = LoopBench(approach_m_s=0.5)
     bench.lead(ASIDE, 0.35)
@@ -100,8 +66,8 @@ def test_commands_that_go_on_during_a_pause_of_the_loop_are_approached_anew() ->
     """The pause was the loop's alone: no command is stale."""
     fastest = []
     for pause in (0.001, 0.1):
-        bench = LoopBench(approach_m_s=0.1)
-        bench.lead(ASIDE, 3.0)
+        bench = LoopBench(approach_m_s=0.2)
+        bench.lead(ASIDE, 1.5)
         bench.cycle(pause, START)
         fastest.append(max(bench.lead(START, 0.001).joint_speed for _ in range(100)))
     assert fastest[1] < 0.5 * fastest[0]
@@ -127,43 +93,23 @@ def test_tool_turns_to_commanded_orientation() -> None:
     assert bench.largest_step <= TORQUE_STEP_N_M + 1e-9
 
 
-def test_redundant_joint_returns_without_moving_the_tip() -> None:
-    bench = LoopBench()
-    bench.arm.q[6] += 0.5
-    worst = max(distance(bench.lead(START, 0.001).position, START) for _ in range(2000))
-    assert abs(bench.arm.q[6] - HOME[6]) < 0.05
-    assert worst < 1e-4
-
-
 def test_joint_is_held_before_its_limit() -> None:
     bench = LoopBench(turning_n_m=6.0, approach_rad_s=2.0)
     bench.lead(START, 3.0, quaternion((3.0, 0.0, 0.0)))
     assert HIGHEST[3] - 0.12 < bench.arm.q[3] < HIGHEST[3]
 
 
-def test_large_offset_is_refused() -> None:
-    with pytest.raises(SensingError, match=r"8\.0 N at rest"):
-        LoopBench("arm,offset=8")
-
-
-def test_reversed_sign_of_the_force_is_noticed() -> None:
-    bench = LoopBench(f"{GROUND},reversed", approach_m_s=0.5)
-    with pytest.raises(SensingError, match="the same way"):
-        bench.lead(BELOW, 3.0)
-
-
-def test_estimate_that_fails_near_a_singularity_is_named() -> None:
-    bench = LoopBench("arm,offset=2")
-    bench.arm.offset = 0.0
-    with pytest.raises(SensingError, match="singularity"):
-        bench.lead(START, 0.2)
-
-
-def test_wrong_numbers_of_the_robot_are_refused() -> None:
-    bench = LoopBench()
-    bench.arm.offset = inf
-    with pytest.raises(SensingError, match="not finite"):
-        bench.cycle()
-    bench.arm.dq[:] = np.nan
-    with pytest.raises((ArithmeticError, np.linalg.LinAlgError)):
-        bench.cycle()
+@pytest.mark.parametrize(
+    ("scenario", "offset", "goal", "says"),
+    [
+        ("arm,offset=8", 8.0, START, r"8\.0 N at rest"),
+        (f"{GROUND},reversed", 0.0, BELOW, "the same way"),
+        ("arm,offset=2", 0.0, START, "singularity"),
+        ("arm", inf, START, "not finite"),
+    ],
+)
+def test_force_that_cannot_be_trusted_is_named(scenario: str, offset: float, goal: Vector, says: str) -> None:
+    with pytest.raises(SensingError, match=says):
+        bench = LoopBench(scenario, approach_m_s=0.5)
+        bench.arm.offset = offset
+        bench.lead(goal, 3.0)

@@ -1,7 +1,7 @@
 """The computed follower: what it feels, that it stays calm whatever it is told, and that time alone decides."""
 
 from itertools import pairwise
-from math import cos, pi, sin
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -13,14 +13,13 @@ import mujoco
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weberlink.arms.models import NAMES, load
+from weberlink.arms.models import load
 from weberlink.geometry.joints import Joints, is_finite
 from weberlink.slave.robots.mujoco_arm import MujocoArm, MujocoArmOptions
 
 TICK = 0.001
 HARD = {"kind": "table", "position_m": (0.0, 0.0, 0.03), "time_constant_s": 1e-5}
 """A table as hard as MuJoCo allows, in the reach of every arm."""
-TABLE = {"kind": "table", "position_m": (0.0, 0.0, 0.03)}
 FRICTION = 0.052  # [N m] of the joints of the SO-101
 
 
@@ -42,27 +41,18 @@ def down(lift: float, elbow: float, gripper: float) -> Joints:
     return (0.0, lift, elbow, pi / 2 - lift - elbow, 0.0, gripper)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_it_reaches_free_angles_and_feels_nothing(name: str) -> None:
-    made = arm(model=name, stiffness_nm_rad=100.0)
+def test_it_reaches_free_angles_and_feels_nothing() -> None:
+    made = arm(stiffness_nm_rad=100.0)
     goal = tuple(0.9 * at + 0.1 * to for at, to in zip(made.latest(0.0).angles, made.spec.upper, strict=True))
     reading = hold(made, goal, 800)
-    friction = max(load(name).friction)
-    assert reading.angles == pytest.approx(goal, abs=friction / 100.0 + 1e-3)
+    assert reading.angles == pytest.approx(goal, abs=FRICTION / 100.0 + 1e-3)
     assert reading.torques == pytest.approx((0.0,) * made.spec.axes, abs=2e-3)
 
 
-def test_a_table_balances_the_springs() -> None:
-    """What is felt is the contact: that of the springs, but for the friction of the joints."""
-    made = arm(objects=[{**HARD, "friction": 0.0}])
-    goal = (0.0, 0.62, 0.05, 0.05, 0.0, 0.2)
-    reading = hold(made, goal, 1200)
-    pulls = [30.0 * (to - at) for to, at in zip(goal, reading.angles, strict=True)]
-    assert reading.torques[1] < -1.0
-    for felt, pull in zip(reading.torques, pulls, strict=True):
-        assert felt == pytest.approx(-pull, abs=FRICTION + 2e-3)
-    up = load("so101").jacobian(reading.angles)[2]
-    assert reading.torques[1] / reading.torques[2] == pytest.approx(up[1] / up[2], rel=0.05)
+def test_a_long_silence_is_skipped() -> None:
+    made = arm(stiffness_nm_rad=1.0)
+    made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    assert made.latest(3600.0).angles[0] < 0.2
 
 
 def test_an_end_stop_is_felt() -> None:
@@ -71,15 +61,6 @@ def test_an_end_stop_is_felt() -> None:
     reading = hold(made, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1500)
     assert reading.angles[0] == pytest.approx(made.spec.upper[0], abs=0.01)
     assert reading.torques[0] == pytest.approx(-2.0, abs=FRICTION + 0.01)
-
-
-def test_readings_are_limited_to_the_motors() -> None:
-    made = arm(objects=[HARD], torque_nm=0.5)
-    felt = 0.0
-    for tick in range(1, 1500):
-        made.follow((0.0, 1.2, 0.0, 0.0, 0.0, 0.0), tick * TICK)
-        felt = max(felt, *map(abs, made.latest(tick * TICK).torques))
-    assert 0.49 < felt <= 0.5
 
 
 def test_a_box_is_gripped_and_lifted() -> None:
@@ -123,8 +104,7 @@ def test_no_gain_goal_or_contact_makes_it_diverge(
     assert max(map(abs, speeds)) < 0.12 * torque / 1e-4  # all the time with the torque on the least inertia
 
 
-@pytest.mark.parametrize("name", ["so101", "koch_follower", "koch_leader"])
-@pytest.mark.parametrize("stiffness", [1.0, 30.0, 100.0])
+@pytest.mark.parametrize(("name", "stiffness"), [("so101", 30.0), ("koch_follower", 1.0), ("koch_leader", 100.0)])
 def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
     """Springs without damping pull the arm into a hard table: backward Euler and contacts may only take energy."""
     made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e9, objects=[HARD])
@@ -138,43 +118,6 @@ def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
     assert min(made._simulation._data.contact.dist, default=1.0) < 0.01  # it did touch, and rests there
     assert all(later <= earlier + 1e-4 * energies[0] for earlier, later in pairwise(energies))
     assert energies[-1] < 0.9 * energies[0]
-
-
-def test_pressing_and_leaving_gives_no_energy() -> None:
-    """At the measured angles: contacts take energy, and give none back that they have not taken."""
-    made = arm(objects=[TABLE])
-    work, highest = 0.0, 0.0
-    before = made.latest(0.0).angles
-    for tick in range(1, 4001):
-        share = 0.5 - 0.5 * cos(2 * pi * tick / 2000)  # down and up, twice
-        made.follow((0.0, 0.75 * share, 0.0, 0.0, 0.0, 0.0), tick * TICK)
-        reading = made.latest(tick * TICK)
-        work += sum(torque * (a - b) for torque, a, b in zip(reading.torques, reading.angles, before, strict=True))
-        before = reading.angles
-        highest = max(highest, work)
-    assert work < -0.005
-    assert highest < 1e-4
-
-
-def test_same_times_give_the_same_motion() -> None:
-    def run() -> list[Any]:
-        made = arm(objects=[HARD])
-        readings = []
-        now = 0.0
-        for tick in range(1, 700):
-            now += TICK * (1.0 + 0.3 * sin(tick))
-            made.follow((0.0, 0.002 * tick, 0.0, 0.0, 0.0, 0.0), now)
-            readings.append(made.latest(now))
-            assert made.latest(now) is readings[-1]
-        return readings
-
-    assert run() == run()
-
-
-def test_a_long_silence_is_skipped() -> None:
-    made = arm(stiffness_nm_rad=1.0)
-    made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
-    assert made.latest(3600.0).angles[0] < 0.2
 
 
 def energy(made: MujocoArm, goal: Joints, stiffness: float) -> float:
