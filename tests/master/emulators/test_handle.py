@@ -4,16 +4,11 @@ from itertools import pairwise
 
 import pytest
 
-from weberlink.geometry.vector import ZERO, Vector, distance, subtract
+from weberlink.geometry.vector import ZERO, distance, subtract
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.master.emulators.handle import CARRY_M_S, STEP, Handle, HandleOptions
 
 TICK = 0.001
-
-
-def held_still(origin: Vector = ZERO) -> Handle:
-    rest = [{"motion": "rest", "duration_s": 100.0}]
-    return Handle(HandleOptions.model_validate({"script": rest, "tremor_m": 0.0, "origin_m": origin}))
 
 
 def test_handle_moves_like_operator_about_its_origin() -> None:
@@ -33,7 +28,7 @@ def test_handle_moves_like_operator_about_its_origin() -> None:
 
 
 def test_carried_handle_returns_without_a_jump() -> None:
-    handle = held_still()
+    handle = Handle(HandleOptions.model_validate({"script": [{"motion": "rest"}], "tremor_m": 0.0}))
     script, home = handle.position, (0.05, 0.02, 0.2)
     ways = [handle.advance(ZERO, 0.0)]
     handle.carry(home)

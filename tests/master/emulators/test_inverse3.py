@@ -75,17 +75,3 @@ def test_former_service_takes_values_alone(version: str, taken: list[Vector]) ->
         say(joined(emulator), message, 0.001)
         forces.append(emulator.force)
     assert forces == taken
-
-
-def test_force_gate_attenuates_during_oscillation() -> None:
-    emulator = service(force_gate=0.5)
-    emulator.inject("oscillation", 1.0)
-    say(joined(emulator), FORCE_UP, 0.001)
-    assert emulator.force == (0.0, 0.0, 0.75)
-
-
-def test_http_gives_version_and_devices_alone() -> None:
-    emulator = service(version="3.1")
-    assert json.loads(emulator.get("/version") or "")["project_version"] == "3.1.0.0"
-    assert json.loads(emulator.get("/devices") or "")["inverse3"][0]["device_id"] == "049D"
-    assert emulator.get("/") is None

@@ -52,16 +52,6 @@ def test_it_says_what_the_board_says_of_itself() -> None:
     assert short.report_descriptor.hex() == LONG_DESCRIPTOR.replace("950e", "9508")
 
 
-def test_only_newest_waiting_report_is_taken() -> None:
-    desk = Desk()
-    desk.wait()
-    for current in (1, 2, 3):
-        desk.emulator.receive(encode_command((current, 0, 0), LONG), desk.now)
-    assert len(desk.wait(0.05)) == 1
-    assert desk.emulator.currents_ma == (3.0, 0.0, 0.0)
-    assert desk.emulator.largest_current_ma == 3.0
-
-
 def test_silence_switches_amplifiers_off_after_half_second() -> None:
     desk = Desk()
     desk.wait()
@@ -88,53 +78,20 @@ def test_set_counters_command_gives_no_current() -> None:
     assert report.counts == pytest.approx((1, -2, 3, 40, 50, 60), abs=3), "wrist and hand move on"
 
 
-def test_stylus_button_is_in_fourth_count() -> None:
-    desk = Desk()
-    assert not desk.wait()[0].button
-    desk.emulator.inject("stylus")
-    desk.wait()
-    (report,) = desk.command((0, 0, 0))
-    assert report.button
-    desk.emulator.inject("stylus", 0.0)
-    desk.wait()
-    assert not desk.command((0, 0, 0))[0].button
+def test_the_older_board_numbers_its_reports_and_takes_what_waits_one_by_one() -> None:
+    desk = Desk(report=8)
+    assert [each.number for each in desk.wait(0.05)] == list(range(1, 51))
+    for current in (1, 2, 3001):
+        desk.emulator.receive(encode_command((current, -9000, 2999), SHORT), desk.now)
+    seen = []
+    for _ in range(4):
+        desk.wait(FRAME)
+        seen.append(desk.emulator.currents_ma)
+    assert seen == [(1.0, -3000.0, 2999.0), (2.0, -3000.0, 2999.0), *[(3000.0, -3000.0, 2999.0)] * 2]
 
 
-def test_a_restart_begins_with_a_report_of_zeros() -> None:
-    desk = Desk()
-    desk.wait()
-    desk.command((900, 0, 0))
-    desk.emulator.inject("restart")
-    (first,) = desk.wait(0.1)
-    assert not desk.emulator.enabled
-    assert max(map(abs, first.counts[:3])) < 20
-    assert not desk.wait(0.1)
-
-
-class TestOlder:
-    """The board with reports of 8 bytes."""
-
-    def test_one_numbered_report_leaves_each_frame(self) -> None:
-        reports = Desk(report=8).wait(0.05)
-        assert [each.number for each in reports] == list(range(1, 51))
-
-    def test_it_takes_what_waits_one_by_one(self) -> None:
-        desk = Desk(report=8)
-        for current in (1, 2, 3):
-            desk.emulator.receive(encode_command((current, 0, 0), SHORT), desk.now)
-        seen = []
-        for _ in range(4):
-            desk.wait(FRAME)
-            seen.append(desk.emulator.currents_ma[0])
-        assert seen == [1.0, 2.0, 3.0, 3.0]
-
-    def test_it_limits_currents_to_three_amperes(self) -> None:
-        desk = Desk(report=8)
-        desk.command((3001, -9000, 2999))
-        assert desk.emulator.currents_ma == (3000.0, -3000.0, 2999.0)
-
-    def test_missed_frames_are_not_made_up_for(self) -> None:
-        desk = Desk(report=8, frame_s=0.0)
-        desk.emulator.advance(desk.now + 5.0)
-        assert len(desk.emulator.replies(desk.now + 5.0)) == 1
-        assert desk.emulator.next_timer() == pytest.approx(desk.now + 5.0, abs=1.001 * FRAME)
+def test_missed_frames_are_not_made_up_for() -> None:
+    desk = Desk(report=8, frame_s=0.0)
+    desk.emulator.advance(desk.now + 5.0)
+    assert len(desk.emulator.replies(desk.now + 5.0)) == 1
+    assert desk.emulator.next_timer() == pytest.approx(desk.now + 5.0, abs=1.001 * FRAME)

@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
@@ -37,26 +36,6 @@ class Desk:
         a, b, c = currents or (0, 0, 0)
         (answer,) = self.say(encode_currents((a, b, c)))
         return answer
-
-
-def test_currents_hold_until_the_next_message() -> None:
-    desk = Desk(parameters="woodenhaptics_2015", model="woodenhaptics")
-    mechanism = PARAMETERS["woodenhaptics_2015"].mechanism
-    before = desk.emulator.position
-    counts = desk.ask().counts
-    a, b, c = (round(current) for current in mechanism.currents_ma((0.0, 0.0, 2.0), counts))
-    desk.ask(a, b, c)
-    assert desk.emulator.enabled
-    assert desk.emulator.currents_ma == (a, b, c)
-    assert desk.emulator.force == pytest.approx((0.0, 0.0, 2.0), abs=0.02)
-    assert desk.emulator.largest_current_ma == max(map(abs, (a, b, c)))
-    for _ in range(20):
-        desk.wait(0.05)
-        desk.ask(a, b, c)
-    assert desk.emulator.position[2] - before[2] == pytest.approx(2.0 / 300.0, rel=0.1), "as stiff as the hand"
-    desk.ask(0, 0, 0)
-    assert desk.emulator.force == (0.0, 0.0, 0.0)
-    assert desk.emulator.last_force_at == pytest.approx(desk.now, abs=2 * TICK)
 
 
 def test_current_over_limit_is_no_current() -> None:
@@ -105,59 +84,6 @@ def test_wrong_message_gets_its_error_and_no_current(data: bytes, errors: list[i
     assert good.error == 0
     assert good.counts != last
     assert desk.emulator.currents_ma == (7.0, 8.0, 9.0)
-
-
-def test_the_host_that_runs_ahead_is_told_so() -> None:
-    desk = Desk(processing_s=0.0005)
-    for current in (1, 2, 3):  # the second and the third wait together, while the first is worked on
-        desk.emulator.receive(b"[%d,0,0]\n" % current, desk.now)
-    assert [answer.error for answer in desk.wait(0.01)] == [0, 8, 256]
-    assert desk.emulator.currents_ma == (1.0, 0.0, 0.0)
-
-
-def test_restart_loses_home_and_current() -> None:
-    desk = Desk()
-    desk.ask(900, 0, 0)
-    desk.emulator.receive(b"[1,2", desk.now)
-    desk.emulator.inject("restart")
-    desk.wait(TICK)
-    assert not desk.emulator.enabled
-    assert desk.emulator.currents_ma == (0.0, 0.0, 0.0)
-    (answer,) = desk.say(b",3]")
-    assert answer.error == 256
-    answer = desk.ask(5, 6, 7)
-    assert answer.error == 0
-    assert max(map(abs, answer.counts[:3])) < 20, "the hand swings back by so much in a millisecond"
-
-
-def test_injected_stuck_encoder_keeps_its_count() -> None:
-    desk = Desk(handle={})
-    desk.emulator.inject("stuck_encoder", 2.0)
-    desk.wait(TICK)
-    first = desk.ask().counts
-    desk.wait(0.5)
-    later = desk.ask().counts
-    assert later[1] == first[1]
-    assert later[0] != first[0]
-    assert later[2] != first[2]
-    desk.emulator.inject("stuck_encoder", 0.0)
-    desk.wait(TICK)
-    assert desk.ask().counts[1] != first[1]
-
-
-def test_a_tripped_watchdog_answers_but_gives_no_current() -> None:
-    desk = Desk()
-    desk.ask(300, 0, 0)
-    desk.emulator.inject("trip_watchdog")
-    desk.wait(TICK)
-    assert not desk.emulator.enabled
-    assert desk.ask(300, 0, 0).error == 0
-    assert desk.emulator.currents_ma == (0.0, 0.0, 0.0)
-    assert desk.emulator.watchdog_trips == 1
-    desk.emulator.inject("trip_watchdog", 0.0)
-    desk.wait(TICK)
-    desk.ask(300, 0, 0)
-    assert desk.emulator.currents_ma == (300.0, 0.0, 0.0)
 
 
 def test_wrong_model_and_gimbal_errors_can_be_injected() -> None:
