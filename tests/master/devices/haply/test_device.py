@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import cycle
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -16,7 +15,6 @@ from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.master.devices.haply.linkage import VERSIONS, degrees
 from weberlink.master.devices.haply.options import HaplyOptions
@@ -117,21 +115,6 @@ def test_torque_of_a_dead_host_is_removed_first(tmp_path: Path) -> None:
             assert at.emulator.torques == (0.0, 0.0)
             at.device.close()
         assert at.emulator.setups == 2
-
-
-def test_broken_encoder_is_noticed_in_motion(tmp_path: Path) -> None:
-    with bench(tmp_path) as at:
-        at.emulator.inject("stuck_encoder", 2)
-        places = cycle(((0.02, 0.03, 0.0), (0.02, -0.03, 0.0)))
-
-        def goes_on() -> bool:
-            if at.emulator.handle.arrived:
-                at.emulator.handle.carry(next(places))
-            return False
-
-        with pytest.raises(DeviceFault, match="encoder 2 stands still"):
-            drive(at.device, goes_on, (0.1, 0.0, 0.0))
-        until(lambda: at.emulator.torques == (0.0, 0.0), "the end of the torque")
 
 
 def test_board_without_power_is_not_taken_back(tmp_path: Path) -> None:

@@ -71,9 +71,9 @@ def bench(
             device.close()
 
 
-@pytest.mark.parametrize("version", ["3.5", "3.1"])
-def test_position_and_force_are_those_of_the_hand(version: str) -> None:
-    with bench({"version": version}) as at:
+@pytest.mark.parametrize("version", ["3.5", "3.1", None])
+def test_position_and_force_are_those_of_the_hand(version: str | None) -> None:
+    with bench({"version": version}) if version else bench(kind=Unnamed, force_key="vector") as at:
         at.device.open(monotonic())
         at.emulator.handle.carry(PLACE)
         at.run(lambda: distance(at.device.latest(monotonic()).position, PLACE) < 1e-9)
@@ -172,12 +172,6 @@ def test_service_that_cannot_be_used_is_refused(service: dict[str, Any], options
         if "gone" in service:
             at.wire.unplug()
         assert says in refusal(at.device)
-
-
-def test_service_without_a_version_is_driven_with_the_key_of_the_file() -> None:
-    with bench(kind=Unnamed, force_key="vector") as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, PULL) < CLOSE, PULL)
 
 
 def test_version_and_devices_are_asked_by_http() -> None:
