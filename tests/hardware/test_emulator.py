@@ -4,7 +4,7 @@ import os
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 
@@ -86,27 +86,6 @@ def test_bytes_go_in_and_messages_come_out_garbled_and_late_where_asked() -> Non
     assert echo.advances == sorted(echo.advances), "time does not go back"
 
 
-def test_unread_replies_do_not_stop_the_device() -> None:
-    """What finds no place is lost, as it is on a device with a full buffer."""
-    echo, asked_for = Echo(), 3000
-    with served(echo) as host:
-        for number in range(asked_for):
-            host.send(b"%04d" % number * 50)
-        until(lambda: len(echo.heard) == asked_for, "all questions")
-        turns = len(echo.advances)
-        until(lambda: len(echo.advances) > turns + 1, "a turn")
-        host.setblocking(False)
-        came: list[bytes] = []
-        with suppress(BlockingIOError):
-            while True:
-                came.append(host.recv(1000))
-        numbers = [int(each[:4]) for each in came]
-        assert numbers == sorted(numbers)
-        assert 0 < len(numbers) < asked_for
-        host.settimeout(PATIENCE)
-        assert asked(host, b"again") == b"AGAIN"
-
-
 def test_closed_host_does_not_end_serving() -> None:
     echo, stopping = Echo(), threading.Event()
     near, far = os.openpty()
@@ -144,23 +123,6 @@ def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
     assert echo.heard == [b"hello"] * 3
     assert not path.is_symlink()
     assert (descriptors(), threading.active_count()) == (files, threads)
-
-
-def test_every_byte_gets_through(tmp_path: Path) -> None:
-    """No line discipline changes, doubles or swallows any, not even before the host has opened and set up the port."""
-
-    class Mirror(Echo):
-        def receive(self, data: bytes, now: float) -> None:
-            self._waiting.append(data)
-
-    with PtyDevice(Mirror(), tmp_path / "tty") as device:
-        port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
-        os.write(port, bytes(range(256)))
-        came = b""
-        while len(came) < 256:
-            came += os.read(port, 1000)
-        assert came == bytes(range(256))
-        os.close(port)
 
 
 def test_a_path_that_is_taken_is_not_touched(tmp_path: Path) -> None:
