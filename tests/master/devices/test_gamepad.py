@@ -107,6 +107,10 @@ class Pad:
     def write(self, kind: int, code: int, value: int) -> None:
         self.written.append((kind, code, value))
 
+    def unplug(self) -> None:
+        os.close(self.kernel)
+        self.kernel = -1
+
     def close(self) -> None:
         for descriptor in {self.fd, self.kernel} - {-1}:
             os.close(descriptor)
@@ -192,8 +196,7 @@ def test_missing_axis_and_unplugging_are_faults(pad: Pad) -> None:
         opened(few)
     assert few.fd == -1
     exchange = opened(pad)
-    os.close(pad.kernel)
-    pad.kernel = -1
+    pad.unplug()
     with pytest.raises(HardwareFault, match="pad: unplugged"):
         exchange.exchange(ZERO)
 

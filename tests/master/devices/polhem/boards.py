@@ -1,10 +1,22 @@
 """Scripted boards, just enough to see what a driver does: one behind a pty, one in place of a HID port."""
 
 from time import monotonic, sleep
+from typing import Any
 
+from tests.pace import TICK
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.polhem.hid_protocol import LONG, Sensors, SetCounters, decode_command, encode_sensors
+from weberlink.master.devices.polhem.driver import PolhemDevice
+from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
+from weberlink.master.devices.polhem.hid_protocol import (
+    LONG,
+    WATCHDOG_S,
+    Sensors,
+    SetCounters,
+    decode_command,
+    encode_sensors,
+)
+from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, decode_currents, encode_status
 
 
@@ -67,3 +79,20 @@ class ScriptedHidBoard:
 
     def close(self) -> None:
         self.closed += 1
+
+
+def hid_device(board: Any, *, checked: bool = True, **settings: Any) -> PolhemDevice:
+    """A `polhem_hid` on a board in place of its port."""
+    options = PolhemHidOptions(port="/dev/hidraw9", **settings)
+    signs = PolhemHidDevice.fingerprint(options)
+    options = options.model_copy(update={"signs_checked": signs if checked else None})
+    return PolhemDevice(
+        "polhem_hid",
+        options,
+        options.wired(),
+        lambda force_n: ReportExchange(options, force_n, board),
+        TICK,
+        signs=signs,
+        watchdog_s=WATCHDOG_S,
+        buttons=1,
+    )

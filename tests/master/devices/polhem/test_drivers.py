@@ -12,15 +12,14 @@ from typing import Any
 import pytest
 
 from tests.master.devices.driving import drive, fault_of, refusal
-from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy
+from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
 from tests.pace import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.master.devices.polhem.driver import PolhemDevice
-from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
-from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, WATCHDOG_S, SetCounters
-from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
+from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, SetCounters
+from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
@@ -188,21 +187,8 @@ def hid(closing: list[PolhemDevice]) -> Make:
     """Makes a device on a board; with force, whatever the signs."""
 
     def make(board: ScriptedHidBoard, **settings: Any) -> PolhemDevice:
-        options = PolhemHidOptions(port="/dev/hidraw9", **settings)
-        signs = PolhemHidDevice.fingerprint(options)
-        options = options.model_copy(update={"signs_checked": signs})
-        device = PolhemDevice(
-            "polhem_hid",
-            options,
-            options.wired(),
-            lambda force_n: ReportExchange(options, force_n, board),
-            TICK,
-            signs=signs,
-            watchdog_s=WATCHDOG_S,
-            buttons=1,
-        )
-        closing.append(device)
-        return device
+        closing.append(hid_device(board, **settings))
+        return closing[-1]
 
     return make
 
