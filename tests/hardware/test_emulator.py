@@ -123,18 +123,3 @@ def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
     assert echo.heard == [b"hello"] * 3
     assert not path.is_symlink()
     assert (descriptors(), threading.active_count()) == (files, threads)
-
-
-def test_a_path_that_is_taken_is_not_touched(tmp_path: Path) -> None:
-    files, threads = descriptors(), threading.active_count()
-    (tmp_path / "tty").write_text("mine")
-    device = PtyDevice(Echo(), tmp_path / "tty")
-    with pytest.raises(FileExistsError), device:
-        pass
-    assert not device.plugged
-    device.unplug()
-    assert (tmp_path / "tty").read_text() == "mine"
-    assert (descriptors(), threading.active_count()) == (files, threads)
-    with pytest.raises(FileNotFoundError):
-        PtyDevice(Echo(), tmp_path / "none" / "tty").plug()
-    assert descriptors() == files

@@ -45,19 +45,6 @@ def test_it_comes_where_the_script_says() -> None:
     assert reading.angles == pytest.approx((0.5, -0.6, 0.4, -0.3, 0.2, 1.0), abs=friction + 2e-3)
 
 
-def test_it_begins_again_and_ends_with_its_duration() -> None:
-    script = [{"motion": "move", "joints_rad": (0.5, 0.0, 0.0, 0.0, 0.0)}]
-    made = operator(script=script, duration_s=4.5)
-    turned = []
-    for tick in range(1, 4600):
-        reading = made.latest(tick * TICK)
-        turned.append(reading.angles[0])
-        assert reading.ended == (tick >= 4500)
-    assert max(turned[500:1500]) > 0.4
-    assert min(turned[1900:2500]) < 0.1
-    assert max(turned[2500:3500]) > 0.4
-
-
 def test_the_hand_yields_to_displayed_torque_within_its_limit() -> None:
     """By its own compliance, but for the friction of the arm, whose gravity is compensated."""
     made = operator(script=REST)

@@ -14,10 +14,8 @@ from tests.pace import TICK
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 from weberlink.master.devices import load
-from weberlink.master.devices.contract import TorqueDevice
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.hand_options import HandOptions, Oscillator, WristOptions
-from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
 from weberlink.master.devices.turning import Wrist
@@ -44,16 +42,6 @@ def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
 # --- motion
 
 
-def test_legs_follow_one_another_without_a_jump() -> None:
-    legs = [StraightLeg(A, B, 0.5), StraightLeg(B, B, 0.2), StraightLeg(B, C, 0.3), CircularLeg(ZERO, 0.025, 1.5, 1.0)]
-    motion = LegSequence(legs, False)
-    assert motion.duration == pytest.approx(2.0)
-    assert (motion.at(0.0), motion.at(0.6)[0], motion.at(2.0)[1]) == ((A, False), B, True)
-    assert motion.at(99.0)[0] == pytest.approx((-0.025, 0.0, 0.0))
-    places = [motion.at(0.001 * i)[0] for i in range(2001)]
-    assert max(distance(a, b) for a, b in pairwise(places)) < 0.0006
-
-
 def test_a_script_ends_unless_it_is_repeated() -> None:
     script = [{"motion": "reach", "to_m": [0.03, 0.0, 0.0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
     steps = run(6.0, script=script)
@@ -70,16 +58,6 @@ def test_a_tap_touches_as_often_as_asked_and_a_press_holds_its_depth() -> None:
     assert sum(a >= 0.0 > b for a, b in pairwise(heights)) == 5
     press = {"motion": "press", "at_m": [0.01, 0, 0], "depth_m": 0.02, "hold_s": 1.0}
     assert run(2.3, script=[press], repeat=False)[-1][0] == pytest.approx((0.01, 0.0, -0.02), abs=2e-4)
-
-
-def test_a_slide_passes_its_points_back_and_forth() -> None:
-    points = [[-0.02, 0, 0], [0.02, 0, 0]]
-    slide = {"motion": "slide", "points_m": points, "depth_m": 0.01, "duration_s": 1, "passes": 3}
-    steps = run(4.3, script=[slide], repeat=False)
-    sliding = [position for position, _ in steps[1100:3800]]
-    assert all(position[2] == pytest.approx(-0.01, abs=1e-3) for position in sliding)
-    assert sum((a[0] < 0.0) != (b[0] < 0.0) for a, b in pairwise(sliding)) == 3
-    assert steps[-1][0] == pytest.approx((0.02, 0.0, -0.01), abs=2e-4)
 
 
 # --- the wrist alone
@@ -132,19 +110,6 @@ def turned(device: OperatorDevice, now: float) -> Vector:
     return vector(orientation)
 
 
-def test_wrist_shows_in_the_spec_and_does_not_change_the_position() -> None:
-    wrist = {"wobble_deg": [9, 0, 9]}
-    both = [operator(wrist=wrist, torque_n_m=0.3), operator()]
-    assert [(each.spec.orientation, each.spec.torque_n_m) for each in both] == [(True, 0.3), (False, 0.0)]
-    assert isinstance(both[0], TorqueDevice)
-    for tick in range(1, 2000):
-        one, other = (device.latest(tick * TICK) for device in both)
-        assert one._replace(orientation=None) == other
-        for device in both:
-            device.command((0.0, 0.1, 1.0), tick * TICK)
-            device.turn((0.1, 0.2, 0.3), tick * TICK)
-
-
 @pytest.mark.parametrize("turn", [[0.0, 40.0, 0.0], [90.0, 0.0, -60.0], [0.0, 0.0, 175.0]])
 def test_script_turns_the_handle(turn: list[float]) -> None:
     script = [
@@ -170,21 +135,6 @@ def test_wrist_yields_to_torque_within_device_range() -> None:
 
     assert under(0.1) == pytest.approx((0.0, 0.0, 0.1 / STIFFNESS), abs=1e-4)
     assert under(1e300) == under(0.2) == pytest.approx((0.0, 0.0, 0.2 / STIFFNESS), abs=1e-4)
-
-
-def test_closing_ends_torque_and_resets_orientation() -> None:
-    device, runs = operator(**CALM), []
-    for _ in range(2):
-        device.open(0.0)
-        runs.append([turned(device, 0.0)])
-        for tick in range(1, 300):
-            runs[-1].append(turned(device, tick * TICK))
-            device.turn((0.0, 0.3, 0.0), tick * TICK)
-        device.close()
-        device.turn((0.0, 0.3, 0.0), 1.0)  # of no effect on the next session
-    assert runs[0] == runs[1]
-    assert runs[0][1] == ZERO
-    assert runs[0][-1][1] > 0.05
 
 
 # --- a recording

@@ -7,7 +7,7 @@ import pytest
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.haply.board import RESET
 from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, radians
-from weberlink.master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
+from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 BOARD = VERSIONS["v3"].board
 every_version = pytest.mark.parametrize("version", sorted(VERSIONS))
@@ -47,18 +47,6 @@ def test_setup_takes_present_angles_as_offsets_and_the_tip_is_the_hand(version: 
             x, y = kind.bar.tip(device._angles)
             at = device.handle.position
             assert hypot(y - kind.center[1] - at[0], kind.center[0] - x - at[1]) < 1e-6
-
-
-def test_message_in_pieces_is_joined_or_dropped() -> None:
-    device = emulator()
-    whole = BOARD.setup + BOARD.torques(0.1, 0.0)
-    for number, byte in enumerate(whole):
-        device.receive(bytes((byte,)), number * 0.01)
-    assert device.torques == pytest.approx((0.1, 0.0))
-    assert len(device.replies(10.0)) == 1
-    device.receive(whole[-10:-2], 10.0)
-    device.advance(10.0 + 1.1 * PATIENCE_S)
-    assert len(answers(device, BOARD.torques(0.0, 0.0), 12.0)) == 9
 
 
 def test_only_another_torque_takes_a_torque_away_and_the_firmware_cuts_it() -> None:

@@ -3,9 +3,7 @@
 import json
 from typing import Any
 
-import pytest
-
-from tests.master.devices.inverse3.published import FORCE_UP, FORMER_FORCE_UP
+from tests.master.devices.inverse3.published import FORCE_UP
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions, Inverse3Session
 
@@ -65,13 +63,3 @@ def test_forces_of_sessions_add_until_they_leave() -> None:
     first.leave()
     emulator.advance(0.003)
     assert emulator.force == UP
-
-
-@pytest.mark.parametrize(("version", "taken"), [("3.5", [UP, UP]), ("3.1", [ZERO, UP])])
-def test_former_service_takes_values_alone(version: str, taken: list[Vector]) -> None:
-    forces = []
-    for message in (FORCE_UP, FORMER_FORCE_UP):
-        emulator = service(version=version)
-        say(joined(emulator), message, 0.001)
-        forces.append(emulator.force)
-    assert forces == taken

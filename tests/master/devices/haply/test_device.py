@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.master.devices.driving import drive, fault_of
+from tests.master.devices.driving import drive
 from tests.pace import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
@@ -115,21 +115,3 @@ def test_torque_of_a_dead_host_is_removed_first(tmp_path: Path) -> None:
             assert at.emulator.torques == (0.0, 0.0)
             at.device.close()
         assert at.emulator.setups == 2
-
-
-def test_board_without_power_is_not_taken_back(tmp_path: Path) -> None:
-    with bench(tmp_path, reconnect_s=0.1) as at:
-        at.port.unplug()
-        at.emulator.inject("restart", 1)
-        at.port.plug()
-        assert "has forgotten where the arms are" in fault_of(at.device)
-        assert (at.emulator.setups, at.emulator.torques) == (1, (0.0, 0.0))
-
-
-def test_origin_lasts_over_sessions_unless_home_is_start(tmp_path: Path) -> None:
-    with bench(tmp_path) as at:
-        at.carry((0.0, 0.01, 0.0))
-        at.device.close()
-        at.device.open(monotonic())
-        assert distance(at.position, (0.0, 0.01, 0.0)) < COUNT_M
-        assert distance(at.again(home="start").latest(monotonic()).position, ZERO) < COUNT_M

@@ -14,7 +14,6 @@ from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.inverse3.device import Inverse3Device
-from weberlink.master.devices.inverse3.http_requests import service_devices, service_version
 from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
 
@@ -172,15 +171,6 @@ def test_service_that_cannot_be_used_is_refused(service: dict[str, Any], options
         if "gone" in service:
             at.wire.unplug()
         assert says in refusal(at.device)
-
-
-def test_version_and_devices_are_asked_by_http() -> None:
-    with bench({"version": "3.1", "device_id": "04BA"}) as at:
-        assert service_version(at.wire.address) == (3, 1)
-        assert service_devices(at.wire.address) == ("04BA",)
-        at.wire.unplug()
-        assert service_version(at.wire.address) is None
-        assert service_devices(at.wire.address) == ()
 
 
 def test_examination_says_time_out_and_filters() -> None:

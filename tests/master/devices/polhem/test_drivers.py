@@ -79,15 +79,6 @@ def test_the_wrong_model_is_refused(serial: Make, teensy: Any, settings: Any, mo
     assert says in refusal(serial(**settings))
 
 
-def test_auto_takes_the_word_of_the_device(serial: Make, teensy: Any) -> None:
-    phantom = PARAMETERS["vintage_phantom"].mechanism
-    teensy.model, teensy.counts = 2, (*phantom.counts_at((0.01, 0.02, 0.03)), 0, 0, 0)
-    device = serial(model="auto")
-    device.open(monotonic())
-    reading = device.latest(monotonic())
-    assert (reading.position, reading.orientation) == (pytest.approx((0.01, 0.02, 0.03), abs=1e-4), None)
-
-
 def test_homed_where_it_is_held_or_by_the_button(serial: Make, teensy: Any) -> None:
     teensy.counts = (16_000, -3, 77, 0, 0, 0)
     held = serial(homing="at_open")
@@ -234,22 +225,6 @@ def test_the_older_kind_is_homed_on_the_host_and_has_no_button(hid: Make) -> Non
     assert device.latest(monotonic()).position == HOME
     assert set(board.commands) == {(0, 0, 0)}
     assert "without a calibration button; set homing: at_open" in refusal(hid(board, homing="button", report_bytes=8))
-
-
-def test_old_button_press_does_not_count(hid: Make) -> None:
-    board = ScriptedHidBoard(HID_MIDDLE)
-    board.calibrate = True
-
-    def press_later() -> None:
-        until(lambda: not board.calibrate and len(board.commands) > 10, "commands")
-        board.calibrate = True
-
-    person = Thread(target=press_later)
-    person.start()
-    hid(board, homing="button").open(monotonic())
-    person.join()
-    set_to = [each.counts for each in board.commands if isinstance(each, SetCounters)]
-    assert set_to == [(*HID_MIDDLE[:3], 0, 0, 0), (0,) * 6]
 
 
 def test_counters_are_followed_beyond_16_bits(hid: Make) -> None:

@@ -28,7 +28,7 @@ from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
-from weberlink.ros2.node import CONFIG_VARIABLE, Node
+from weberlink.ros2.node import Node
 
 pytestmark = pytest.mark.realtime
 
@@ -100,27 +100,6 @@ def test_a_node_of_another_make_leads(router: str, tmp_path: Path) -> None:
         assert next_target(process).target == (0.03, 0.02, 0.01)
         sdk.kill()
         await_trouble(process, "nobody publishes it")
-
-
-@pytest.mark.hunt
-def test_listener_that_cannot_start_says_why(router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(CONFIG_VARIABLE, str(tmp_path / "none.json5"))
-    with pytest.raises(DeviceFault, match=r"^ros2: cannot open a Zenoh session with .*none.json5"), listening(router):
-        pass
-
-
-@pytest.mark.hunt
-def test_router_that_dies_is_the_hand_letting_go(router: str) -> None:
-    """Another node has its place, and the listener goes on with the next one."""
-    with Node("before", 0, router) as first, listening(router) as process:
-        assert first.is_router
-        with publishing(router) as publisher, steadily(publisher, 0.01):
-            next_target(process)
-        first.close()
-        await_trouble(process, f"not connected to a Zenoh router at {router}")
-        with Node("after", 0, router) as second, publishing(router) as publisher, steadily(publisher, 0.02):
-            assert second.is_router
-            assert next_target(process).target[0] == 0.02
 
 
 DAEMON = """

@@ -84,20 +84,3 @@ def test_wrong_message_gets_its_error_and_no_current(data: bytes, errors: list[i
     assert good.error == 0
     assert good.counts != last
     assert desk.emulator.currents_ma == (7.0, 8.0, 9.0)
-
-
-def test_wrong_model_and_gimbal_errors_can_be_injected() -> None:
-    desk = Desk(model="polhem", handle={})
-    desk.emulator.inject("wrong_model", 3.0)
-    desk.emulator.inject("gimbal_error", 5.0)
-    desk.wait(TICK)
-    answers = [desk.ask(100 + i, 0, 0) for i in range(6)]
-    assert {answer.model for answer in answers} == {3}
-    assert sorted(answer.error for answer in answers) == [0, 0, 1, 1, 4, 4], "one sensor is read per message"
-    assert desk.emulator.currents_ma == (105.0, 0.0, 0.0), "set before the sensor is read"
-    first = answers[-1]
-    desk.wait(0.05)
-    later = [desk.ask(100, 0, 0) for _ in range(3)][-1]
-    assert later.counts[:3] != first.counts[:3]
-    assert (later.counts[3], later.counts[5]) == (first.counts[3], first.counts[5])
-    assert later.counts[4] != first.counts[4]
