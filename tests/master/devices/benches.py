@@ -56,6 +56,7 @@ class Bench:
         faults: by name, each as a deed; empty for a device that only exists in the computer.
         felt: that force itself [N], where a bench knows it.
         options: with which a process of its own can open the device.
+        hand: where it is [m], where a bench knows it.
     """
 
     device: Device
@@ -64,6 +65,7 @@ class Bench:
     faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
     felt: Callable[[], Vector] | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    hand: Callable[[], Vector] | None = None
 
     @classmethod
     def that_feels(
@@ -72,8 +74,10 @@ class Bench:
         felt: Callable[[], Vector],
         faults: Mapping[str, Callable[[], None]],
         options: Mapping[str, Any] | None = None,
+        emulator: Any = None,
     ) -> Self:
-        return cls(device, real_time(), lambda: norm(felt()), faults, felt, options or {})
+        hand = None if emulator is None else lambda: emulator.handle.position
+        return cls(device, real_time(), lambda: norm(felt()), faults, felt, options or {}, hand)
 
     def hold(self, force: Vector, ticks: int) -> Iterator[float]:
         """Command a force, tick by tick; gives each time after the command."""
@@ -156,7 +160,7 @@ def on_a_wire(name: str, wire: ServedDevice, port: Callable[[], str], **options:
             "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
         }
         try:
-            yield Bench.that_feels(device, felt, faults, options)
+            yield Bench.that_feels(device, felt, faults, options, emulator)
         finally:
             device.close()
 
@@ -261,7 +265,7 @@ def polhem_hid(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
         "restart": lambda: emulator.inject("restart", 1.0),
     }
     try:
-        yield Bench.that_feels(device, wire.felt, faults)
+        yield Bench.that_feels(device, wire.felt, faults, None, emulator)
     finally:
         device.close()
 

@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from math import pi
+from struct import unpack
 from time import sleep
 
 import pytest
 
 from tests.master.devices.haply.far_end import BOARD, ZERO, Far, answer, at, counts
+from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.haply.board import RESET, Pair
 from weberlink.master.devices.haply.exchange import (
@@ -69,6 +71,17 @@ def test_implausible_angles_cause_zero_torque(far: Far, exchange: HaplyExchange)
     far.rest = lambda: far.say(HOME)
     exchange.exchange((0.0, 0.0, 0.0))
     assert far.messages[2:] == [ZERO, ZERO]
+
+
+@pytest.mark.parametrize("force", [(0.3, 0.4, 0.0), (6.0, 8.0, 0.0), (0.0, -9.0, 5.0)])
+def test_limited_torque_keeps_the_force_direction(far: Far, exchange: HaplyExchange, force: Vector) -> None:
+    far.rest = lambda: far.say(HOME)
+    exchange.open()
+    exchange.exchange(force)
+    second, first = unpack("<2f", far.messages[-1][2:])
+    wanted = V3.bar.jacobian(radians(BOARD.home_deg)).torques(HaplyFrame.planar(force))
+    share = min(1.0, PATIENT.torque_limit_n_m / max(map(abs, wanted)))
+    assert (first, second) == pytest.approx([share * torque for torque in wanted], rel=2e-3)
 
 
 def test_a_singular_posture_gets_no_torque(far: Far) -> None:
