@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
+from tests.master.devices.benches import armed
 from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
-from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
 from weberlink.master.devices.force_dimension.library import DhdLibrary, find
-from weberlink.master.devices.force_dimension.options import ForceDimensionOptions
 from weberlink.master.devices.threaded_device import RAMP_S
 
 TICK = 0.001
@@ -21,7 +20,7 @@ PUSH: Vector = (0.0, 2.0, 0.0)
 OMEGA_3, SIGMA_7, LAMBDA_7, FALCON = 33, 104, 108, 60
 BUTTON, VELOCITY, WATCHDOG = 1, 2, 3
 
-Make = Callable[..., ForceDimensionDevice]
+Make = Callable[..., Any]
 
 
 @pytest.fixture
@@ -31,13 +30,11 @@ def devices(tmp_path: Path) -> Devices:
 
 @pytest.fixture
 def make(devices: Devices) -> Iterator[Make]:
-    """Makes a device whose signs count as checked, unless told otherwise."""
-    made: list[ForceDimensionDevice] = []
+    """Makes a device whose signs count as checked."""
+    made: list[Any] = []
 
-    def of(*, checked: bool = True, **options: Any) -> ForceDimensionDevice:
-        wanted = ForceDimensionOptions(**{"library": str(devices.library), **options})
-        signs = ForceDimensionDevice.fingerprint(wanted) if checked else None
-        made.append(ForceDimensionDevice(wanted.model_copy(update={"signs_checked": signs}), TICK))
+    def of(**options: Any) -> Any:
+        made.append(armed("force_dimension", **{"library": str(devices.library), **options}))
         return made[-1]
 
     yield of
@@ -45,11 +42,7 @@ def make(devices: Devices) -> Iterator[Make]:
         device.close()
 
 
-def ends(device: ForceDimensionDevice) -> str:
-    return fault_of(device, PUSH)
-
-
-def hold(device: ForceDimensionDevice, is_so: Callable[[], object]) -> None:
+def hold(device: Any, is_so: Callable[[], object]) -> None:
     drive(device, is_so, PUSH)
 
 
@@ -107,7 +100,7 @@ def test_force_switched_off_by_person_stays_off_over_reconnection(
     hold(device, lambda: norm(handle.wrench[0]) > 1.9)
     enabled = handle["enables"]
     handle.switch_off(cause)
-    assert f"force_dimension: its force is off: {words}; start the session again" in ends(device)
+    assert f"force_dimension: its force is off: {words}; start the session again" in fault_of(device, PUSH)
     assert (handle["enables"], handle["force_on"]) == (enabled, 0)
     device.open(monotonic())
     hold(device, lambda: norm(handle.wrench[0]) > 1.9)
@@ -161,7 +154,7 @@ def test_device_is_chosen_by_its_serial_number_and_stays_the_same(devices: Devic
         handle["present"] = 0
         hold(device, lambda: device.trouble is not None and "communication error" in device.trouble)
         handle.plug(33, serial_number)
-    assert "the one with serial number 12 is not there, but 11, 14" in ends(device)
+    assert "the one with serial number 12 is not there, but 11, 14" in fault_of(device, PUSH)
     assert (devices[0]["owner"], devices[0]["sets"]) == (0, 0)
 
 

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.master.devices.benches import armed
 from tests.master.devices.driving import drive, fault_of
 from tests.master.devices.touch.fake_hd import Board, library, plugged
 from tests.wait import until
@@ -23,10 +24,9 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceFault, Quaternion
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.devices.touch import hdapi
-from weberlink.master.devices.touch.device import TouchDevice, pose
+from weberlink.master.devices.touch.device import pose
 from weberlink.master.devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
 from weberlink.master.devices.touch.hdapi import HdError
-from weberlink.master.devices.touch.options import TouchOptions
 from weberlink.master.devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop
 
 TICK = 0.001
@@ -34,9 +34,8 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @contextmanager
-def opened(**options: Any) -> Iterator[TouchDevice]:
-    wanted = TouchOptions(**{"library": str(library()), "calibration_s": 0.2, **options})
-    touch = TouchDevice(wanted.model_copy(update={"signs_checked": TouchDevice.fingerprint(wanted)}), TICK)
+def opened(**options: Any) -> Iterator[Any]:
+    touch: Any = armed("touch", **{"library": str(library()), "calibration_s": 0.2, **options})
     try:
         touch.open(monotonic())
         yield touch
