@@ -1,7 +1,6 @@
 """The port of a leader arm: what it sends, what it displays, and when it displays nothing."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from math import inf, isfinite, nan
 
 import pytest
@@ -15,7 +14,6 @@ from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
 from weberlink.master.leader_port import LeaderPort
 from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
-from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -75,11 +73,6 @@ class Leading:
             self.tick(*values)
         assert self.port.gate.gain == 1.0
         return self
-
-
-def test_it_is_a_port() -> None:
-    port: Port = Leading().port
-    assert (port.kind, port.leads, port.at_rest, port.enabled) == ("device", True, True, True)
 
 
 def test_command_of_control_is_sent_by_channel() -> None:
@@ -168,21 +161,6 @@ def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
     assert {torques[1] for torques in shown} == {0.1}
     assert shown[-1][0] == -0.8
     assert leading.port.slew_ticks == 31
-
-
-def test_torque_is_zero_at_silence_limit_without_jump() -> None:
-    leading = Leading().opened((0.5, -0.4), (0.1,))
-    shown = [leading.tick((0.5, -0.4), (0.1,), in_touch=False) for _ in range(round(SILENCE / TICK) + 1)]
-    assert shown[-1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-    assert max(a[0] - b[0] for a, b in pairwise(shown)) <= 0.5 * TICK / (0.2 * SILENCE) * (1 + 1e-6)
-
-
-def test_end_of_session_fades_to_rest() -> None:
-    leading = Leading().opened((0.5, 0.0), (0.0,))
-    for _ in range(round(RAMP / TICK) + 1):
-        leading.tick((0.5, 0.0), (0.0,), engaged=False)
-    assert leading.port.at_rest
-    assert leading.hand.felt[-1] == (0.0, 0.0, 0.0)
 
 
 def test_arm_without_torque_is_never_told_any() -> None:

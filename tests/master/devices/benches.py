@@ -121,7 +121,7 @@ def replay(folder: Path) -> Iterator[Bench]:
     yield Bench(driver(driver.Options(trace=path), TICK), virtual_time())
 
 
-def armed(name: str, *, checked: bool = True, **options: Any) -> Device:
+def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
     """A device that may have force: its signs count as checked, unless told otherwise."""
     driver: Any = load(name)
     signs = driver.fingerprint(driver.Options(**options)) if checked else None

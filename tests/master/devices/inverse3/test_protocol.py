@@ -18,7 +18,6 @@ from tests.master.devices.inverse3.published import (
     INVENTORY,
     PRESET,
     STATUS,
-    VERSION,
 )
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.hardware.fault import HardwareFault
@@ -34,7 +33,6 @@ from weberlink.master.devices.inverse3.protocol import (
     ours,
     state_of,
     theirs,
-    version_in,
 )
 
 numbers = st.floats(-1e3, 1e3)
@@ -73,12 +71,6 @@ def test_first_message_names_the_session_once() -> None:
     assert "configure" not in json.loads(CommandWriter("049D", "values").first({}))["session"]
 
 
-def test_version_is_read_with_and_without_envelope() -> None:
-    assert version_in(VERSION) == version_in({"ok": True, "data": VERSION}) == (3, 0)
-    for wrong in (None, [], {"ok": False, "error": "x"}, {"project_version": 3}, {"project_version": "three"}):
-        assert version_in(wrong) is None
-
-
 @given(vectors)
 @examples(50)
 def test_frames_are_inverse_and_keep_right_hands(vector: Vector) -> None:
@@ -104,19 +96,6 @@ def test_unready_device_is_named(name: str) -> None:
     check_status({"status": STATUS}, "049D")
     with pytest.raises(HardwareFault, match="device 049D is "):
         check_status({"status": {**STATUS, name: False}}, "049D")
-
-
-def test_choice_of_the_device_is_one_line() -> None:
-    two = {"inverse3": [{"device_id": "049D"}, {"device_id": "04BA"}]}
-    assert choose(two, "04BA")["device_id"] == "04BA"
-    for message, wanted, said in (
-        (two, None, "2 devices: 049D, 04BA; name one behind the address in master.device.port: #ID"),
-        (two, "1", "lists no Inverse3 called 1: there is 049D, 04BA"),
-        ({"inverse3": []}, None, "it lists none; is it plugged in"),
-        ({}, None, "it lists none"),
-    ):
-        with pytest.raises(HardwareFault, match=said):
-            choose(message, wanted)
 
 
 @pytest.mark.parametrize(

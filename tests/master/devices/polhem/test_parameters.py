@@ -2,24 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 import yaml
 
 from weberlink.master.devices import load
 from weberlink.master.devices.polhem.mechanism import CableDrive
-from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, SetName
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
-from weberlink.master.devices.polhem.serial_protocol import MODELS
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
-
-
-def test_options_name_all_sets_and_models() -> None:
-    assert set(get_args(SetName)) == set(PARAMETERS)
-    assert set(get_args(Model)) == set(MODELS.values())
-    assert set(MODEL_SETS) == set(MODELS)
 
 
 @every_set

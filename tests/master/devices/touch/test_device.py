@@ -86,13 +86,6 @@ def test_limit_of_the_device_holds_where_lower(board: Board) -> None:
         assert max(force for _, force in board.forces) <= 1.0 + 1e-9
 
 
-def test_device_that_wants_an_update_is_calibrated(board: Board) -> None:
-    board.calibration = hdapi.CALIBRATION_NEEDS_UPDATE
-    with opened():
-        assert board.updates >= 1
-        assert board.calibration == hdapi.CALIBRATED
-
-
 NEEDS_HAND = {"calibration": hdapi.CALIBRATION_NEEDS_HAND}
 
 
