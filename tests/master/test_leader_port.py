@@ -86,17 +86,25 @@ def test_command_of_control_is_sent_by_channel() -> None:
     assert leading.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
 
 
-def test_torques_of_both_channels_reach_their_axes() -> None:
-    leading = Leading().opened((0.2, -0.3), (0.1,))
-    assert leading.hand.felt[-1] == (0.2, -0.3, 0.1)
-    assert leading.control.told[-1] == ("displayed", (0.2, -0.3, 0.1))
-
-
-def test_arm_without_gripper_has_one_channel() -> None:
-    hand = Hand(spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0)))
-    leading = Leading(hand, most=(1.0, 1.0)).opened((0.2, -0.3))
-    assert leading.port.gripper is None
-    assert leading.hand.felt[-1] == (0.2, -0.3)
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        (((0.2, -0.3), (0.1,)), (0.2, -0.3, 0.1)),
+        (((5.0, 0.1), (0.2,)), (1.0, 0.1, 0.2)),  # each axis is limited alone
+        (((1.0, -0.9), (-0.6,)), (1.0, -0.8, -0.5)),
+        (((0.2, -0.3),), (0.2, -0.3)),  # an arm without a gripper has one channel
+    ],
+)
+def test_torques_of_all_channels_reach_their_axes_within_their_limits(
+    values: tuple[Joints, ...], shown: Joints
+) -> None:
+    short = spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0))
+    leading = Leading(Hand(short), most=(1.0, 1.0)) if len(values) == 1 else Leading()
+    leading.opened(*values)
+    assert (leading.port.gripper is None) == (len(values) == 1)
+    assert leading.hand.felt[-1] == leading.port.output == shown
+    assert leading.control.told[-1] == ("displayed", shown)
+    assert leading.port.clipped == (sum(values, ()) != shown)
 
 
 wild = st.floats(-3.0, 3.0) | st.sampled_from([nan, inf, -inf, 1e300, 1.0, -0.8])
@@ -146,12 +154,6 @@ def test_in_every_state_torque_is_bounded_and_does_not_jump(happens: list[tuple[
                 assert shown == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
             if event == "no joints" or not all(map(isfinite, values[:2])):
                 assert port.decoded[:2] == (0.0, 0.0)
-
-
-def test_each_axis_is_limited_alone() -> None:
-    leading = Leading().opened((5.0, 0.1), (0.2,))
-    assert leading.port.output == (1.0, 0.1, 0.2)
-    assert leading.port.clipped
 
 
 def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
@@ -204,12 +206,17 @@ def founded() -> Leading:
     return leading.opened((0.0, 0.0), (0.0,))
 
 
-def test_torque_that_the_follower_states_is_displayed_for_ever() -> None:
+@pytest.mark.parametrize(
+    ("torques", "stated"), [((0.6, 0.1, 0.4), ((0.0, 0.05), (0.3,))), ((FREE, 0.0, -FREE), ((0.0, 0.0), (0.0,)))]
+)
+def test_torque_that_the_follower_states_and_drag_are_displayed_for_ever(
+    torques: Joints, stated: tuple[Joints, ...]
+) -> None:
     leading = founded()
-    leading.control.answer = (0.6, 0.1, 0.4)
+    leading.control.answer = torques
     for _ in range(2000):
-        leading.tick((0.0, 0.05), (0.3,))
-    assert leading.port.output == (0.6, 0.1, 0.4)
+        leading.tick(*stated)
+    assert leading.port.output == torques
     assert not leading.port.unfounded
 
 
@@ -226,14 +233,6 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
     assert leading.control.resumed == 1
     assert leading.tick((0.5, 0.0), (0.3,))[0] < 0.1
     assert not leading.port.unfounded
-
-
-def test_drag_of_a_joint_needs_no_contact() -> None:
-    leading = founded()
-    leading.control.answer = (FREE, 0.0, -FREE)
-    for _ in range(2000):
-        leading.tick((0.0, 0.0), (0.0,))
-    assert leading.port.output == (FREE, 0.0, -FREE)
 
 
 def test_torque_of_control_that_is_not_finite_is_none() -> None:

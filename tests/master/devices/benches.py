@@ -9,7 +9,7 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from math import sin
@@ -159,10 +159,8 @@ def on_a_wire(name: str, wire: ServedDevice, port: Callable[[], str], **options:
             "restart": lambda: emulator.inject("restart", 1.0),
             "guardian": lambda: os.kill(device._worker._guardian.pid, signal.SIGKILL),
         }
-        try:
+        with closing(device):
             yield Bench.that_feels(device, felt, faults, options, emulator)
-        finally:
-            device.close()
 
 
 @contextmanager
@@ -264,20 +262,16 @@ def polhem_hid(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
         "late": lambda: setattr(emulator.faults, "late_s", 0.2),
         "restart": lambda: emulator.inject("restart", 1.0),
     }
-    try:
+    with closing(device):
         yield Bench.that_feels(device, wire.felt, faults, None, emulator)
-    finally:
-        device.close()
 
 
 @contextmanager
 def spacemouse(folder: Path) -> Iterator[Bench]:
     wire, options = HidWire(emulated("spacemouse")), SpaceMouseOptions(port="/dev/hidraw9")
     device = RateDevice("spacemouse", options, PuckExchange(options, list, wire), TICK, buttons=2)
-    try:
+    with closing(device):
         yield Bench(device, real_time(), None, {"unplug": lambda: setattr(wire, "plugged", False)})
-    finally:
-        device.close()
 
 
 @contextmanager
@@ -299,10 +293,8 @@ def gamepad(folder: Path) -> Iterator[Bench]:
                 pads[-1].change(*change)
         return now
 
-    try:
+    with closing(device):
         yield Bench(device, tick, None, {"unplug": unplug})
-    finally:
-        device.close()
 
 
 @contextmanager
@@ -317,10 +309,8 @@ def touch(folder: Path, *, checked: bool = True) -> Iterator[Bench]:
             "killed": lambda: os.kill(device.servo_pid, signal.SIGKILL),
             "stopped": lambda: os.kill(device.servo_pid, signal.SIGSTOP),
         }
-        try:
+        with closing(device):
             yield Bench.that_feels(device, lambda: board.felt, faults, options)
-        finally:
-            device.close()
 
 
 BENCHES: dict[str, Callable[..., AbstractContextManager[Bench]]] = {

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -23,7 +22,6 @@ from tests.master.devices.ros2.publishing import (
     targets_for,
 )
 from tests.pace import TICK
-from tests.program import ROOT
 from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
@@ -76,30 +74,6 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
         assert monotonic() - killed < 1.0
     finally:
         device.close()
-
-
-@pytest.mark.skipif(find_spec("zenoh_ros2_sdk") is None, reason="needs zenoh-ros2-sdk==0.1.8")
-def test_a_node_of_another_make_leads(router: str, tmp_path: Path) -> None:
-    """Of ROBOTIS, which shares no code with this project."""
-    command = [
-        sys.executable,
-        "-m",
-        "tests.master.devices.ros2.sdk_publisher",
-        tmp_path,
-        router.rpartition(":")[2],
-        "100",
-    ]
-    with listening(router) as process, subprocess.Popen(command, cwd=ROOT, stdin=-1, stdout=-1, text=True) as sdk:
-        assert sdk.stdin is not None
-        assert sdk.stdout is not None
-        assert sdk.stdout.readline().startswith(
-            "0/weberlink/target/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_10f3786d"
-        )
-        sdk.stdin.write("0.03 0.02 0.01\n")
-        sdk.stdin.flush()
-        assert next_target(process).target == (0.03, 0.02, 0.01)
-        sdk.kill()
-        await_trouble(process, "nobody publishes it")
 
 
 DAEMON = """

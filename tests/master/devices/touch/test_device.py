@@ -148,31 +148,24 @@ def test_lasting_force_error_ends_the_session(board: Board) -> None:
         until(lambda: board.displayed == 0.0, "the force", pause=TICK)
 
 
-class Broken:
-    """A library that raises while a frame is open, and what it is told before the frame ends."""
+class Library:
+    """In place of the maker's, and what it is told before a frame ends; a broken one raises while a frame is open."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, broken: bool) -> None:
         self.force: list[float] = []
         self.ended = 0
+        self.broken = broken
 
     def hdBeginFrame(self, handle: int) -> None: ...  # noqa: N802 - the library's name
 
     def hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
-        raise ArithmeticError("lost")
+        if self.broken:
+            raise ArithmeticError("lost")
+
+    def hdGetIntegerv(self, name: int, values: Any) -> None: ...  # noqa: N802
 
     def hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
         self.force = list(values)
-
-    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
-        self.ended += 1
-
-
-class Healthy(Broken):
-    """A library whose frames are in order."""
-
-    def hdGetDoublev(self, name: int, values: Any) -> None: ...  # noqa: N802
-
-    def hdGetIntegerv(self, name: int, values: Any) -> None: ...  # noqa: N802
 
     def hdCheckCalibration(self) -> int:  # noqa: N802
         return 0
@@ -180,10 +173,13 @@ class Healthy(Broken):
     def hdGetError(self) -> HdError:  # noqa: N802
         return HdError(0, 0)
 
+    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
+        self.ended += 1
+
 
 def test_a_loop_that_stood_still_starts_from_zero_with_a_command_as_fresh_as_any() -> None:
     """The daemon may have stood still with it: its first command is a new one."""
-    library: Any = Healthy()
+    library: Any = Library(broken=False)
     memory = ServoMemory(bytearray(MEMORY_SIZE))
     loop = ServoLoop(library, 0, memory, 0.05, RAMP_S)
     loop.rests = False
@@ -202,7 +198,7 @@ def test_a_loop_that_stood_still_starts_from_zero_with_a_command_as_fresh_as_any
 
 
 def test_error_in_the_callback_sends_zero_and_goes_on() -> None:
-    broken: Any = Broken()
+    broken: Any = Library(broken=True)
     memory = ServoMemory(bytearray(MEMORY_SIZE))
     loop = ServoLoop(broken, 0, memory, 0.01, RAMP_S)
     loop.rests = False
