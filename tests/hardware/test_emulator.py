@@ -1,6 +1,5 @@
 """The loop between an emulated device and its host, and the pseudo terminal that carries it."""
 
-import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -11,7 +10,7 @@ from time import monotonic
 import pytest
 
 from tests.hardware.descriptors import descriptors
-from tests.wait import PATIENCE, until
+from tests.wait import PATIENCE
 from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
 from weberlink.hardware.emulator import PtyDevice, WireFaults, serve
 from weberlink.hardware.fault import HardwareFault
@@ -84,21 +83,6 @@ def test_bytes_go_in_and_messages_come_out_garbled_and_late_where_asked() -> Non
         assert asked(host, b"one") == b"ONE"
         assert monotonic() - began >= 0.5 * PAUSE_S
     assert echo.advances == sorted(echo.advances), "time does not go back"
-
-
-def test_closed_host_does_not_end_serving() -> None:
-    echo, stopping = Echo(), threading.Event()
-    near, far = os.openpty()
-    os.close(far)  # reading gives EIO from now on, until somebody opens the other end
-    os.set_blocking(near, False)
-    thread = threading.Thread(target=serve, args=(echo, near, stopping.is_set))
-    thread.start()
-    until(lambda: len(echo.advances) > 3, "turns")
-    assert thread.is_alive()
-    stopping.set()
-    thread.join(PATIENCE)
-    assert not thread.is_alive()
-    os.close(near)
 
 
 def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:

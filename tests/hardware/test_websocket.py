@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, WSMsgType, web
+from aiohttp import WSMsgType, web
 
 from tests.hardware.test_ports import Noting
 from tests.wait import PATIENCE, until
@@ -97,19 +97,6 @@ def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
     size = len(text_frame("force"))
     told = [each if isinstance(each, str) else (each[0], len(each[1])) for each in done]
     assert told == ["watches", ("after", len(text_frame("zero"))), ("before", size), ("after", size), "stopped"]
-
-
-def test_device_serves_a_client_of_aiohttp() -> None:
-    async def talk(address: str) -> list[str]:
-        async with ClientSession() as session, session.ws_connect(address) as line:
-            await line.send_str("one")
-            await line.ping()
-            found = [(await line.receive_str()), (await line.receive_str())]
-            async with session.get(address.replace("ws:", "http:") + "/version") as answer:
-                return [*found, await answer.text()]
-
-    with WebSocketDevice(Echo()) as wire:
-        assert asyncio.run(talk(wire.address)) == ["hello", "ONE", '{"version": 1}']
 
 
 def test_port_talks_to_a_server_of_aiohttp() -> None:

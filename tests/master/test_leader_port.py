@@ -12,7 +12,7 @@ from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
-from weberlink.master.leader_port import LeaderPort
+from weberlink.master.leader_port import LeaderPort, PressedAxes
 from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
@@ -33,6 +33,7 @@ class Leading:
         most: Joints = MOST,
         button: int | None = None,
         contacts: Sequence[ContactLimiter] = (),
+        pressed: Sequence[PressedAxes | None] = (),
     ) -> None:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
@@ -45,6 +46,7 @@ class Leading:
             slew=SLEW[: len(most)],
             button=button,
             contacts=contacts,
+            pressed=pressed,
             least=(0.02, 0.02, 0.02),
         )
         self.now = 0.0
@@ -84,6 +86,25 @@ def test_command_of_control_is_sent_by_channel() -> None:
     assert leading.port.gripper.sample() == ((0.3,), (0.0, 0.0, 0.0), inf)
     assert leading.control.told[0][0] == (0.1, -0.2, 0.3)
     assert leading.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
+
+
+@pytest.mark.parametrize(
+    ("torques", "most"),
+    [
+        ((0.0, 0.0), inf),
+        ((0.05, -0.05), inf),  # no more than its own deadband
+        ((0.5, 0.0), 0.05 / (0.01 * 10.0)),
+        ((-0.6, 0.8), 0.08 / (0.02 * 50.0)),
+    ],
+)
+def test_where_a_torque_is_pressed_angles_are_sent_as_finely_as_it_is_felt(torques: Joints, most: float) -> None:
+    pressed = PressedAxes((0.01, 0.02), (10.0, 50.0), lambda _, torque: max(0.1 * torque, 0.05))
+    leading = Leading(pressed=[pressed, None])
+    leading.tick(torques, (0.5,))
+    leading.sense()
+    assert leading.port.gripper is not None
+    assert leading.port.joints.sample()[2] == pytest.approx(most)
+    assert leading.port.gripper.sample()[2] == inf
 
 
 @pytest.mark.parametrize(
@@ -225,7 +246,7 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
     leading = founded()
     leading.control.answer = (0.6, 0.1, 0.4)
     answer = round((RTT + PATIENCE) / TICK)
-    shown = [leading.tick((0.0, 0.0), (0.3,)) for _ in range(1000)]
+    shown = [leading.tick((0.02, -0.02), (0.3,)) for _ in range(1000)]  # the least that states one, and no more
     assert max(abs(torques[0]) for torques in shown[answer:]) <= FREE * (1 + 1e-9)
     assert {torques[2] for torques in shown[100:]} == {0.4}
     assert shown[-1][:2] == (0.0, 0.0)
@@ -233,6 +254,19 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
     assert leading.control.resumed == 1
     assert leading.tick((0.5, 0.0), (0.3,))[0] < 0.1
     assert not leading.port.unfounded
+
+
+@pytest.mark.parametrize("forgets", ["reset", "restart"])
+def test_what_was_heard_of_contacts_is_forgotten_with_the_session(forgets: str) -> None:
+    leading = founded()
+    leading.control.answer = (0.6, 0.1, 0.4)
+    for _ in range(1000):
+        leading.tick((0.0, 0.0), (0.0,))
+    assert leading.port.unfounded
+    getattr(leading.port, forgets)()
+    assert not leading.port.unfounded
+    leading.opened((0.0, 0.0), (0.0,))
+    assert leading.port.output == (0.6, 0.1, 0.4)
 
 
 def test_torque_of_control_that_is_not_finite_is_none() -> None:
@@ -243,13 +277,15 @@ def test_torque_of_control_that_is_not_finite_is_none() -> None:
 
 def test_record_has_the_gripper_in_the_last_place() -> None:
     leading = Leading()
-    leading.hand.angles = (0.1, -0.2, 0.3)
+    leading.hand.angles, leading.hand.buttons = (0.1, -0.2, 0.3), 0x1FF
     leading.opened((5.0, 0.1), (0.2,))
     row = Row()
     leading.port.report(row, is_led=True)
     assert row.joint_position == row.joint_raw == (0.1, -0.2, 0, 0, 0, 0, 0, 0, 0.3)
     assert row.joint_decoded == (5.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
     assert row.joint_output == (1.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert (row.buttons, row.clipped, row.slew_ticks, row.ramping) == (0xFF, True, 0, False)
+    assert leading.port.controls == (leading.control,)
 
 
 def test_limits_of_other_axes_are_refused() -> None:

@@ -83,23 +83,11 @@ def test_a_grasping_hand_takes_the_exact_step(grasp: GraspOptions, step: float, 
     assert found == pytest.approx(expected[:4], rel=1e-7, abs=1e-9)
 
 
-@examples(30)
-@given(grasp=GRASPS_TRIED, step=st.floats(1e-4, 1.0))
-def test_no_step_makes_a_grasping_hand_gain_energy(grasp: GraspOptions, step: float) -> None:
-    hand = modelled_hand(HandOptions(grasp=grasp), (0.01, 0.0, 0.0))
-    energy = hand.stored(ZERO)
-    for _ in range(20):
-        hand.advance(ZERO, ZERO, step)
-        assert hand.stored(ZERO) <= energy * (1.0 + 1e-9) + 1e-15
-        energy = hand.stored(ZERO)
-
-
-@pytest.mark.parametrize("frequency", [8.0, 30.0])
-def test_the_gain_of_a_grasping_hand_is_that_of_its_motion(frequency: float) -> None:
-    options, omega, step = HandOptions(grasp="pinch"), 2.0 * np.pi * frequency, 1e-4
+def test_the_gain_of_a_grasping_hand_is_that_of_its_motion() -> None:
+    options, omega, step = HandOptions(grasp="pinch"), 2.0 * np.pi * 8.0, 1e-3
     hand = modelled_hand(options, ZERO)
     heights = []
-    for tick in range(30_000):
+    for tick in range(3_000):
         hand.advance((np.sin(omega * tick * step), 0.0, 0.0), ZERO, step)
         heights.append(hand.position[0])
-    assert max(heights[20_000:]) == pytest.approx(options.gain(omega), rel=0.01)
+    assert max(heights[2_000:]) == pytest.approx(options.gain(omega), rel=0.01)
