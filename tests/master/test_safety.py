@@ -117,6 +117,7 @@ def test_gate_is_open_to_the_beginning_of_the_fade_and_ramps_tell_so() -> None:
     opened = [(gate.update(engaged=True, age=0.0, elapsed=TICK), gate.ramping) for _ in range(52)]
     assert opened[0] == (pytest.approx(0.02), True)
     assert (opened[48][1], opened[-1]) == (True, (1.0, False))
+    assert not next(ramping for gain, ramping in opened if gain == 1.0)
     faded = {age: gate.update(engaged=True, age=age, elapsed=TICK) for age in (0.06, 0.0601, 0.08, 0.1)}
     assert faded == pytest.approx({0.06: 1.0, 0.0601: 0.9975, 0.08: 0.5, 0.1: 0.0}, abs=1e-12)
     assert not gate.ramping, "silence is no ramp"
