@@ -50,9 +50,9 @@ def guarded(guardian: Guardian) -> Iterator[Wire]:
     before = descriptors()
     near, far = os.openpty()
     tty.setraw(far)
-    port = SerialPort(os.ttyname(far), guardian=guardian)
-    yield Wire(guardian, port, near)
-    port.close()
+    wire = Wire(guardian, SerialPort(os.ttyname(far), guardian=guardian), near)
+    yield wire
+    wire.port.close()
     assert guardian.pid is None
     os.close(near)
     os.close(far)
@@ -151,6 +151,15 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
         wire.guardian.before(FORCE)
     wire.guardian.before(ZERO)
     assert not wire.guardian.has_written(), "nobody writes any more"
+
+
+def test_a_guardian_that_has_written_watches_anew(wire: Wire) -> None:
+    wire.push(LEASE_S / 2.0)
+    until(wire.guardian.has_written, "the zero")
+    wire.port.close()
+    wire.port = SerialPort(wire.port.path, guardian=wire.guardian)
+    assert not wire.guardian.has_written()
+    wire.port.write(OTHER_ZERO)
 
 
 def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:

@@ -40,6 +40,7 @@ def test_every_setup_has_its_own_id() -> None:
     boards = [version.board for version in VERSIONS.values()]
     boards += [HaplyBoard(V3.motors, V3.encoders, (168.0, 12.0 + i)) for i in range(1, 5)]
     assert len({board.id for board in boards}) == len(boards)
+    assert (V2.id, V3.id) == (20, 110), "by which a board knows its setup from one version of this program to the next"
     assert all(16 <= board.id < 128 for board in boards)
     assert HaplyBoard(V3.motors, V3.encoders, V3.home_deg).id == V3.id
 

@@ -138,6 +138,19 @@ def test_torn_answer_is_bad_and_a_forgotten_setup_is_another_thing(far: Far, lin
     assert far.messages[-2:] == [PUSH, ZERO]
 
 
+def test_slow_board_stays_bad(far: Far, line: HaplyLine) -> None:
+    """But for an answer that waits already when this machine, after a stall, begins to look for one."""
+    far.rest = lambda: sleep(0.005) or far.say(answer(1))
+    complaints = []
+    for _ in range(8):
+        try:
+            line.ask(ZERO, 0.001)
+        except BadReply as bad:
+            complaints.append(str(bad))
+    assert len(complaints) >= 5
+    assert all("answered after" in each or "no answer" in each for each in complaints)
+
+
 def test_mute_board_is_told_to_rest_and_given_up(far: Far, line: HaplyLine) -> None:
     for _ in range(2):
         with pytest.raises(BadReply, match="no answer"):

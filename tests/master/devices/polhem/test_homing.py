@@ -75,6 +75,14 @@ def test_restarted_counters_after_silence_lose_home_unless_the_gimbal_proves_pow
         lost.next((5, -9, 3, 1, -2, 0), 0.3, 0.3)
 
 
+def test_a_place_that_no_handle_reaches_is_not_homed_and_one_nearby_is_a_return() -> None:
+    with pytest.raises(HardwareFault, match=r"is not homed: it reports \(.*\) mm, more than 255 mm"):
+        PositionValidator(WOODY, HOME).begin((0, 0, 16_000, 0, 0, 0), 0.0, 0.0)
+    validator = begun()
+    back = validator.begin(counts_at((0.045, 0.0, 0.0)), 3.0, 3.0)
+    assert (back.position, back.buttons) == (pytest.approx((0.045, 0.0, 0.0), abs=1e-4), 0)
+
+
 @pytest.mark.parametrize(
     ("before", "counts", "says"),
     [

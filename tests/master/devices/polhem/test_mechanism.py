@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.rotation import turned
+from weberlink.geometry.rotation import Quaternion, turned
 from weberlink.geometry.vector import Vector, distance, dot, norm
 from weberlink.master.devices.polhem.linkages import GRAVITY_M_S2
 from weberlink.master.devices.polhem.mechanism import Counts
@@ -140,16 +140,26 @@ def test_straight_gimbal_points_along_the_forearm(name: str) -> None:
         assert turned(orientation, (1.0, 0.0, 0.0)) == pytest.approx(ahead, abs=1e-12)
 
 
-@pytest.mark.parametrize(("board", "sign"), [("serial", 1.0), ("hid14", -1.0)])
-def test_last_gimbal_axis_rolls_the_handle(board: Board, sign: float) -> None:
-    """By +count in the API of 2026, by -count in that of 2021: a quarter turn either way."""
-    mechanism = PARAMETERS["polhem_v1"].on(board).mechanism
-    counts = (*mechanism.counts_at(ORIGIN), 0, 0)
-    straight, rolled = mechanism.orientation((*counts, 0)), mechanism.orientation((*counts, 256))
-    assert straight is not None
-    assert rolled is not None
-    assert turned(rolled, (1.0, 0.0, 0.0)) == pytest.approx(turned(straight, (1.0, 0.0, 0.0)), abs=1e-12)
-    assert turned(rolled, (0.0, 1.0, 0.0)) == pytest.approx(turned(straight, (0.0, 0.0, sign)), abs=1e-12)
+@pytest.mark.parametrize(
+    ("name", "board", "gimbal", "orientation"),
+    [
+        ("polhem_v3", "serial", (100, 0, 0), (0.8690, -0.2753, 0.3920, 0.1242)),
+        ("polhem_v3", "serial", (0, 100, 0), (0.9932, 0.0, 0.1167, 0.0)),
+        ("polhem_v3", "serial", (0, 0, 100), (0.8690, 0.2753, 0.3920, -0.1242)),
+        ("polhem_v3", "hid14", (0, 0, 100), (0.8690, -0.2753, 0.3920, 0.1242)),  # by the API of 2021, the other way
+        ("vintage_phantom", "serial", (100, 0, 0), (0.7010, -0.1102, 0.6958, -0.1110)),
+        ("vintage_phantom", "serial", (0, 100, 0), (0.5908, 0.0, 0.8069, 0.0)),
+        ("vintage_phantom", "serial", (0, 0, 100), (0.7010, 0.1110, 0.6958, -0.1102)),
+    ],
+)
+def test_each_gimbal_axis_turns_the_handle(
+    name: str, board: Board, gimbal: tuple[int, ...], orientation: Quaternion
+) -> None:
+    """In the middle of the workspace, from the straight gimbal on."""
+    mechanism = PARAMETERS[name].on(board).mechanism
+    home = mechanism.drive.gimbal_home_counts
+    found = mechanism.orientation((*mechanism.counts_at(ORIGIN), *(a - b for a, b in zip(gimbal, home, strict=True))))
+    assert found == pytest.approx(orientation, abs=1e-4)
 
 
 components = st.floats(-1e6, 1e6)
