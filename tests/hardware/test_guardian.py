@@ -19,7 +19,7 @@ import pytest
 from tests.hardware.descriptors import descriptors
 from tests.wait import PATIENCE, until
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import LEASE_S, Guardian, HoldingGuardian
+from weberlink.hardware.guardian import LEASE_S, SILENT_S, Guardian, HoldingGuardian
 from weberlink.hardware.guardian_process import LENGTH_SIZE, SLOT_SIZE
 from weberlink.hardware.serial_port import SerialPort
 
@@ -129,6 +129,25 @@ def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signa
     with suppress(HardwareFault):
         wire.port.write(ZERO)
     assert wire.heard(PATIENCE) == ZERO, "which is written all the same"
+
+
+def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(wire: Wire) -> None:
+    ends = monotonic() + 2.0 * SILENT_S
+    while monotonic() < ends:
+        wire.push()
+        wire.heard()
+        sleep(0.005)
+    assert wire.guardian.pid is not None
+    os.kill(wire.guardian.pid, signal.SIGKILL)
+
+    def is_told() -> bool:
+        wire.heard()
+        with suppress(HardwareFault):
+            wire.port.write(ZERO)
+            return False
+        return True
+
+    until(is_told, "the news of its death", pause=0.005)
 
 
 def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
