@@ -130,6 +130,21 @@ def test_leader_without_gripper_leaves_it_at_rest_and_drives_none() -> None:
         mapped(hand, ("a", "b"))
 
 
+def test_the_arm_is_opened_and_closed_with_its_map() -> None:
+    class Noting(Hand):
+        def open(self, now: float) -> None:
+            calls.append(("open", now))
+
+        def close(self) -> None:
+            calls.append("close")
+
+    calls: list[Any] = []
+    arm = mapped(Noting(LEADER), **MOVED)
+    arm.open(3.0)
+    arm.close()
+    assert calls == [("open", 3.0), "close"]
+
+
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 @pytest.mark.parametrize("axis", range(4))
 def test_what_is_not_finite_stays_so_and_is_not_displayed(value: float, axis: int) -> None:
