@@ -20,6 +20,8 @@ def test_newest_whole_values_are_read_once() -> None:
     assert not any(memory), "values of another format change nothing"
     assert reader.newest() is None
     writer.write(0.5, 7, b"abc")
+    assert reader.newest() == (0.5, 7, b"abc\0")
+    writer.write(1.0, 7, b"abc")
     writer.write(1.5, 8, b"abcd")
     assert reader.newest() == (1.5, 8, b"abcd")
     assert reader.newest() is None

@@ -141,6 +141,9 @@ def test_walls_bound_position_and_push_back() -> None:
     hands.tick((0.02, 0.0, 0.0))
     assert hands.handle.felt == ZERO
     assert hands.device.spec.workspace_m == BOX
+    corner = Hands(walls=400.0)
+    assert corner.tick((0.03, -0.058, 0.055), count=100) == (0.03, -0.05, 0.05)
+    assert corner.handle.felt == pytest.approx((0.0, 400.0 * 0.008, -400.0 * 0.005)), "each axis by itself"
 
 
 @pytest.mark.parametrize("stalls", [False, True], ids=["open", "stall"])
