@@ -309,3 +309,21 @@ def test_a_lease_that_expires_is_met_at_once_ten_times_and_then_slowly(
     assert loop.words[WRITES] == len(met)
     assert loop.beats == list(range(2, len(loop.beats) + 2))
     assert len(loop.beats) >= (5000 - 1) // 20, "every 20 ms at the longest"
+
+
+@pytest.mark.parametrize("first", [BlockingIOError(), 2])
+def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: pytest.MonkeyPatch, first: Any) -> None:
+    done, outcomes = list[Any](), [first, len(ZERO)]
+
+    def write(device: int, message: bytes) -> int:
+        done.append((device, message))
+        outcome = outcomes.pop(0)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return int(outcome)
+
+    flush = SimpleNamespace(error=OSError, TCOFLUSH=1, tcflush=lambda device, _: done.append(device))
+    monkeypatch.setattr(guardian_process, "os", SimpleNamespace(write=write))
+    monkeypatch.setattr(guardian_process, "termios", flush)
+    guardian_process.write(5, ZERO)
+    assert done == [(5, ZERO), 5, (5, ZERO)]

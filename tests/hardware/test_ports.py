@@ -153,6 +153,9 @@ def test_an_unplugged_port_says_so_in_every_direction(wire: Wire, port: SerialPo
     for use in (lambda: port.read(soon()), port.drain, lambda: port.write(b"x")):
         with pytest.raises(HardwareFault, match=f"{wire.path}: unplugged"):
             use()
+    port.close()
+    with pytest.raises(HardwareFault, match=f"{wire.path}: unplugged"):
+        port.read(soon())
 
 
 def test_write_to_blocked_device_is_a_fault(wire: Wire, port: SerialPort) -> None:
@@ -245,7 +248,9 @@ def test_guardian_of_reports_is_told_before_and_after_each(tmp_path: Path) -> No
         port.guard(Noting(device.done))
     port.path = str(tmp_path / "node")
     Path(port.path).touch()
+    files = descriptors()
     port.guard(Noting(device.done))
+    assert descriptors() == files
     port.write(b"force", 3)
     port.close()
     message = b"\3force"

@@ -34,6 +34,8 @@ def test_power_scales_by_a_constant(turn: Vector, s: float, f: float, way: Vecto
 
 def test_right_angles_are_exact() -> None:
     assert FrameMap((0, 0, 90), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (-2.0, 1.0, 3.0)
+    assert FrameMap((0, 0, 180), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (-1.0, -2.0, 3.0)
+    assert FrameMap((0, 0, -90), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (2.0, -1.0, 3.0)
     assert FrameMap((90, 0, 0), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (1.0, -3.0, 2.0)
     assert FrameMap((0, 90, 0), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (3.0, 2.0, -1.0)
     assert FrameMap((90, 0, 90), 1, 1, (0, 0, 0)).position((0.0, 0.0, 1.0)) == (1.0, 0.0, 0.0)  # x first, then z
