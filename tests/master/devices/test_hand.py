@@ -81,13 +81,3 @@ def test_a_grasping_hand_takes_the_exact_step(grasp: GraspOptions, step: float, 
     hand.advance(ZERO, (force, 0.0, 0.0), step)
     found = (hand.position[0], hand.velocity[0], hand.arm[0], hand.arm_velocity[0])
     assert found == pytest.approx(expected[:4], rel=1e-7, abs=1e-9)
-
-
-def test_the_gain_of_a_grasping_hand_is_that_of_its_motion() -> None:
-    options, omega, step = HandOptions(grasp="pinch"), 2.0 * np.pi * 8.0, 1e-3
-    hand = modelled_hand(options, ZERO)
-    heights = []
-    for tick in range(3_000):
-        hand.advance((np.sin(omega * tick * step), 0.0, 0.0), ZERO, step)
-        heights.append(hand.position[0])
-    assert max(heights[2_000:]) == pytest.approx(options.gain(omega), rel=0.01)

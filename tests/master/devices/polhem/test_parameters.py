@@ -10,7 +10,7 @@ import yaml
 from weberlink.master.devices import load
 from weberlink.master.devices.polhem.mechanism import CableDrive
 from weberlink.master.devices.polhem.options import PolhemHidOptions
-from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 
@@ -53,9 +53,6 @@ def test_old_directions_key_sets_both_signs() -> None:
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
 EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
-CELLS = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines()]
-SIGNS = {(cells[0].strip("`"), cells[1]): cells[2:] for cells in CELLS if len(cells) == 7 and cells[0].startswith("`")}
-BOARDS: dict[str, Board] = {"serial": "serial", "HID, 14 bytes": "hid14", "HID, 8 bytes": "hid8"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
@@ -63,17 +60,3 @@ def test_examples_are_options_of_their_driver(example: str) -> None:
     settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
     driver: Any = load(settings.pop("driver"))
     assert driver(driver.Options(**settings), 0.001).spec.name
-
-
-def test_the_signs_are_those_of_the_drivers() -> None:
-    def signs(three: tuple[int, int, int]) -> str:
-        return " ".join("+-"[sign < 0] for sign in three)
-
-    known = {(name, board) for name, each in PARAMETERS.items() for board in each.wirings}
-    assert {(name, BOARDS[board]) for name, board in SIGNS} == known
-    for (name, board), (encoders, motors, home_counts, gimbal, _) in SIGNS.items():
-        wiring = PARAMETERS[name].wirings[BOARDS[board]]
-        assert (encoders, motors) == (signs(wiring.encoder), signs(wiring.motor))
-        assert home_counts == ", ".join(map(str, wiring.home_counts))
-        has_gimbal = 0 not in PARAMETERS[name].mechanism.drive.gimbal_counts_per_turn
-        assert gimbal == (signs(wiring.gimbal) if has_gimbal else "")
