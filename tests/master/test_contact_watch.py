@@ -1,5 +1,6 @@
 """What of the force on the hand is founded: the received model, where the robot was as the newest news of it left."""
 
+from math import inf
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,7 @@ from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.operator_port import ContactWatch
+from weberlink.master.operator_port import LOOK_S, UNREACHED_S, ContactWatch
 from weberlink.master.safety import GRACE, PATIENCE, ContactLimiter
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
@@ -113,6 +114,32 @@ def test_commands_that_jump_past_the_model_state_nothing() -> None:
     watched.go(OUTSIDE, ZERO, 500)
     shown = [force for _ in range(20) for force in watched.go(OUTSIDE, PRESSED, 47) + watched.go(INSIDE, PRESSED, 3)]
     assert max(shown[PATIENT:]) <= 1.0
+
+
+def test_a_claim_of_the_model_counts_only_after_the_answer_of_the_robot_could_have_come() -> None:
+    """What the limiter is told of a hand that stays in the model: nothing, then a claim that grows, then a contact."""
+
+    class Told(ContactLimiter):
+        __slots__ = ("told",)
+
+        def bound(self, *values: float | None, stated: float, claimed: float = 0.0) -> float:  # type: ignore[override]
+            told.append((stated, round(claimed / TICK)))
+            return super().bound(*values, stated=stated, claimed=claimed)  # type: ignore[arg-type]
+
+    told: list[tuple[float, int]] = []
+    watched = Watched()
+    watched.go(OUTSIDE, ZERO, 500)
+    watched.watch.limiter = Told(10.0, 1.0, 1.0)
+    watched.go(INSIDE, PRESSED, 400)
+    first = next(tick for tick, (_, claimed) in enumerate(told) if claimed)
+    met = next(tick for tick, (stated, _) in enumerate(told) if stated < inf)
+    assert first == round((RTT + LOOK_S) / TICK)
+    assert [claimed for _, claimed in told[first:met]] == list(range(1, met - first + 1))
+    assert met - first == round((UNREACHED_S + LOOK_S) / TICK) - 1
+    assert set(told[met:]) == {(UNREACHED_S, 0)}
+    watched.watch.reset()
+    watched.watch.bounded(PRESSED, norm(PRESSED), TICK)
+    assert told[-1] == (inf, 0)
 
 
 def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:

@@ -75,6 +75,9 @@ def test_readings_advance_without_jumps(bench: Bench) -> None:
         assert all(a <= p <= b for a, p, b in zip(lower, reading.position, upper, strict=True))
         assert (reading.orientation is not None) == device.spec.orientation
         assert 0 <= reading.buttons < 1 << device.spec.buttons
+        away = [] if bench.hand is None else [distance(bench.hand(), reading.position)]
+        if max(away, default=0.0) > 0.002:  # unless the hand has gone on while this machine stalled
+            assert monotonic() - reading.at > 0.002
         readings.append(reading)
     # In real time an answer may have waited for a machine that stalls, and the hand has gone on.
     slack = 1e-6 if bench.displayed is None else 0.03
