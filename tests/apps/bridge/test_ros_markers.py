@@ -14,7 +14,6 @@ from weberlink.apps.ros_markers import (
     CUBE,
     LINE_LIST,
     MARKERS,
-    MOST_CELLS,
     SPHERE,
     TRIANGLE_LIST,
     body_markers,
@@ -77,20 +76,6 @@ def test_solids_are_where_the_scene_has_them() -> None:
     assert moved(block, (0.0, 0.02, 0.0)) == pytest.approx((0.1, 0.0, 0.02), abs=1e-9)
     corners = [moved(terrain, numbers(point)).tolist() for point in terrain.points]
     assert corners[:3] == [[-1.0, -0.5, 0.5], [0.0, -0.5, 0.6], [-1.0, 0.5, 0.8]] and len(corners) == 12
-
-
-def test_a_large_height_field_is_drawn_to_its_borders() -> None:
-    heights = np.zeros((3, 5 * MOST_CELLS + 7))
-    field = {"shape": "height_field", "center_m": [0, 0, 0], "heights_m": heights.tolist(), "spacing_m": 0.01}
-    (terrain,) = markers(scene_markers([field], []))
-    x, y, _ = np.array([numbers(point) for point in terrain.points]).T
-    assert len(terrain.points) <= 6 * MOST_CELLS
-    assert (x.max() - x.min(), y.max() - y.min()) == pytest.approx((0.01 * (5 * MOST_CELLS + 6), 0.02))
-
-
-@given(st.lists(st.sampled_from(EVERY_SHAPE)))
-def test_reach_holds_every_bounded_center(scene: Any) -> None:
-    assert reach_of(scene) >= max((np.hypot(*shape.get("center_m", (0, 0))[:2]) for shape in scene), default=0.0)
 
 
 @pytest.mark.parametrize(("force", "length"), [(0.001, 0.0), (1.0, 0.007)])

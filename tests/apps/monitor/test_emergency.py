@@ -69,6 +69,7 @@ class Daemon:
         self.ticks = 0
         self.tick(20)
         self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
+        self.proposed: list[object] = []
         self.halted_at: float | None = None
         self.control = ControlSocket(path, self)
         self.control.open(loop)
@@ -78,7 +79,8 @@ class Daemon:
         self.ticks += count
 
     def propose(self, change: object, now: float) -> str | None:
-        raise AssertionError(change)
+        self.proposed.append(change)
+        return "a daemon of a test makes no change"
 
     def stop(self, now: float, reason: str) -> None:
         raise AssertionError(reason)
