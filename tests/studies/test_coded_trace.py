@@ -8,7 +8,7 @@ from weberlink.codec import force_channel
 from weberlink.studies.coded_trace import CodedTrace, TickWindow, interesting_window
 from weberlink.studies.evaluate.replay import replay, signal_of
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
+PREDICTORS = ("zoh", "hybrid")
 
 
 @pytest.mark.parametrize("predictor", PREDICTORS)
@@ -33,16 +33,6 @@ def test_the_window_has_contact_sends_and_most_variation() -> None:
     force = np.linalg.norm(coded.trace.force_n, axis=1)
     assert coded.sent[drawn].sum() >= 3
     assert (force[drawn] > 0.05 * force.max()).mean() >= 0.75
-    others = [force[first : first + 500] for first in range(0, len(force) - 500, 50)]
-    allowed = [other for other in others if (other > 0.05 * force.max()).mean() >= 0.75]
-    assert np.ptp(force[drawn]) >= max(map(np.ptp, allowed))
-
-
-def test_the_window_finds_a_step() -> None:
-    step = pressed(lambda t: 2.0 + 0.3 * float(np.sin(60.0 * t)) + 2.0 * (t >= 1.2))
-    coded = CodedTrace(step, force_channel(predictor="zoh"))
-    window = interesting_window(coded, 0.4)
-    assert window.first < 1200 < window.until
 
 
 def test_without_contact_the_window_has_most_sends() -> None:
@@ -52,10 +42,3 @@ def test_without_contact_the_window_has_most_sends() -> None:
     nothing = CodedTrace(pressed(lambda t: 0.0), force_channel())
     assert nothing.sent.sum() == 0
     assert interesting_window(nothing, 0.5) == TickWindow(0, 500)
-
-
-def test_the_length_of_a_window() -> None:
-    assert interesting_window(run("zoh"), 100.0) == TickWindow(0, len(own().time_s))
-    for seconds in (0.0, -1.0, float("nan")):
-        with pytest.raises(ValueError, match="seconds: expected more than 0"):
-            interesting_window(run("zoh"), seconds)

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.apps.monitor.synthetic_session import EVERY_SHAPE
 from weberlink.apps.ros_markers import (
     ARROW,
     CUBE,
@@ -45,11 +44,17 @@ def moved(marker: Any, point: tuple[float, float, float]) -> Any:
     return np.add(numbers(marker.pose.position), turned((q.w, q.x, q.y, q.z), point))
 
 
+PLANE = {"shape": "plane", "point_m": [0, 0, 0], "normal": [0, 0, 1]}
+BALL = {"shape": "sphere", "center_m": [0, 0, 0.03], "radius_m": 0.02, "inside": True, "carve": []}
+BOX = {"shape": "box", "center_m": [0, 0, 0], "size_m": [0.02, 0.01, 0.02], "rotation_deg": None, "inside": True}
+FIELD = {"shape": "height_field", "center_m": [0, 0, 0], "heights_m": [[0, 0.001], [0.002, 0]], "spacing_m": 0.01}
+
+
 def test_every_shape_is_a_marker() -> None:
-    made = markers(scene_markers(EVERY_SHAPE, [(0.03, 0.0, 0.0)]))
-    kinds = [CUBE, SPHERE, SPHERE, CUBE, CUBE, TRIANGLE_LIST, CUBE, SPHERE, LINE_LIST]
-    assert [each.type for each in made] == kinds
-    assert [each.header.frame_id for each in made] == ["weberlink"] * 8 + ["robot"]
+    unknown = FIELD | {"heights_m": None, "spacing_m": None}
+    made = markers(scene_markers([PLANE, BALL, BOX, FIELD, unknown], [(0.03, 0.0, 0.0)]))
+    assert [each.type for each in made] == [CUBE, SPHERE, CUBE, TRIANGLE_LIST, LINE_LIST]
+    assert [each.header.frame_id for each in made] == ["weberlink"] * 4 + ["robot"]
     assert len({(each.ns, each.id) for each in made}) == len(made)
 
 

@@ -191,7 +191,7 @@ def test_dialog_follows_the_driver(driver: Any, lines: Sequence[Any], yes: bool,
 def test_wrong_force_fails_without_fingerprint(wrong: str, motor: str) -> None:
     answers = [each for axis in "xyz" for each in ("", "n" if axis == wrong else "y")]
     screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *answers)
-    assert f"reverse {wrong} ({motor})" in str(error)
+    assert f"reverse {wrong} ({motor}" in str(error)
     assert "signs_checked" not in screen
 
 

@@ -8,15 +8,13 @@ import pytest
 from tests.control.teleoperation import Hand, Link, Quality, operate
 from tests.control.walls import Wall
 from weberlink.control.contract import AccountParameters, SchemeParameters
-from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
-from weberlink.studies.baselines import BASELINES
+from weberlink.control.table import build_master_control, build_slave_control
 from weberlink.studies.baselines.tdpa import MOST_DAMPING, TdpaMaster, TdpaSlave
-from weberlink.studies.stability.display import DisplayCell, rows_of
 
 SETTINGS = SchemeParameters(1e-3, 2500.0, AccountParameters(0.02, 0.01, 1.0, 0.1))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_any_ticks_give_finite_outputs_and_growing_credit(seed: int) -> None:
     random = Random(seed)
     master, slave = TdpaMaster(SETTINGS), TdpaSlave(SETTINGS)
@@ -71,11 +69,3 @@ def test_it_is_passive_on_a_delayed_wall_where_none_is_not(delay: float) -> None
     assert ours < 0.03
     assert none > 0.5
     assert max(courses[0].wall_forces) > 1.0
-
-
-def test_it_runs_in_a_whole_system_by_name() -> None:
-    (found,) = rows_of((DisplayCell("plane", 100), "baseline-tdpa"))
-    assert found["failure"] == ""
-    assert found["impulse_ratio"] > 0.2
-    assert found["energy_out_j"] < 0.05
-    assert not BASELINES.keys() & SCHEMES.keys()
