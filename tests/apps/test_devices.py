@@ -1,20 +1,14 @@
 """`weberlink device list`: drivers, plugged devices, suggested fixes, and the udev rules."""
 
-import grp
-import io
-import json
 import os
 import re
-import shutil
 import stat
-import subprocess
 from collections.abc import Callable
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from tests.apps.packages import add_drivers
 from tests.program import document, weberlink
@@ -34,7 +28,6 @@ from weberlink.slave.robots import followers
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
 OPEN = DeviceAccess(accessible=lambda path: True, rules=())
 """A host without rules where everything may be opened."""
-root = pytest.mark.skipif(os.getuid() != 0, reason="gives a file to another group, which takes root")
 
 
 def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:
@@ -52,45 +45,14 @@ def status(access: DeviceAccess = OPEN, **drivers: Any) -> DriverStatus:
     return only
 
 
-def shown(found: Survey) -> list[str]:
-    """Lines on a terminal of 80 columns."""
-    stream = io.StringIO()
-    found.show(Console(file=stream, width=80))
-    return stream.getvalue().splitlines()
-
-
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
     ended = weberlink("device", "list", "--json", "-")
     found = {(each["side"], each["driver"]): each for each in document(ended.output)["drivers"]}
     assert {name for side, name in found if side == "master"} == {*devices.drivers(), *leaders.drivers()}
     assert {name for side, name in found if side == "slave"} == {*robots.drivers(), *followers.drivers()}
-    for virtual in (("master", "operator"), ("master", "replay"), ("slave", "point"), ("slave", "simulated")):
+    for virtual in (("master", "operator"), ("slave", "point")):
         assert (found[virtual]["kind"], found[virtual]["state"]) == ("virtual", "ready")
-    table = weberlink("device", "list")
-    assert (table.status, table.errors, len(table.output.splitlines()) > len(found)) == (0, "", True)
-
-
-def test_document_has_the_content_of_the_table() -> None:
-    port = PluggedDevice("/dev/ttyACM0", "Paddle", "17")
-    found = surveyed(paddle=driver(port), broken="weberlink.missing:Driver")
-    told = json.loads(json.dumps(found.document))
-    broken, paddle = told["drivers"]
-    assert (broken["driver"], broken["state"], broken["kind"]) == ("broken", "broken", None)
-    assert (paddle["driver"], paddle["state"], paddle["kind"], paddle["advice"]) == ("paddle", "ready", "hardware", [])
-    assert paddle["plugged"] == [{"path": "/dev/ttyACM0", "name": "Paddle", "serial_number": "17", "problem": None}]
-    assert (told["rules_installed"], told["advice"]) == (False, [{"line": broken["advice"][0], "drivers": ["broken"]}])
-    assert "weberlink.missing" in broken["advice"][0]
-
-
-def test_table_fits_80_columns_and_fixes_are_unbroken() -> None:
-    long = PluggedDevice("/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "A" * 40)
-    boot = PluggedDevice("/dev/" + "x" * 100, problem="press the button")
-    found = surveyed(polhem_serial=driver("/dev/ttyACM0", long), **{"n" * 46: driver()}, paddle=driver(boot))
-    *table, first, second = shown(found)
-    assert max(map(len, table)) <= 80
-    assert "A" * 40 in "".join("".join(table).split()).replace("ready", "")
-    assert first.startswith("paddle: ") or second.startswith("paddle: ")
-    assert f"paddle: {boot.path}: press the button" in (first, second)
+    assert weberlink("device", "list").status == 0
 
 
 def fails(cls: Any) -> list[PluggedDevice]:
@@ -102,32 +64,18 @@ def fails(cls: Any) -> list[PluggedDevice]:
     [
         (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", install_line("x")),
         (type("Driver", (), {"NEEDS": ("json", "x"), "COMPUTED": True}), "ready", None),
-        (type("Driver", (), {"NEEDS": ("json", "x")}), "cannot be listed", None),
         (driver(), "nothing plugged in", None),
         (driver("/dev/p"), "ready", None),
         (driver("/dev/p", "/dev/q"), "ready", "port: /dev/p or port: /dev/q"),
-        (driver("/dev/p", "/dev/q", CHOSEN_BY="serial_number"), "ready", "serial_number"),
         (driver(plugged=classmethod(lambda cls: None)), "cannot be listed", None),
         (driver(plugged=classmethod(fails)), "broken", "no bus"),
         (driver(PluggedDevice("/dev/p", problem="in boot mode")), "not usable", "/dev/p: in boot mode"),
-        (driver(PluggedDevice("/dev/p", problem="in boot mode"), "/dev/q"), "ready", "/dev/p: in boot mode"),
     ],
 )
 def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None) -> None:
     states = {each.driver: each for each in surveyed(paddle=candidate, other=driver()).drivers}
     assert (states["paddle"].state, states["other"].state) == (state, "nothing plugged in")
     assert [advice in line for line in states["paddle"].advice] == [True] * (advice is not None)
-
-
-def test_identical_devices_are_listed_by_stable_names(tmp_path: Path) -> None:
-    first, second, links = tmp_path / "ttyACM0", tmp_path / "ttyACM1", tmp_path / "by-id"
-    links.mkdir()
-    for port in (first, second):
-        port.touch()
-    (links / "usb-Paddle_17").symlink_to(second)
-    access = DeviceAccess(accessible=lambda path: True, rules=(), links=links)
-    (line,) = status(access, paddle=driver(str(first), str(second))).advice
-    assert line.endswith(f"port: {first} or port: {links / 'usb-Paddle_17'}")
 
 
 # --- drivers of other packages
@@ -149,12 +97,11 @@ others_bad = others_bad:Bad
 operator = others_bad:Bad
 [weberlink.robots]
 others_none = others_good:None_
-others_odd = others_good
 """
     add_drivers(install(tmp_path, "others-things", modules, entry_points), monkeypatch)
     found = survey(refused(tmp_path, None))
     others = {each.driver: each for each in found.drivers if each.package == "others-things"}
-    states = {"good": "no permission", "bare": "cannot be listed", "bad": "broken", "none": "broken", "odd": "broken"}
+    states = {"good": "no permission", "bare": "cannot be listed", "bad": "broken", "none": "broken"}
     assert {name: each.state for name, each in others.items()} == {f"others_{name}": of for name, of in states.items()}
     assert "others_missing" in others["others_bad"].advice[0]
     assert "others-things" in others["others_good"].advice[0], "our rules are not advised"
@@ -193,27 +140,6 @@ def test_no_permission_comes_with_its_fix(
     assert [each.state for each in found.drivers] == [state] * 2
     (line,) = found.advice
     assert advice in line
-    assert shown(found)[-1] == f"other, paddle: {line}"
-
-
-@root
-def test_missing_group_is_named_only_if_it_helps(node: Path, tmp_path: Path) -> None:
-    group = next(group for group in grp.getgrall() if group.gr_gid != 0)
-    for gid, mode, groups, helps in (
-        (group.gr_gid, 0o660, (), True),
-        (group.gr_gid, 0o640, (), False),
-        (group.gr_gid, 0o600, (), False),
-        (group.gr_gid, 0o660, (group.gr_gid,), False),
-        (0, 0o660, (), False),  # nobody joins root
-    ):
-        os.chown(node, 0, gid)
-        node.chmod(mode)
-        (line,) = status(refused(tmp_path, groups=frozenset(groups)), paddle=driver(str(node))).advice
-        assert (f"usermod -aG {group.gr_name}" in line) is helps
-    member = next((each for each in grp.getgrall() if each.gr_mem and each.gr_gid != 0), None)
-    if member is not None:
-        os.chown(node, 0, member.gr_gid)
-        assert "log out" in str(rules.group_line(str(node), (), user=member.gr_mem[0]))
 
 
 @pytest.mark.parametrize(("text", "end"), [("", "device rules"), (RULES, "latency_timer")])
@@ -251,28 +177,6 @@ def test_rules_cover_every_built_in_driver_and_no_other_device() -> None:
                 assert granted(RULES, usb), f"{UDEV_RULES} gives no access to {usb} of {name}"
     for usb in (UsbId(0x1234, 0x0007), UsbId(0xDEAD, None)):
         assert not granted(RULES, usb)
-
-
-def test_rules_are_lists_of_keys_that_udev_knows() -> None:
-    keys = (
-        r"(?:ACTION|KERNEL|SUBSYSTEM|TEST|ENV\{\w+\}|ATTRS?\{[\w/]+\})(?:==|!=)|"
-        r"(?:ENV\{\w+\}|ATTR\{[\w/]+\}|GROUP|MODE|GOTO|LABEL)=|TAG\+="
-    )
-    rule = re.compile(rf'(?:{keys})"[^"]*"(?:, (?:{keys})"[^"]*")*')
-    lines = [line for line in RULES.splitlines() if line and not line.startswith("#")]
-    assert [line for line in lines if not rule.fullmatch(line)] == []
-    assert re.findall(r'GOTO="(\w+)"', RULES) == re.findall(r'LABEL="(\w+)"', RULES) != []
-    assert int(UDEV_RULES[:2]) < 73, "73-seat-late.rules reads the tag"
-
-
-def test_udevadm_accepts_the_rules() -> None:
-    udevadm = shutil.which("udevadm")
-    if udevadm is None or subprocess.run([udevadm, "verify", "--help"], capture_output=True, check=False).returncode:
-        pytest.skip("no udevadm here that can verify rules")
-    done = subprocess.run(
-        [udevadm, "verify", "--resolve-names=never", str(CONFIGS / UDEV_RULES)], capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_device_page_lists_every_driver_with_valid_links() -> None:

@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -15,13 +14,12 @@ from typing import Any
 
 import pytest
 
-from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.apps.emulate import names, run
-from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
+from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.umockdev import ADVICE, SYSTEM_PYTHON, WRAPPER, missing
+from weberlink.hardware.umockdev import ADVICE, WRAPPER, missing
 from weberlink.master import emulators as devices
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.slave import emulators as robots
@@ -150,14 +148,6 @@ def test_command_ends_the_emulation_and_fifo_gives_faults(tmp_path: Path) -> Non
     assert (port.is_symlink(), fifo.exists()) == (False, False)
 
 
-def test_stop_signal_goes_to_the_command(tmp_path: Path) -> None:
-    with emulate(tmp_path, "haply_2diy", "--", "sh", "-c", "echo up; exec sleep 60") as emulation:
-        assert emulation.command_line() == "up\n"
-        emulation.process.send_signal(signal.SIGTERM)
-        assert emulation.end() == 128 + signal.SIGTERM
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.skipif(REASON is not None, reason=str(REASON))
 def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
     fifo = tmp_path / "faults"
@@ -177,20 +167,11 @@ def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
 def empty(_: Path) -> None: ...
 
 
-def of_another_processor(path: Path) -> None:
-    path.write_bytes(b"\x7fELF")
-    path.chmod(0o755)
-
-
 @pytest.mark.parametrize(
     ("name", "command", "wrapper", "part"),
     [
         ("polhem_serial", "nowhere", None, "nowhere: cannot be run"),
         ("polhem_hid", "true", empty, ADVICE.rpartition(": ")[2]),
-        pytest.param(
-            *("polhem_hid", "true", of_another_processor, "Exec format error"),
-            marks=pytest.mark.skipif(not Path(SYSTEM_PYTHON).exists(), reason="the system has no Python of its own"),
-        ),
     ],
 )
 def test_what_cannot_be_run_is_one_line_and_leaves_nothing(
@@ -209,14 +190,6 @@ def test_what_cannot_be_run_is_one_line_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == before
 
 
-def test_a_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
-    leave = "import os, sys; from weberlink.cli import main; os.rmdir(os.getcwd()); sys.exit(main())"
-    (tmp_path / "gone").mkdir()
-    command = [sys.executable, "-c", leave, "device", "emulate", "polhem_serial"]
-    ended = subprocess.run(command, cwd=tmp_path / "gone", capture_output=True, text=True, check=False)
-    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1), ended.stderr
-
-
 @pytest.mark.parametrize("name", sorted(TABLES))
 def test_every_emulator_has_help_faults_and_status(name: str) -> None:
     emulator_class = TABLES[name].load(name)
@@ -232,15 +205,3 @@ def test_every_emulator_has_help_faults_and_status(name: str) -> None:
     status = lines.status()
     json.dumps(status, allow_nan=False)
     assert (out.getvalue(), status["name"], len(status) > 6, name in names()) == ("", name, True, True)
-
-
-def test_emulator_page_lists_all_devices_and_common_faults() -> None:
-    page = (ROOT / "docs" / "emulators.md").read_text(encoding="utf-8")
-    (words,) = re.findall(r"^\| word \|.*\n\|[-|]+\|\n((?:\|.*\n)+)", page, re.M)
-    common = {word for row in words.splitlines() for word in re.findall(r"`(\w+)`", row.split("|")[1])}
-    assert common == set(WIRE_FAULTS)
-    listed = re.findall(r"^\| `(\w+)` \| .* \| (serial|HID|evdev|WebSocket) \|$", page, re.M)
-    assert {name: wire.lower() for name, wire in listed} == {
-        name: TABLES[name].load(name).transport for name in names()
-    }
-    assert ADVICE.rpartition(": ")[2] in page

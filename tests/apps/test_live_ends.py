@@ -93,16 +93,6 @@ def units(folder: Path, use_degrees: bool = True) -> AxisUnits:
         end.close()
 
 
-def test_features_are_flat_and_named_as_by_lerobot(tmp_path: Path, rings: ArmRings) -> None:
-    axes = units(tmp_path)
-    assert axes.positions == ["pan.pos", "lift.pos", "gripper.pos"]
-    assert axes.efforts == ["pan.torque", "lift.torque", "gripper.torque"]
-    assert axes.window_names(2) == [
-        *("pan.torque.0", "lift.torque.0", "gripper.torque.0"),
-        *("pan.torque.1", "lift.torque.1", "gripper.torque.1"),
-    ]
-
-
 def test_units_are_those_of_lerobot(tmp_path: Path, rings: ArmRings) -> None:
     angles = np.array([0.5, -1.0, 0.125])
     assert units(tmp_path).features(angles) == pytest.approx(
@@ -119,18 +109,6 @@ def test_action_of_the_features_gives_the_angles(tmp_path: Path, rings: ArmRings
     assert axes.values(axes.features(np.array(angles))) == pytest.approx(angles)
     with pytest.raises(ValueError, match=r"the action lacks lift\.pos, gripper\.pos; it has pan\.pos"):
         axes.values({"pan.pos": 0.0})
-
-
-def test_shares_are_of_the_followers_range_at_both_ends(tmp_path: Path, rings: ArmRings) -> None:
-    end = find_end("master", where=tmp_path)
-    shares = AxisUnits(end, use_degrees=False)
-    assert shares.features(np.array([0.5, -1.0, 0.125])) == {"pan.pos": 50.0, "lift.pos": -50.0, "gripper.pos": 25.0}
-    end.close()
-
-
-def test_gripper_of_unknown_range_is_refused(tmp_path: Path) -> None:
-    with arm_rings(tmp_path, ranges={}), pytest.raises(ValueError, match="does not tell the range of gripper"):
-        units(tmp_path)
 
 
 def test_joints_in_degrees_need_no_range(tmp_path: Path) -> None:

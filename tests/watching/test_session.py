@@ -12,9 +12,7 @@ from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
-from weberlink.system.wording import FAULTS, INFO, STATES, Words, fault_words
 from weberlink.telemetry.fault import Fault
-from weberlink.watching.events import MOST_EVENTS, EventLog, events_message
 from weberlink.watching.rows import CARTESIAN
 from weberlink.watching.session import BACKLOG_S, WatchedSession
 
@@ -99,22 +97,6 @@ def test_alarms_are_present_faults_and_causes_of_the_verdict() -> None:
     assert (alarms["slave_tripped"], alarms["missed_ticks"]) == ("failed", "degraded")
 
 
-def test_every_state_and_fault_has_words() -> None:
-    assert set(STATES) == {state.name.lower() for state in State}
-    assert set(FAULTS) == {fault.name.lower() for fault in Fault if fault}
-    assert not any("{" in fault_words("slave", fault).text for fault in FAULTS)
-
-
-def test_log_keeps_the_last_events() -> None:
-    log = EventLog(1000.0, 10.0)
-    for number in range(MOST_EVENTS + 20):
-        log.note(10.0 + number, None, Words(INFO, str(number)))
-    assert [event.text for event in log.events] == [str(number) for number in range(20, MOST_EVENTS + 20)]
-    assert [event.text for event in log.since(log.count - 2)] == ["518", "519"]
-    assert (len(log.since(0)), log.since(log.count)) == (MOST_EVENTS, [])
-    assert events_message("7", log.since(log.count - 1))["events"][0]["at"] == MOST_EVENTS + 19
-
-
 @pytest.mark.parametrize(("in_order", "level"), [(True, "info"), (False, "alarm")])
 def test_session_ends_with_its_last_side(in_order: bool, level: str) -> None:
     master, slave, session = both()
@@ -147,20 +129,6 @@ def test_reported_settings_override_those_of_the_file() -> None:
     assert session.figures()["generation"] == 3
 
 
-def test_figures_name_engagement_and_button() -> None:
-    master, slave, session = both()
-    made = records(10)
-    for buttons, button in ((2, None), (2, "held"), (1, "released")):
-        made["buttons"] = buttons
-        master.put(made)
-        session.look()
-        told = session.figures()
-        assert (told["engaged"], told["button"]) == ({"master": True, "slave": False}, button)
-        for source in (slave, master):
-            assert source.description is not None
-            source.description["system"]["master"]["engage"] = {"button": 1}
-
-
 def test_changed_path_is_an_event_and_in_figures() -> None:
     source, session = alone(side="master")
     finding = PathFacts(route="", note="asking the mailbox")
@@ -179,26 +147,6 @@ def test_changed_path_is_an_event_and_in_figures() -> None:
     assert [level for level, _ in events] == ["info", "info", "warn"]
     for (_, text), part in zip(events, ("mailbox", "wlan0", "usb0"), strict=True):
         assert part in text
-
-
-def test_side_without_description_has_figures() -> None:
-    source, session = alone()
-    source.description = None
-    made = records(10)
-    made["sent"], made["selected"] = 1, 3
-    session = WatchedSession("7", source)
-    source.put(made)
-    session.look()
-    assert session.figures()["figures"]["force"]["selected"] == {"predictor 3": 10}
-    assert session.hello()["readonly"]
-
-
-@pytest.mark.parametrize(("file", "has_rotation"), [("loopback.yaml", False), ("rotation.yaml", True)])
-def test_rows_include_rotation_of_6_dof_sessions(file: str, has_rotation: bool) -> None:
-    source, session = alone(file=file)
-    source.put(records(10))
-    (told,) = session.look()
-    assert ("rotation_raw" in told["columns"]) is ("torque" in session.figures()["figures"]) is has_rotation
 
 
 def test_arms_are_told_by_axis_and_channel() -> None:

@@ -15,7 +15,7 @@ from aiohttp import web
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
 from tests.watching.sources import HandSource, description
-from weberlink.apps.monitor.camera import CameraService, View, ViewError, parse_view, robot_of
+from weberlink.apps.monitor.camera import CameraService, View, parse_view, robot_of
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
@@ -71,12 +71,6 @@ def test_camera_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     assert line.startswith(f"view: camera {path}: cannot be opened")
 
 
-@pytest.mark.parametrize("source", ["camera:/dev/none", "camera:77", "wall.mp4", "robots"])
-def test_source_that_is_not_there_is_refused(source: str) -> None:
-    with pytest.raises(ViewError, match=f"--view {source}: "):
-        parse_view(source)
-
-
 def simulated(folder: Path) -> WatchedSession:
     """A session of the robot `mujoco` with a ring on this host."""
     source = HandSource("slave", ring=folder / "weberlink-7-slave.ring")
@@ -118,15 +112,3 @@ def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
         look_at(View("robot"), look)
     finally:
         pose.close()
-
-
-def test_session_without_a_simulated_robot_has_no_view() -> None:
-    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
-        watch.put(WatchedSession("7", HandSource("slave")))
-        viewer = Viewer(None, may_change=False)
-        watch.join(viewer)
-        assert told(viewer)[0]["view"] is None
-        async with client.get(f"{url}?session=7") as response:
-            assert response.status == 404
-
-    look_at(View("robot"), look)

@@ -7,7 +7,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.watching.sources import HandSource, description, records
-from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
+from weberlink.apps.monitor.metrics import COUNTERS, exposition
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
@@ -96,15 +96,3 @@ def test_paths_have_route_relay_interface_and_changes() -> None:
         ("incoming_burst_datagrams", 1.5),
     ):
         assert values[f"weberlink_{name}", "master"] == pytest.approx(value)
-
-
-@pytest.mark.parametrize(
-    ("file", "channels"),
-    [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
-)
-def test_metrics_cover_the_channels_of_the_session(file: str, channels: set[str]) -> None:
-    families, _ = exposed(watched(records(1000, seed=1), file=file))
-    for name in CHANNEL_FIGURES:
-        assert {sample.labels["channel"] for sample in families[f"weberlink_{name}"].samples} == channels
-    names = {name for name, *_ in exposed()[1]}
-    assert {name.startswith("weberlink_monitor_") for name in names} == {True}, "without a session"

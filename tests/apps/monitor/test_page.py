@@ -3,16 +3,13 @@
 The scripts that need no document have their own tests in `page`.
 """
 
-import struct
 from collections.abc import Iterator
-from io import BytesIO
 from math import hypot, nan
 from time import sleep
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.image import imsave
 
 from tests.apps.monitor import axe
 from tests.apps.monitor import synthetic_session as session
@@ -165,9 +162,21 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer) -> None:
         assert axe.findings(page) == [], scheme
 
 
-def test_figures_equal_the_report_and_unknown_ones_say_so(page: Browser, server: ScriptedServer) -> None:
-    visit(page, server, hello(), *ROWS, session.figures(REPORT, ended=True, faults={"master": {"silence": 2}}))
-    page.wait(lambda: page.data("state") == "ended", "the end")
+TOLD = [
+    (session.figures(REPORT, alarms=[ALARM]), "alarms", ALARM["text"]),
+    ({"type": "events", "events": [EVENT]}, "events", EVENT["text"]),
+    (RECORDING, "recording", "12.3 s, 4.1 MB, 2 marks"),
+    (FREE | {"state": "taken", "why": "another visitor drives"}, "handle-state", "another visitor drives"),
+    (session.figures(REPORT, ended=True, faults={"master": {"silence": 2}}), "state", "ended"),
+]
+"""Messages, the element that shows each, and a text in it."""
+
+
+def test_what_is_told_is_shown_and_figures_are_those_of_the_report(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, hello(), *ROWS)
+    for message, element, text in TOLD:
+        server.say(message)
+        page.wait(lambda element=element, text=text: text in page.text(element), text)
     shown = page.run(FIGURES)
     assert len(shown) > 25
     for path, exact in shown:
@@ -266,7 +275,6 @@ def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer)
     page.driver.find_element("id", "record-text").send_keys("a wall")
     page.click("#record-switch")
     server.say(RECORDING)
-    page.wait(lambda: "12.3 s, 4.1 MB, 2 marks" in page.text("recording"), "the recording")
     page.driver.find_element("id", "panel-scene").click()
     chain(page).send_keys("m").perform()
     for selector in ("#record-switch", "#start", "#stop"):
@@ -296,29 +304,6 @@ def test_disabled_controls_say_why(
     visit(page, server, hello(link=None) | other, *ROWS)
     page.wait(lambda: reason in page.text("answer"), "the reason")
     assert page.run(DISABLED, disabled) and server.asked == []
-
-
-def test_paused_page_draws_nothing_new(page: Browser, server: ScriptedServer) -> None:
-    chart = lambda: page.run("return document.querySelector('#panel-force canvas').toDataURL()")  # noqa: E731
-    visit(page, server, hello(), *ROWS)
-    page.click("#pause")
-    page.wait(lambda: page.text("pause") == "Resume", "the pause")
-    sleep(0.5)  # of the drawing that is under way
-    still = chart()
-    server.say(*(session.samples(side, 6.0, 8.0) for side in SIDES))
-    page.wait(lambda: page.number("duration") > 7.9, "newer rows")
-    assert chart() == still
-    page.click("#pause")
-    page.wait(lambda: chart() != still, "the drawing to go on")
-
-
-def test_picture_of_the_camera_has_its_age(page: Browser, server: ScriptedServer) -> None:
-    picture = BytesIO()
-    imsave(picture, np.random.default_rng(1).random((48, 64, 3)), format="jpg")
-    server.pictures = [struct.pack("<d", 0.25) + picture.getvalue()]
-    visit(page, server, hello(view="camera"), *ROWS)
-    page.wait(lambda: page.pixels("#frame") > 100, "the picture")
-    page.wait(lambda: page.number("frame-age") >= 0.25, "its age")
 
 
 def test_page_works_without_webgl_and_without_a_session(tmp_path: Any) -> None:

@@ -29,11 +29,9 @@ class Pages:
     ("opened", "ends_at"),
     [
         ([], None),  # nobody has come yet
-        ([(5, 1000)], None),
         ([(5, 10), (69, 80), (139, 1000)], None),  # opened again just within the time
         ([(5, 1000), (5, 20)], None),  # another one
         ([(5, 10)], 70),
-        ([(5, 10), (69, 80)], 140),
         ([(5, 10), (71, 80)], 70),
     ],
 )

@@ -1,7 +1,6 @@
 """Recordings that a page starts: names, marks, ends, and folders that cannot be written."""
 
 import asyncio
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
@@ -97,15 +96,6 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     source.close()
 
 
-def test_missing_package_is_the_reason_that_a_page_is_told(rig: Rig, tmp_path: Path) -> None:
-    assert rig.desk.hello(rig.session, rig.page) == {"records": True, "records_why": None}
-    without = RecordingService(rig.watch, tmp_path, rig.said.append, needs=("a_package_of_no_distribution",))
-    told_ = without.hello(rig.session, rig.page)
-    assert (told_["records"], "a_package_of_no_distribution" in told_["records_why"]) == (False, True)
-    assert rig.ask(do="start")["why"] == told_["records_why"]
-    assert without.hello(rig.session, Viewer(None, may_change=False)) == {"records": False, "records_why": None}
-
-
 def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     rig.tick()
     first = rig.state()
@@ -145,30 +135,3 @@ def test_folder_that_cannot_be_made_is_told(rig: Rig, tmp_path: Path) -> None:
     answer, state = rig.ask(do="start"), rig.state() or {}
     assert (answer["accepted"], "recordings: " in answer["why"]) == (False, True)
     assert (state["state"], state["why"]) == ("failed", answer["why"])
-
-
-def test_full_disk_is_told_and_what_is_there_is_kept(rig: Rig, small_disk: Path) -> None:
-    (small_disk / "other").write_bytes(os.urandom(150_000))
-    rig.desk._folder = small_disk
-    rig.tick()
-    rig.look()
-    path = Path(rig.ask(do="start")["path"])
-
-    def look() -> dict[str, Any] | None:
-        rig.tick(6, seed=rig.ticks)  # noise does not compress
-        state = rig.state()
-        return state if state is not None and state["state"] == "failed" else None
-
-    assert "No space left on device" in (until(look, "the disk to be full") or {})["why"]
-    assert len(read_recording(path).records["slave"])
-
-
-def test_page_without_rights_cannot_record(rig: Rig) -> None:
-    rig.tick()
-    rig.look()
-    guest = Viewer(None, may_change=False)
-    rig.watch.join(guest)
-    for page, may in ((guest, False), (rig.page, True)):
-        assert next(message for message in told(page) if message["type"] == "hello")["records"] is may
-    request = {"type": "record", "do": "start", "token": rig.watch.requests.token}
-    assert not asyncio.run(asked(rig.watch, guest, request))["accepted"]

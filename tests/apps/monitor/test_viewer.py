@@ -52,13 +52,3 @@ def test_final_figures_precede_the_next_greeting() -> None:
     viewer.greet(told("next"))
     viewer.put("rows", told("new"))
     assert drained(viewer) == ["final", "next", "new"]
-
-
-def test_answers_overtake_rows() -> None:
-    viewer = Viewer(None, may_change=True)
-    viewer.put("rows", told("rows"))
-    viewer.put("handle", told("taken"))
-    viewer.answer(told("stopped"))
-    viewer.put("rows", told("more rows"))
-    viewer.put("handle", told("free"))
-    assert drained(viewer) == ["stopped", "rows", "more rows", "free"]

@@ -8,7 +8,7 @@ import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import aiohttp
@@ -17,9 +17,8 @@ import pytest
 
 from tests.apps.monitor.monitors import Monitor
 from tests.program import ENGAGED, Telemetry, document
-from tests.wait import PATIENCE, soon, until
+from tests.wait import PATIENCE, soon
 from weberlink.apps.monitor.listener import PROOF_HEADER
-from weberlink.cli.try_session import LEFT_S
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
@@ -180,36 +179,3 @@ def test_a_visit(tmp_path: Path) -> None:
         monitor.send(signal.SIGINT)
         status, said = monitor.finish()
     assert (status, "emergency stop" in said, said.count("weberlink try  ")) == (1, True, 1), "one report"
-
-
-@pytest.mark.hunt
-def test_session_ends_with_its_killed_parent(tmp_path: Path) -> None:
-    with Monitor(tmp_path, command="try") as monitor:
-        session = int(monitor.until_said(r"session (\d+): master"))
-        monitor.kill()
-        until(lambda: not Path(f"/proc/{session}").exists(), "the session to end")
-
-
-@pytest.mark.hunt
-def test_visit_of_limited_length_ends_with_status_0(tmp_path: Path) -> None:
-    with Monitor(tmp_path, "--duration", 1, "--scripted", "--set", "link.silence_ms=2000", command="try") as monitor:
-        status, said = monitor.finish()
-    assert (status, "completed" in said) == (0, True), said
-
-
-@pytest.mark.hunt
-def test_page_that_is_closed_for_a_minute_ends_the_visit(tmp_path: Path) -> None:
-    async def look(monitor: Monitor) -> None:
-        async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
-            for _ in range(2):  # the second time within the minute
-                async with opened(client, monitor):
-                    await asyncio.sleep(1.0)
-                await asyncio.sleep(1.0)
-
-    with Monitor(tmp_path, command="try") as monitor:
-        asyncio.run(look(monitor))
-        sleep(LEFT_S / 2)
-        assert "has been closed" not in monitor.said
-        sleep(LEFT_S / 2)
-        status, said = monitor.finish()
-    assert (status, said.count("has been closed"), "interrupted" in said) == (0, 1, True), said
