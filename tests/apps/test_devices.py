@@ -142,18 +142,6 @@ def test_no_permission_comes_with_its_fix(
     assert advice in line
 
 
-@pytest.mark.parametrize(("text", "end"), [("", "device rules"), (RULES, "latency_timer")])
-def test_slow_latency_timer_comes_with_a_fix(text: str, end: str, tmp_path: Path) -> None:
-    timer = tmp_path / "ttyUSB0" / "device" / "latency_timer"
-    timer.parent.mkdir(parents=True)
-    (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
-    access = DeviceAccess(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
-    for delay_ms, is_slow in ((16, True), (2, True), (1, False)):
-        timer.write_text(f"{delay_ms}\n")
-        found = status(access, arm=driver("/dev/ttyUSB0", CHOSEN_BY="x"))
-        assert (found.state, [line.endswith(end) for line in found.advice]) == ("ready", [True] * is_slow)
-
-
 # --- the rules
 
 
@@ -177,15 +165,6 @@ def test_rules_cover_every_built_in_driver_and_no_other_device() -> None:
                 assert granted(RULES, usb), f"{UDEV_RULES} gives no access to {usb} of {name}"
     for usb in (UsbId(0x1234, 0x0007), UsbId(0xDEAD, None)):
         assert not granted(RULES, usb)
-
-
-def test_device_page_lists_every_driver_with_valid_links() -> None:
-    page = CONFIGS.parent / "docs" / "devices" / "README.md"
-    text = page.read_text(encoding="utf-8")
-    rows = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
-    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
-    assert sorted(listed) == sorted([*devices.BUILT_IN, *robots.BUILT_IN])
-    assert [link for link in re.findall(r"\]\(([^)]+)\)", text) if not (page.parent / link).is_file()] == []
 
 
 @pytest.mark.parametrize(("udev", "part"), [(0, "applied"), (1, "unplug"), (None, "cannot be run")])

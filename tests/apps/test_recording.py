@@ -153,17 +153,6 @@ def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
         assert taken.read_text() == "mine"
 
 
-def test_a_recording_that_lost_records_is_not_whole(touch: Recording, tmp_path: Path) -> None:
-    path = tmp_path / "lossy.mcap"
-    with RecordingWriter.create(path, touch.facts) as writer:
-        writer.add_side(touch.origins["slave"])
-        writer.write("slave", touch.records["slave"][500:])
-        writer.note_lost("slave", 500)
-    found = info(path)
-    assert (found["outcome"], found["files"][0]["complete"]) == ("not whole", False)
-    assert found["files"][0]["lost"]["slave"] == 500
-
-
 def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: Path) -> None:
     path = tmp_path / "touch.mcap"
     fields = {field.name for field in FIELDS} & set(ADDED)

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from tests.system.systems import CONFIGS, UNUSABLE
-from weberlink.apps.shipped import OTHERS, copy, listing
+from weberlink.apps.shipped import copy
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
 SCHEMA = "weberlink.schema.json"
@@ -33,16 +33,6 @@ def paths_in(settings: Any) -> Iterator[Path]:
 def of_configuration(found: Configuration) -> list[Path]:
     options = [part.options for part in (found.device, found.robot) if part is not None]
     return [path for settings in (found.system, *options) for path in paths_in(settings)]
-
-
-def test_every_file_is_in_the_list() -> None:
-    named = {name for name, _ in listing().rows}
-    top = {path.relative_to(CONFIGS).parts[0] for path in SHIPPED}
-    assert named == {Path(name).stem if name.endswith(".yaml") else name for name in top if "." in name} | {
-        f"{name}/" for name in top if "." not in name
-    }
-    assert set(OTHERS) <= named
-    assert all(about for _, about in listing().rows)
 
 
 def test_the_wheel_has_every_file() -> None:

@@ -3,13 +3,11 @@
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
 from benchmarks.codec_speed import CodecSpeed
@@ -72,32 +70,6 @@ def bench(found: Mapping[float, Lateness] | None = None, ways: Latency | None = 
         steal_share=0.015,
     )
     return assemble(Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: []), findings)
-
-
-def printed(result: StudyResult) -> list[str]:
-    screen = StringIO()
-    Console(width=80, file=screen).print(result.table)
-    lines = screen.getvalue().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert "…" not in screen.getvalue()
-    return lines
-
-
-def row(lines: list[str], name: str) -> list[str]:
-    """The words of a row, after its name."""
-    (line,) = [line for line in lines if line.startswith(name)]
-    return line.removeprefix(name).split()
-
-
-def test_every_figure_stands_beside_its_limit() -> None:
-    lines = printed(bench())
-    assert row(lines, "1 kHz slave") == [*["30.0"] * 5, "0.000", "%"]
-    assert row(lines, "1 kHz cyclictest 2.40") == [*["20.0"] * 5, "0.000", "%"]
-    assert row(lines, "4 kHz both, x limit") == ["0.75", "1.5", "1.5", "1.5", "1.5"]
-    for name, value in (("plain", "2.4"), ("sealed", "1.2")):
-        assert row(lines, f"force, x {name}") == [value] * 5
-    assert row(lines, "round trip, x sockperf") == ["5.5"] * 5
-    assert row(lines, "receive, caches cold") == ["88.0"] * 5
 
 
 def test_the_document_is_json_and_keeps_its_units() -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.studies.coded import own, pressed, run
+from tests.studies.coded import own, run
 from weberlink.codec import force_channel
-from weberlink.studies.coded_trace import CodedTrace, TickWindow, interesting_window
+from weberlink.studies.coded_trace import interesting_window
 from weberlink.studies.evaluate.replay import replay, signal_of
 
 PREDICTORS = ("zoh", "hybrid")
@@ -33,12 +33,3 @@ def test_the_window_has_contact_sends_and_most_variation() -> None:
     force = np.linalg.norm(coded.trace.force_n, axis=1)
     assert coded.sent[drawn].sum() >= 3
     assert (force[drawn] > 0.05 * force.max()).mean() >= 0.75
-
-
-def test_without_contact_the_window_has_most_sends() -> None:
-    one_push = CodedTrace(pressed(lambda t: 3.0 * (1.0 <= t < 1.05)), force_channel(predictor="zoh"))
-    window = interesting_window(one_push, 0.5)
-    assert one_push.sent[slice(*window)].sum() == one_push.sent.sum() == 2
-    nothing = CodedTrace(pressed(lambda t: 0.0), force_channel())
-    assert nothing.sent.sum() == 0
-    assert interesting_window(nothing, 0.5) == TickWindow(0, 500)

@@ -4,9 +4,8 @@ from math import nan
 from random import Random
 from statistics import fmean
 
-import numpy as np
 import pytest
-from pandas import DataFrame, concat
+from pandas import DataFrame
 
 from weberlink.studies.curves import curves
 
@@ -44,17 +43,6 @@ def test_means_are_over_units() -> None:
         assert point.packets_per_s_mean == pytest.approx(fmean(mine.packets_per_s))
         assert point.quality_mean == pytest.approx(fmean(mine.quality))
         assert mine.quality.min() <= point.quality_low < point.quality_mean < point.quality_high <= mine.quality.max()
-
-
-def test_all_predictors_are_resampled_alike() -> None:
-    """A predictor that is one unit better for everybody has the very band of the other, one unit higher."""
-    plain = study(predictors=("zoh",))
-    better = plain.assign(predictor="plane", quality=plain.quality + 1.0)
-    found = curves(concat([plain, better]), "quality")
-    low, high = found[found.predictor == "zoh"], found[found.predictor == "plane"]
-    for end in ("mean", "low", "high"):
-        assert np.allclose(low[f"quality_{end}"] + 1.0, high[f"quality_{end}"], rtol=1e-12)
-        assert np.allclose(low[f"packets_per_s_{end}"], high[f"packets_per_s_{end}"], rtol=1e-12)
 
 
 def test_repeats_of_a_unit_are_averaged_before_units_are() -> None:

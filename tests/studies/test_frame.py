@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from weberlink.studies.frame import Row, Study, StudyError
-from weberlink.system.configuration import ConfigurationError
 
 
 def square(number: int) -> list[Row]:
@@ -96,11 +95,3 @@ def test_rows_of_a_cluster_are_those_of_this_machine(scheduler: str) -> None:
     result = STUDY.result(20, dask=scheduler, progress=lambda *counts: told.append(counts))
     assert result.rows == STUDY.result(20, workers=1).rows
     assert told == [(done, 20) for done in range(1, 21)]
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense"])
-def test_an_address_without_a_scheduler_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed", reason="needs distributed (extra: dask)")
-    monkeypatch.setattr("weberlink.studies.frame.PATIENCE_S", 0.2)
-    with pytest.raises(ConfigurationError, match=f"^--dask: {address}: no scheduler answers there .*tcp://host:8786$"):
-        STUDY.result(3, dask=address)

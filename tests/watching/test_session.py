@@ -8,7 +8,6 @@ import pytest
 
 from tests.apps import arm_sessions as arms
 from tests.watching.sources import BANK, RATE, WALL_OFFSET_S, HandSource, description, pieces, records
-from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.session import SessionScore
@@ -118,35 +117,6 @@ def test_session_ends_with_its_last_side(in_order: bool, level: str) -> None:
     session.close()
     assert master.is_closed
     assert slave.is_closed
-
-
-def test_reported_settings_override_those_of_the_file() -> None:
-    _, _, session = both()
-    assert session.hello()["settings"]["weber"] == 0.1
-    assert "settings" not in session.figures()
-    session.settings, session.generation = {"weber": 0.2}, 3
-    assert session.hello()["settings"] == session.figures()["settings"] == {"weber": 0.2}
-    assert session.figures()["generation"] == 3
-
-
-def test_changed_path_is_an_event_and_in_figures() -> None:
-    source, session = alone(side="master")
-    finding = PathFacts(route="", note="asking the mailbox")
-    found = PathFacts(0, "punched", "", "wlan0", "203.0.113.9:40112", 0)
-    relayed = PathFacts(0, "relayed", "relay.example", "usb0", "198.51.100.7:3478", 1)
-    told = []
-    for number, path in enumerate([finding, found, found, relayed]):
-        source.description = {**(source.description or {}), "paths": [path._asdict()]}
-        source.put(records(1100, first=1100 * number))
-        session.look()
-        told.append(session.figures())
-    assert [figures["finding"] for figures in told] == ["asking the mailbox", "", "", ""]
-    assert told[-1]["figures"]["paths"]["master"][0]["via"] == "relay.example"
-    assert [shown["side"] for shown in told[-1]["paths"]] == ["master"]
-    events = [(event.level, event.text) for event in session.log.events if event.text.startswith("path")]
-    assert [level for level, _ in events] == ["info", "info", "warn"]
-    for (_, text), part in zip(events, ("mailbox", "wlan0", "usb0"), strict=True):
-        assert part in text
 
 
 def test_arms_are_told_by_axis_and_channel() -> None:

@@ -1,7 +1,6 @@
 """The live view for Foxglove on rings that are filled by hand, read by a client."""
 
 import json
-import re
 from pathlib import Path
 from time import monotonic
 from typing import Any, Self
@@ -11,7 +10,6 @@ import pytest
 
 from tests.apps.bridge.foxglove_client import FoxgloveClient
 from tests.apps.monitor.test_emergency import daemons
-from tests.system.systems import CONFIGS
 from tests.wait import until
 from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
@@ -164,22 +162,3 @@ def test_a_permitted_parameter_is_up_to_the_daemons(tmp_path: Path) -> None:
         told = client.answer("setParameters", "status", parameters=[{"name": "weber", "value": 0.2}])
         assert "a daemon of a test" in told["message"]
         assert [side.proposed for side in sides if side.proposed] == [[{"weber": 0.2}]], "the two agree by themselves"
-
-
-def test_layout_names_topics_that_are_there(tmp_path: Path) -> None:
-    layout = json.loads((CONFIGS / "foxglove-live-layout.json").read_text(encoding="utf-8"))
-    panels = layout["configById"]
-    with View(tmp_path) as seen, FoxgloveClient(seen.bridge.server.port) as client:
-        until(lambda: len(client.types) == TOPICS, "all topics")
-        known = dict(client.types)
-    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
-    assert len(paths) > 15
-    for path in paths:
-        topic, field, *rest = re.split(r"[.\[]", path)
-        if known[topic] == "weberlink_msgs/msg/Tick":
-            assert DTYPE[field].subdtype is not None if rest else DTYPE[field].subdtype is None, path
-        elif known[topic] == "weberlink.FeltError":
-            assert field in json.loads(client.schemas[topic])["properties"], path
-        else:
-            assert field in {name for name, _ in types().fielddefs[known[topic]][1]}, path
-    assert set(panels["3D!weberlink"]["topics"]) < set(known)

@@ -148,16 +148,6 @@ def test_arms_are_joint_states_with_their_names(live: Live) -> None:
         assert "/weberlink/hand" not in live.node.topics
 
 
-def test_a_side_that_is_not_described_is_left_out_and_named(live: Live) -> None:
-    with live.ring("master", {"side": "master"}) as ring:
-        write(ring, ticks(3))
-        live.look()
-        live.look()
-    live.look()
-    assert set(live.node.topics) == {DIAGNOSTICS}
-    assert any("master is left out" in line for line in live.said)
-
-
 def test_diagnostics_tell_state_and_fault(live: Live) -> None:
     live.look()
     assert live.statuses()["weberlink: bridge"].message == "waits for a session"

@@ -112,13 +112,6 @@ def gives_force(name: str, screen: str, *overrides: str) -> bool:
     return bool(driver(driver.Options(**options, **yaml.safe_load(line)), 0.001).spec.force_feedback)
 
 
-def test_device_passes_and_its_fingerprint_gives_force(tmp_path: Path) -> None:
-    with emulated("haply_2diy", tmp_path) as (device, place):
-        screen, error = device.check("haply_2diy", "xy", place)
-    assert (error, "The force is right.\n" in screen) == ("", True), screen
-    assert gives_force("haply_2diy", screen, place)
-
-
 @pytest.mark.parametrize("wrong", ["encoder", "motor"])
 def test_reversed_phantom_fails_and_passes_as_advised(wrong: str, tmp_path: Path) -> None:
     """An encoder is reversed without its motor, and a motor without its encoder."""

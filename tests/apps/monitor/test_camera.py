@@ -11,6 +11,7 @@ import aiohttp
 import numpy as np
 import pytest
 from aiohttp import web
+from aiohttp.test_utils import TestServer
 
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
@@ -34,20 +35,11 @@ def look_at(view: View, look: Look) -> list[str]:
 
     async def run() -> None:
         watch = SessionWatcher(None, "7", said.append)
-        desk = CameraService(watch, view, said.append)
-        application = web.Application()
+        desk, application = CameraService(watch, view, said.append), web.Application()
         application.router.add_get("/view", desk.serve)
-        runner = web.AppRunner(application)
-        await runner.setup()
-        site = web.TCPSite(runner, "127.0.0.1", 0)
-        await site.start()
-        port = runner.addresses[0][1]
-        try:
-            async with asyncio.timeout(60), aiohttp.ClientSession() as client:
-                await look(client, f"http://127.0.0.1:{port}/view", watch)
-        finally:
+        async with asyncio.timeout(60), TestServer(application) as server, aiohttp.ClientSession() as client:
+            await look(client, str(server.make_url("/view")), watch)
             await desk.close()
-            await runner.cleanup()
 
     asyncio.run(run())
     return said
@@ -71,20 +63,12 @@ def test_camera_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     assert line.startswith(f"view: camera {path}: cannot be opened")
 
 
-def simulated(folder: Path) -> WatchedSession:
-    """A session of the robot `mujoco` with a ring on this host."""
-    source = HandSource("slave", ring=folder / "weberlink-7-slave.ring")
-    source.description = description("slave", "mujoco-arm.yaml") | {
-        "file": str(CONFIGS / "mujoco-arm.yaml"),
-        "changes": [],
-        "pid": PID,
-    }
-    return WatchedSession("7", source)
-
-
 def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
-    session = simulated(tmp_path)
+    source = HandSource("slave", ring=tmp_path / "weberlink-7-slave.ring")
+    file = {"file": str(CONFIGS / "mujoco-arm.yaml"), "changes": [], "pid": PID}
+    source.description = description("slave", "mujoco-arm.yaml") | file
+    session = WatchedSession("7", source)
     model = mujoco.MjModel.from_xml_path(str((robot_of(session) or [""])[0]))
     pose = PoseWriter(path_of(PID), model.nq)
     try:

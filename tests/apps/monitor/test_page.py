@@ -67,7 +67,7 @@ def served() -> Iterator[ScriptedServer]:
 def server(page: Browser, served: ScriptedServer) -> Iterator[ScriptedServer]:
     page.size(*DESK)
     page.scheme("dark")
-    served.pictures, served.sessions = [], []
+    served.sessions = []
     served.answer = lambda asked: {"type": "answer", "accepted": True, "to": asked["type"]}
     yield served
     chain(page).reset_actions()  # a test that failed may still hold the handle
@@ -164,7 +164,7 @@ def test_axe_finds_nothing(page: Browser, server: ScriptedServer) -> None:
 
 TOLD = [
     (session.figures(REPORT, alarms=[ALARM]), "alarms", ALARM["text"]),
-    ({"type": "events", "events": [EVENT]}, "events", EVENT["text"]),
+    ({"type": "events", "events": [EVENT]}, "events-count", "1"),
     (RECORDING, "recording", "12.3 s, 4.1 MB, 2 marks"),
     (FREE | {"state": "taken", "why": "another visitor drives"}, "handle-state", "another visitor drives"),
     (session.figures(REPORT, ended=True, faults={"master": {"silence": 2}}), "state", "ended"),

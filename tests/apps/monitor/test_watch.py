@@ -11,7 +11,7 @@ import pytest
 
 from tests.watching.sources import HandSource, records, write
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.apps.monitor.watch import ENDED_KEPT, SessionWatcher
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import find_rings
 from weberlink.watching.session import WatchedSession
@@ -99,15 +99,6 @@ async def test_pinned_page_stays_with_its_session_and_others_go_to_one_that_runs
     watch.look(1.0)
     ended, greeting, *_ = told(free)
     assert (ended["ended"], greeting["session"]) == (True, "1")
-
-
-def test_ended_sessions_are_forgotten() -> None:
-    watch, sources = a_watch(*map(str, range(ENDED_KEPT + 3)))
-    for source in sources.values():
-        source.end(in_order=True)
-    watch.look(0.0)
-    assert list(watch.sessions) == list(sources)[3:]
-    assert [source.is_closed for source in sources.values()] == [True] * 3 + [False] * ENDED_KEPT
 
 
 async def asked(watch: SessionWatcher, viewer: Viewer, request: object) -> Any:

@@ -1,6 +1,5 @@
 """`slave --invite` and `master --join` as their users meet them: on a terminal of 80 columns, with a real mailbox."""
 
-import json
 import os
 import pty
 import re
@@ -20,9 +19,8 @@ from tests.anywhere.mailbox_server import MailboxServer
 from tests.anywhere.screens import HALVES, qr_codes
 from tests.program import Program, free_port
 from tests.system.systems import CONFIGS
-from tests.wait import PATIENCE, until
+from tests.wait import until
 from weberlink.anywhere.invitation import Invitation
-from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.anywhere.peers import Peer, PeerStore
 from weberlink.apps.pairing import pair
 from weberlink.system.configuration import ConfigurationError, load
@@ -134,26 +132,6 @@ def test_ctrl_c_ends_an_invitation(hosts: Hosts) -> None:
     assert list(hosts.store("slave")) == []
 
 
-def test_the_process_ends_in_order_with_its_command(hosts: Hosts) -> None:
-    order = PairingOrder("slave", "a slave", str(hosts.store("slave").folder), hosts.mailbox)
-    with start_pairing(order) as process:
-        assert process.stdout is not None
-        assert process.stdin is not None
-        assert "code" in json.loads(process.stdout.readline())
-        process.stdin.close()
-        assert json.loads(process.stdout.readline()) == {"refused": "ended; nothing is kept"}
-        assert process.wait(PATIENCE) == 0
-
-
-def test_output_that_is_no_terminal_shows_no_qr_code(hosts: Hosts) -> None:
-    with Program(*hosts.command("slave", "--invite")) as slave:
-        lines = [slave.next_error() for _ in range(5)]
-        slave.send(signal.SIGINT)
-        assert slave.finish()[1] == ""
-    assert lines[1].startswith("Code: ")
-    assert not set("".join(lines)) & set("▀▄█")
-
-
 def test_a_mailbox_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as once:
         port = once.getsockname()[1]
@@ -165,7 +143,6 @@ def test_a_mailbox_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     ("code", "reason"),
     [
         ("7-confidence-ribcgae", "did you mean ribcage"),
-        ("ribcage", "'ribcage' is no code"),
         ("weberlink:7-confidence-ribcage@ws://other.example/v1", "is of the mailbox ws://other.example/v1"),
     ],
 )
@@ -174,23 +151,16 @@ def test_a_wrong_code_costs_no_guess(hosts: Hosts, code: str, reason: str) -> No
         hosts.pair("master", code)
 
 
-def test_a_file_without_mailbox_cannot_pair(tmp_path: Path) -> None:
-    configuration = load(CONFIGS / "lan.yaml", ["link.security=peers", f"link.peer_store={tmp_path}"], ["slave"])
-    with pytest.raises(ConfigurationError, match="--invite: needs"):
-        pair(configuration, "slave", "", None)
-
-
-def known(store: PeerStore, own: str) -> None:
-    store.add(Peer("anna", "anna@pc", own, "master", bytes(32)))
-
-
-def test_a_label_that_is_taken_is_refused_before_the_code(hosts: Hosts) -> None:
-    known(hosts.store("slave"), "slave of the test")
-    with pytest.raises(ConfigurationError, match="--peer: anna is known already"):
-        hosts.pair("slave", "", "anna")
-
-
-def test_a_slave_has_one_name_for_all_operators(hosts: Hosts) -> None:
-    known(hosts.store("slave"), "another name")
-    with pytest.raises(ConfigurationError, match=r'anna knows this host as another name, .*slave="another name"'):
-        hosts.pair("slave", "")
+@pytest.mark.parametrize(
+    ("own", "label", "reason"),
+    [
+        ("slave of the test", "anna", "--peer: anna is known already"),  # a label that is taken
+        ("another name", None, r'anna knows this host as another name, .*slave="another name"'),
+    ],
+)
+def test_a_peer_that_is_known_is_refused_before_the_code(
+    hosts: Hosts, own: str, label: str | None, reason: str
+) -> None:
+    hosts.store("slave").add(Peer("anna", "anna@pc", own, "master", bytes(32)))
+    with pytest.raises(ConfigurationError, match=reason):
+        hosts.pair("slave", "", label)

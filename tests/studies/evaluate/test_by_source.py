@@ -1,6 +1,5 @@
 """Figures by source: geometric means that no source dominates, and the comparison with the best single predictor."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,7 +7,7 @@ import pytest
 from tests.studies.evaluate.signals import walk
 from weberlink.studies.evaluate.by_source import EVERY, SINGLES, by_source
 from weberlink.studies.evaluate.study import EvaluationStudy
-from weberlink.studies.evaluate.traces import NamedTrace, read_traces
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.frame import data_frame
 
 (ROW,) = EvaluationStudy(("zoh",)).rows(NamedTrace("walk", walk(1000, 1)))
@@ -50,10 +49,3 @@ def test_the_best_single_is_that_of_each_recording() -> None:
 )
 def test_a_loss_is_a_share_and_a_packet_a_second(rate: int, best: int, lost: float) -> None:
     assert figures({("a1", "a"): {**dict.fromkeys(SINGLES, best), "hybrid": rate}})["a", "hybrid"].above_by == lost
-
-
-def test_a_source_stands_for_its_recordings() -> None:
-    named = read_traces([Path("panda_comanip"), Path("tue_rigid_1")])
-    assert [(one.name, one.source) for one in named] == [
-        ("panda_comanip_1", "panda_comanip"), ("panda_comanip_3", "panda_comanip"), ("tue_rigid_1", "tue"),
-    ]  # fmt: skip

@@ -106,19 +106,6 @@ def test_saturation_of_the_wire_counts_as_violation() -> None:
     assert found["violation_longest_s"] == pytest.approx(3e-3)
 
 
-@pytest.mark.parametrize("predictor", ["linear", "adaptive"])
-def test_a_position_stays_within_its_bound(predictor: str) -> None:
-    """The middle of a trace's range does not count: a robot may be far from the origin of its frame."""
-    study = EvaluationStudy((), (0.1,), position_predictors=(predictor,))
-    here = trace([0.0] * 400, [0.0005 * sqrt(tick) for tick in range(400)])
-    far = Trace(here.time_s, here.position_m + 0.5, here.force_n, here.gaps_s)
-    (near,), (away,) = (study.rows(NamedTrace("made", each)) for each in (here, far))
-    assert (near["channel"], near["violation_fraction"], away["violation_fraction"]) == ("position", 0.0, 0.0)
-    assert near["error_max_deadbands"] <= 1.0
-    assert 0 < near["packets"] < 400
-    assert away["error_rms_m"] == pytest.approx(near["error_rms_m"], abs=2e-5)
-
-
 # --- cases
 
 

@@ -82,23 +82,6 @@ def test_paths_and_addresses_are_no_change(tmp_path: Path) -> None:
     assert TrialSignals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
 
 
-def test_an_edited_file_stops_the_experiment(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
-    file.write_text(FILE.read_text())
-
-    def edit(done: int, of: int) -> None:
-        if done == 2:
-            file.write_text(FILE.read_text().replace("stiffness_n_m: 500}", "stiffness_n_m: 400}"))
-
-    request = ExperimentRequest(file, (ON_SURFACE,), tmp_path, None, 0, SHORT, simulate=True, record=False)
-    with pytest.raises(ValueError, match="changed during the experiment") as caught:
-        run(request, ports=list, source=io.StringIO(), screen=io.StringIO(), report=edit)
-    assert "slave.scene" in str(caught.value)
-    progress = read(tmp_path / "simulated-001.jsonl")
-    assert progress is not None
-    assert len(progress.rated) == 2
-
-
 def test_the_best_reference_disturbs_no_channel() -> None:
     file, force = "rotation.yaml", "smooth_ms=20"
     signals = TrialSignals(CONFIGS / file, (f"codec.force.{force}", "codec.position.weber=0.5"))

@@ -88,13 +88,6 @@ def test_a_failed_trial_is_repeated(path: Path) -> None:
     assert len(progress.rated) == 30
 
 
-def test_an_interrupted_trial_is_repeated(path: Path) -> None:
-    progress = conduct(path, Rig([None] * 6 + ["interrupted"]))
-    assert (list(progress.rated), progress.begun[3]) == ([1, 2], 1)
-    progress = conduct(path)
-    assert [progress.rated[number].attempt for number in (2, 3, 4)] == [1, 2, 1]
-
-
 def test_recordings_have_neutral_and_unique_names(path: Path) -> None:
     folder = path.with_suffix("")
     folder.mkdir()

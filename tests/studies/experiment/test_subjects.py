@@ -70,13 +70,6 @@ def test_wrong_answers_are_asked_again(path: Path) -> None:
     assert screen.count("Rating 0 to 5: ") == 10
 
 
-def test_only_references_can_be_repeated(path: Path) -> None:
-    rig = Rig()
-    run(path, "\nr\n\nagain\nR\n\n\n" + "\n\n\n\n" + "\n\nr\n5\n", rig)
-    assert [trial.name for trial in rig.felt] == ["training-1"] * 3 + ["training-2", "training-3", "trial-01"]
-    assert rated(path) == [5]
-
-
 # --- the simulated subject
 
 

@@ -1,6 +1,6 @@
 """The claims of the paper: savings computed by hand, and verdicts by source."""
 
-from math import exp, log, nan
+from math import nan
 
 import pytest
 from pandas import DataFrame
@@ -13,7 +13,6 @@ from weberlink.studies.paper.claims import (
     TOO_EASY,
     UNMEASURED,
     judge,
-    rate_at,
     verdict,
 )
 
@@ -87,8 +86,3 @@ def test_at_equal_quality_the_rate_is_interpolated() -> None:
         (found,) = claim(changed.to_dict("records"), "plane", "zoh", "quality").itertuples()
         assert found.fewer == pytest.approx(fewer, nan_ok=True)
         assert (found.unreached, found.at_least) == (unreached, at_least)
-
-
-def test_of_several_crossings_the_largest_weber_factor_counts() -> None:
-    points = [(0.2, 10.0), (0.6, 8.0), (0.2, 6.0), (0.6, 4.0)]
-    assert rate_at(points, 0.4)[0] == pytest.approx(exp((log(6) + log(4)) / 2))

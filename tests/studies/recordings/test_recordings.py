@@ -15,13 +15,6 @@ def test_a_recording_is_a_signal_in_si_units(name: str) -> None:
     assert 0.05 < np.abs(trace.force_n).max() < 100.0
 
 
-def test_names_are_different_and_unknown_ones_are_refused() -> None:
-    listed = recordings.names()
-    assert len(set(listed)) == len(listed) == 41
-    with pytest.raises(KeyError, match="no shipped recording"):
-        recordings.load("tue_rigid_99")
-
-
 def test_the_catalogue_says_which_recordings_touch_a_surface() -> None:
     """17 of 21 of the robot that taps, none in a guidance field or of a hand that leads the arm."""
     touching = [name for name in recordings.names() if recordings.has_surface(name)]

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from weberlink.studies.frame import Row, data_frame
-from weberlink.studies.stability.display import DisplayCell, cells, rows_of
-from weberlink.studies.stability.display_study import former, judged
+from weberlink.studies.stability.display import DisplayCell, rows_of
+from weberlink.studies.stability.display_study import judged
 
 FINE: Row = {
     "error_n": 0.3, "contacts": 12, "ghost_s": 0.0, "energy_out_j": 0.01, "tracking_m": 1e-3, "bound_share": 0.5,
@@ -16,15 +16,6 @@ FINE: Row = {
 
 def row(cell: DisplayCell, scheme: str = "ours", **figures: Any) -> Row:
     return cell._asdict() | {"scheme": scheme} | FINE | figures
-
-
-def test_the_schemes_before_are_stored_for_the_cells() -> None:
-    before = former()
-    assert {DisplayCell(*key) for key in before[list(DisplayCell._fields)].itertuples(index=False)} <= set(cells())
-    assert before.scheme.value_counts().nunique() == 1
-    assert list(before.scheme.unique()) == ["none", "tdpa", "mmt", "auto"]
-    assert before.attrs["origin"]["commit"].startswith("586f3695")
-    assert set(before[(before.scheme == "none") & (before.delay_ms == 0)].ideal_error_n) == {0.0}
 
 
 def test_without_delay_none_is_its_own_reference() -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink.studies.stability.cells import (
     DEPTH,
@@ -14,10 +13,8 @@ from weberlink.studies.stability.cells import (
     SystemCell,
     cells,
 )
-from weberlink.studies.stability.measured_wall import plane
 from weberlink.studies.stability.script import HEIGHT, timing
 from weberlink.studies.stability.study import judge
-from weberlink.studies.stability.wall import Grip
 
 
 def test_hold_over_a_long_delay_is_unstable() -> None:
@@ -56,29 +53,6 @@ def test_a_cell_that_cannot_run_is_a_verdict(cell: SystemCell, state: str, said:
     found = judge(cell)
     assert (found["state"], found["bounded"]) == (state, False)
     assert said in found["failure"]
-
-
-def test_a_ball_is_explored_and_pressed() -> None:
-    found = judge(SystemCell("a", contact="ball", friction=0.3))
-    assert found["state"] == "settled"
-    assert found["felt_share"] == pytest.approx(1.0, abs=0.06)
-    assert found["impulse_ratio"] == pytest.approx(1.0, abs=0.06)
-
-
-@pytest.mark.parametrize(("grip", "stiffness"), [("firm", 1e7), ("fingertip", 500.0)])
-def test_the_ideal_force_is_that_of_a_local_simulation(grip: Grip, stiffness: float) -> None:
-    """The hand of the cell on the wall that the robot displays, at the device and without delay.
-
-    In steps of 0.2 ms: at 1 kHz the wall of 2500 N/m is unstable with a fingertip.
-    """
-    step = 2e-4
-    for cell in (SystemCell("a", grip=grip, stiffness_n_m=stiffness), SystemCell("a", grip=grip, robot="simulated")):
-        wall, hand = plane(cell.displayed_n_m), modelled_hand(cell.wall.hand, (0.0, 0.0, HEIGHT))
-        force = (0.0, 0.0, 0.0)
-        for _ in range(10_000):
-            hand.advance((0.0, 0.0, -DEPTH), force, step)
-            force = wall.force(hand.position, step)
-        assert force[2] == pytest.approx(cell.ideal_n, rel=1e-3)
 
 
 SCRIPTED = [
