@@ -10,9 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.apps.packages import add_drivers
 from tests.program import document, weberlink
-from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
 from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
@@ -79,32 +77,6 @@ def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None
 
 
 # --- drivers of other packages
-
-
-def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    node = tmp_path / "node"
-    node.touch()
-    plugged = f"[__import__('weberlink.hardware.discovery', fromlist='x').PluggedDevice({str(node)!r})]"
-    modules = {
-        "others_good": f"class Good: plugged = classmethod(lambda cls: {plugged})\nclass Bare: pass",
-        "others_bad": "import others_missing",
-    }
-    entry_points = """
-[weberlink.devices]
-others_good = others_good:Good
-others_bare = others_good:Bare
-others_bad = others_bad:Bad
-operator = others_bad:Bad
-[weberlink.robots]
-others_none = others_good:None_
-"""
-    add_drivers(install(tmp_path, "others-things", modules, entry_points), monkeypatch)
-    found = survey(refused(tmp_path, None))
-    others = {each.driver: each for each in found.drivers if each.package == "others-things"}
-    states = {"good": "no permission", "bare": "cannot be listed", "bad": "broken", "none": "broken"}
-    assert {name: each.state for name, each in others.items()} == {f"others_{name}": of for name, of in states.items()}
-    assert "others_missing" in others["others_bad"].advice[0]
-    assert "others-things" in others["others_good"].advice[0], "our rules are not advised"
 
 
 # --- permissions

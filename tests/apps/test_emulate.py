@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -19,31 +18,12 @@ from weberlink.apps.emulate import names, run
 from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.umockdev import missing
 from weberlink.master import emulators as devices
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 
 TABLES: dict[str, Any] = dict.fromkeys(devices.EMULATORS, devices) | dict.fromkeys(robots.EMULATORS, robots)
-REASON = missing()
-HOST = """
-import sys
-from time import monotonic
-from weberlink.hardware.discovery import UsbId, hid_devices
-from weberlink.hardware.hid_port import HidPort
-from weberlink.master.devices.polhem.hid_protocol import decode_sensors, encode_command
-
-(found,) = hid_devices([UsbId(0x1234, 6)])
-port = HidPort(found.path)
-port.read_all(monotonic() + 20.0)
-places = set()
-for number in range(200):
-    port.write(encode_command((number, 0, 0), 14))
-    places.add(decode_sensors(port.read_all(monotonic() + 20.0)[-1]).counts)
-print(found.serial_number, len(places) > 1, flush=True)
-sys.stdin.readline()
-"""
 
 
 class Emulation:
@@ -142,22 +122,6 @@ def test_command_ends_the_emulation_and_fifo_gives_faults(tmp_path: Path) -> Non
         emulation.type("enough")  # standard input is the command's
         assert emulation.end() == 7
     assert (port.is_symlink(), fifo.exists()) == (False, False)
-
-
-@pytest.mark.skipif(REASON is not None, reason=str(REASON))
-def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
-    fifo = tmp_path / "faults"
-    os.mkfifo(fifo)
-    options = ("--set", "frame_s=0", "--set", "serial_number='77'", "--faults", fifo, "--", sys.executable, "-c", HOST)
-    with emulate(tmp_path, "polhem_hid", *options) as emulation:
-        assert emulation.line().endswith("master.device: {driver: polhem_hid, port: /dev/hidraw0}")
-        assert emulation.command_line() == "77 True\n"
-        fifo.write_text("status\n")
-        status = json.loads(emulation.line())
-        assert (status["messages"], status["errors"], status["largest_current_ma"]) == (200, 0, 199.0)
-        emulation.type("")
-        assert emulation.end() == 0
-    assert fifo.exists(), "it was there before"
 
 
 def test_what_cannot_be_run_is_one_line_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

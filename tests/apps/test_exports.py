@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from tests.apps import arm_sessions as arms
-from tests.program import document, weberlink
+from tests.program import weberlink
 from tests.system.systems import CONFIGS
 from weberlink.apps.lerobot_frames import NoFramesError, frames_of
 from weberlink.apps.ros_export import RATE_HZ
@@ -178,17 +178,6 @@ def test_a_side_or_records_that_are_not_there(
     assert [each.name for each in tmp_path.iterdir() if each != path] == written
 
 
-def test_trace_of_a_session_in_space_gives_the_same_evaluation(turn: Path, tmp_path: Path) -> None:
-    export(turn, "csv", "--out", tmp_path)
-    evaluate = ("study", "evaluate", "--predictor", "zoh", "--workers", 1, "--json", "-")
-    recorded, read_back = (
-        document(weberlink(*evaluate, given).output)["rows"] for given in (turn, tmp_path / "session-trace.csv")
-    )
-    assert recorded[0]["packets"] > 0
-    for one, other in zip(recorded, read_back, strict=True):
-        assert {key: one[key] for key in one if key not in ("trace", "tick_us")}.items() <= other.items()
-
-
 # --- ROS
 
 
@@ -323,32 +312,3 @@ def test_missing_ticks_hold_and_long_gaps_end(sides: Sides) -> None:
     first = values_of(frames, "observation.force_window").reshape(-1, 20, len(PLACES))[frame, :, 0]
     held = [each if kept[each] else 499 for each in range(tick - 19, tick + 1)]
     np.testing.assert_array_equal(first, sides["slave"]["joint_raw"][held, 0])
-
-
-def test_slave_on_another_clock_is_aligned(dataset: Path, grasp: Path, sides: Sides, tmp_path: Path) -> None:
-    moved, elsewhere = sides["slave"].copy(), sides["slave"].copy()
-    moved["at"] += 0.0003  # within half a tick: its ticks stay those of the master's
-    frames = frames_of(session(sides, slave=moved), 30)
-    ticks, joints = np.rint(frames.times * arms.RATE).astype(int), PLACES[:-1]
-    shown = np.radians(values_of(frames, "observation.state")[:, :-1])
-    assert np.abs(shown - sides["slave"]["joint_position"][ticks][:, joints]).max() <= 0.5 * 0.002 + 1e-6
-    elsewhere["at"] += 5000.0  # another host's clock; `peer_at` relates it to the master's
-    robot = arms.recording(tmp_path / "robot.mcap", {"slave": elsewhere})
-    export(arms.recording(tmp_path / "operator.mcap", {"master": sides["master"]}), "lerobot", robot)
-    for key in ("observation.state", "action", "observation.force_window", "leader.force_window"):
-        np.testing.assert_array_equal(column(tmp_path / "operator-lerobot", key), column(dataset, key), key)
-
-
-def test_session_in_space_has_its_axes(turn: Path, tmp_path: Path) -> None:
-    export(turn, "lerobot", "--fps", 50, "--out", tmp_path)
-    made = tmp_path / "session-lerobot"
-    features = json.loads((made / "meta/info.json").read_text(encoding="utf-8"))["features"]
-    axes = [*"xyz", *(f"rotation_{axis}" for axis in "xyz")]
-    assert features["observation.state"]["names"] == [f"{axis}.pos" for axis in axes]
-    forces = [f"{axis}.{'torque' if axis in axes[3:] else 'force'}.0" for axis in axes]
-    assert features["observation.force_window"]["names"][:6] == forces
-    master = read_recording(turn).records["master"]
-    first = min(of["at"][0] for of in read_recording(turn).records.values())
-    at = [int(np.argmin(np.abs(master["at"] - first - time))) for time in column(made, "session.time")]
-    expected = np.hstack([master["raw"][at], master["rotation_raw"][at]])
-    np.testing.assert_allclose(column(made, "action"), expected, rtol=1e-6, atol=1e-9)

@@ -11,13 +11,9 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from tests.program import ENGAGED, Program, document, free_port, weberlink
+from tests.program import ENGAGED, Program, document, weberlink
 from tests.system.systems import CONFIGS
 from tests.wait import until
-from weberlink.codec.replay import code
-from weberlink.master.trace import read_trace
-from weberlink.studies.evaluate.replay import signal_of
-from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.scoring.recorded import ADDED, put_together
 from weberlink.telemetry.record import COUNTERS, FIELDS
@@ -108,15 +104,6 @@ def test_raw_sent_predicted_and_reconstructed_force_fit_together(touch: Recordin
     assert reconstructed[sent].mean() < error[sent].mean()
 
 
-def test_coding_again_sends_at_the_same_ticks(touch: Recording) -> None:
-    engaged = touch.records["slave"][touch.records["slave"]["state"] == ENGAGED]
-    trace = read_trace(touch.path)
-    assert (trace.force_n == engaged["raw"]).all()
-    channel = channels(load(LOOPBACK).system)[1]
-    again = [tick.update is not None for tick in code(channel, signal_of(trace).samples)]
-    assert again == (engaged["sent"] == 1).tolist()
-
-
 # --- files that are not whole, or not of a recorder
 
 
@@ -138,11 +125,6 @@ def test_what_no_recorder_writes_is_said_in_one_line(
         writer.add_side(Origin("slave", 1000.0, 0.0, 0.0))
         writer.write("slave", records)
     assert field in complaint(path)
-
-
-def test_a_pipe_is_refused_without_waiting(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.mcap")
-    complaint(tmp_path / "pipe.mcap")
 
 
 def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
@@ -221,31 +203,6 @@ def test_sessions_of_two_masters_are_told_apart(touch: Recording) -> None:
             assert numbers(found[key]) == pytest.approx(numbers(alone[key]), rel=1e-6, abs=1e-9), key
     with pytest.raises(RecordingError):
         put_together([only(touch, "master", later=50.0), whole_day])
-
-
-@pytest.mark.realtime
-def test_two_hosts_files_make_one_session(tmp_path: Path) -> None:
-    """Only two daemons have two clocks; on one host the true offset is 0, so the join can be checked against it."""
-    port = free_port()
-    address = [f"--set=link.{end}=127.0.0.1:{port}" for end in ("listen", "slave")]
-    files = {side: tmp_path / f"{side}.mcap" for side in ("master", "slave")}
-    with (
-        Program("slave", LOOPBACK, *address, "--record", files["slave"]) as slave,
-        Program("master", LOOPBACK, *address, "--duration", 1.5, "--record", files["master"]) as master,
-    ):
-        assert master.finish(1.5)[0] == 0
-        slave.send(signal.SIGTERM)
-        slave.finish()
-    assert info(files["master"])["force"]["error_rms"] is None
-    assert info(*files.values())["force"]["error_rms"] > 0.0
-    apart = [read_recording(path) for path in files.values()]
-    joined, own = put_together(apart), apart[1].records["slave"]
-    moved = np.abs(joined.slave["at"] - own["at"][np.isin(own["tick"], joined.slave["tick"])])
-    engaged = moved[joined.slave["state"] == ENGAGED]
-    assert len(engaged) > 100
-    assert (np.median(engaged) < 0.01, engaged.max() < 0.1) == (True, True), (
-        "10 ms: far above any stall, below any epoch"
-    )
 
 
 # --- what becomes of the file when a process dies

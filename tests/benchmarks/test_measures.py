@@ -4,13 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cryptography.exceptions import InvalidTag
-from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks import latency
-from benchmarks.arrangement import BenchError, Rights
+from benchmarks.arrangement import BenchError
 from benchmarks.codec_speed import measure
 from benchmarks.figures import exceedance
 from benchmarks.latency import join
@@ -18,17 +15,14 @@ from benchmarks.lateness import LatenessLimit
 from benchmarks.live_side import LiveSide, Resources, memory
 from benchmarks.pairs import A, B, compare
 from benchmarks.percentiles import NAMES, PERCENTILES, percentile, ratio, ratios, summary
-from benchmarks.programs import cyclictest_line, parse_histogram, parse_trips
-from benchmarks.sealed_echo import KEYS, TAG_BYTES, expand, seal, unseal
+from benchmarks.programs import parse_histogram, parse_trips
 from tests.records import ticks
-from weberlink.protocol.wire import CLEAR_BYTES
 
 CAPTURED = Path(__file__).parent / "captured"
 CYCLICTEST = (CAPTURED / "cyclictest.txt").read_text(encoding="utf-8")
 """Of version 2.40: two threads, 400 cycles each, bins up to 60 us, three latencies beyond them."""
 SOCKPERF = (CAPTURED / "sockperf.csv").read_text(encoding="utf-8")
 """Of version 3.7: 33 round trips."""
-BARE = Rights(priority=0, lock_memory=False, wakeful=False, cpus=None)
 TWO_THREADS = """# Histogram
 000003 000001\t000002
 000007 000000\t000001
@@ -85,23 +79,6 @@ def test_output_without_a_measurement_is_an_error(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rights", "there", "absent"),
-    [
-        (
-            Rights(priority=50, lock_memory=True, wakeful=True, cpus=(3, 2)),
-            ["-t 2", "-i 250", "-l 20000", "--policy=fifo", "-p 50", "-m", "-a 2,3"],
-            ["--default-system"],
-        ),
-        (BARE, ["--policy=other", "--default-system"], ["-p", "-m", "-a"]),
-    ],
-)
-def test_cyclictest_has_the_daemons_rights_and_no_others(rights: Rights, there: list[str], absent: list[str]) -> None:
-    line = cyclictest_line(4000.0, 5.0, rights, threads=2)
-    assert all(f" {part}" in " ".join(line) for part in there)
-    assert not set(absent) & set(line)
-
-
-@pytest.mark.parametrize(
     ("rate_hz", "lateness_us", "share"),
     [
         (1000.0, [10.0, 1000.0], 1 / 3),
@@ -143,16 +120,6 @@ def test_trips_join_both_ends_without_warm_up() -> None:
     trips = join(asked, answered, 1)  # 10 and 11: 8 warms up, 9 had no answer
     assert (trips.there_us.tolist(), trips.back_us.tolist()) == (pytest.approx([40.0] * 2), pytest.approx([40.0] * 2))
     assert trips.round_us.tolist() == pytest.approx([90.0] * 2)
-
-
-def test_the_sealed_limit_seals_as_a_session_does_and_opens_under_its_number_alone() -> None:
-    cipher, other = (AESCCM(key, tag_length=TAG_BYTES) for key in KEYS)
-    datagram = seal(cipher, 70_000)
-    assert (len(datagram), unseal(cipher, 70_000, datagram)) == (latency.SIZE, 70_000)
-    assert expand(int.from_bytes(datagram[:CLEAR_BYTES], "little"), 69_000) == 70_000
-    for wrong, number in ((cipher, 70_001), (other, 70_000)):
-        with pytest.raises(InvalidTag):
-            unseal(wrong, number, datagram)
 
 
 def test_ratios_are_of_the_same_pair() -> None:

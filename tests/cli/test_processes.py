@@ -30,10 +30,6 @@ def python(*arguments: object, **environment: str) -> Ended:
     return Ended(ended.returncode, ended.stdout, ended.stderr)
 
 
-def paths(folder: Path) -> str:
-    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
-
-
 # --- packages
 
 HIDDEN = """
@@ -63,68 +59,19 @@ def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
         assert part in found[2]
 
 
-ENTRY_POINTS = """
-[weberlink.devices]
-slow = slow_import:Slow
-[weberlink.commands]
-rate = slow_command:rate
-"""
-IMPORTS = """
-import os
-class Now:
-    # Python 3.11 makes a RuntimeError of what is raised here.
-    def __set_name__(self, owner, name):
-        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-        for _ in range(1000):
-            pass
-class Slow:
-    now = Now()
-"""
 COMMAND = """
-import os, typer
+import typer
 from weberlink.cli.arguments import File
 from weberlink.system.configuration import load
-def end():
-    os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-    return int
-def rate(file: File, many: "end()" = 1) -> None:
+def rate(file: File) -> None:
     typer.echo(f"{load(file).system.rate_hz:g} Hz")
 """
-"""Its annotation is read when the program puts its commands together."""
-
-
-def extended(folder: Path, number: int, command: str, *arguments: object) -> Ended:
-    """A program with a command and a device of another distribution."""
-    install(folder, "slow", {"slow_import": IMPORTS, "slow_command": command}, ENTRY_POINTS)
-    return python("-m", "weberlink", *arguments, SIGNAL=str(number), PYTHONPATH=paths(folder))
 
 
 def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
-    assert extended(tmp_path, 0, COMMAND, "rate", LOOPBACK) == (0, "1000 Hz\n", "")
-
-
-@pytest.mark.parametrize(
-    ("command", "number"),
-    [
-        ("simulate", signal.SIGTERM),
-        ("loopback", signal.SIGINT),
-    ],
-)
-def test_signal_while_a_driver_is_imported_is_one_line(command: str, number: signal.Signals, tmp_path: Path) -> None:
-    driver = ("--set", "master.device.driver=slow", "--set", "link.security=session")
-    ended = extended(tmp_path, number, "rate = None", command, LOOPBACK, *driver)
-    assert (ended.status, ended.output) == (130, "")
-    assert [line.split()[1] for line in ended.errors.splitlines() if "rate" not in line] == ["interrupted;"]
-
-
-def test_signal_before_a_command_begins_ends_in_silence(tmp_path: Path) -> None:
-    assert extended(tmp_path, signal.SIGINT, COMMAND, "--version") == (-signal.SIGINT, "", "")
-
-
-# --- imports: they take most of the time to the first line of a command, or to its daemons
-
-
-# --- live: how a session ends that does not begin, or is ended
+    install(tmp_path, "rates", {"rates": COMMAND}, "[weberlink.commands]\nrate = rates:rate\n")
+    paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    assert python("-m", "weberlink", "rate", LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
 
 
 def told(ended: Ended) -> str:

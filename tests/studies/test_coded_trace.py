@@ -5,7 +5,6 @@ import pytest
 
 from tests.studies.coded import own, run
 from weberlink.codec import force_channel
-from weberlink.studies.coded_trace import interesting_window
 from weberlink.studies.evaluate.replay import replay, signal_of
 
 PREDICTORS = ("zoh", "hybrid")
@@ -23,13 +22,3 @@ def test_ticks_are_those_of_the_replay(predictor: str) -> None:
 
 
 # --- the window
-
-
-def test_the_window_has_contact_sends_and_most_variation() -> None:
-    coded = run("zoh")
-    window = interesting_window(coded, 0.5)
-    assert window.until - window.first == 500
-    drawn = slice(*window)
-    force = np.linalg.norm(coded.trace.force_n, axis=1)
-    assert coded.sent[drawn].sum() >= 3
-    assert (force[drawn] > 0.05 * force.max()).mean() >= 0.75

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from pandas import DataFrame
 
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
@@ -29,7 +28,6 @@ from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.experiment import ratings
 from weberlink.studies.experiment.ledger import path_of
 from weberlink.studies.frame import FrameResult
-from weberlink.studies.paper.claims import CLAIMS
 from weberlink.studies.paper.command import PAPER, SCENES, PaperOptions
 from weberlink.studies.precision.study import STUDY as PRECISION
 from weberlink.studies.precision.study import Effort
@@ -162,19 +160,6 @@ def test_a_method_that_diverges_is_never_on_the_front(small: Callable[..., Frame
     assert all(row["diverged"] and not row["on_front"] and row["position_error"] is None for row in lost)
     assert any(row["on_front"] for row in document["rows"])
     assert not document["recommended"][0]["on_front"]
-
-
-def test_every_claim_of_the_paper_is_measured_under_every_condition(small: Callable[..., FrameResult]) -> None:
-    """And those whose signals are not done, as after Ctrl-C, are not judged."""
-    result = small("paper")
-    claims = DataFrame(result.document["claims"])
-    assert claims.condition.unique().tolist() == ["recordings", "scenes", "systems"]
-    assert len(claims) == 3 * len(CLAIMS)
-    assert {row["source"] for row in result.rows} == {"files", SCENES[2].name}
-    rows = DataFrame(result.rows)
-    assert PAPER.summary(PaperOptions([]), rows[(rows.condition == "systems") & (rows.predictor != "hybrid")]) == {
-        "claims": []
-    }
 
 
 # Figures.

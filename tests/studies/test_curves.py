@@ -1,6 +1,5 @@
 """Means over units with confidence intervals, and their table."""
 
-from math import nan
 from random import Random
 from statistics import fmean
 
@@ -49,16 +48,3 @@ def test_repeats_of_a_unit_are_averaged_before_units_are() -> None:
     rows = [("a", "zoh", 0.1, rate, 2.0 * rate) for rate in (10.0, 20.0, 60.0)]
     (point,) = curves(observed(*rows, ("b", "zoh", 0.1, 50.0, 100.0)), "quality").itertuples()
     assert (point.units, point.packets_per_s_mean, point.quality_mean) == (2, pytest.approx(40.0), pytest.approx(80.0))
-
-
-@pytest.mark.parametrize(
-    ("rows", "told"),
-    [
-        ([("a", "zoh", 0.1, 1.0, 1.0), ("b", "plane", 0.1, 1.0, 1.0)], r"a, plane at k = 0\.1: not observed"),
-        ([("tue_foam_1", "zoh", nan, 1.0, 1.0)], "tue_foam_1, zoh .*expected finite"),
-        ([("tue_foam_1", "zoh", 0.1, 1.0, float("inf"))], "tue_foam_1, zoh .*expected finite"),
-    ],
-)
-def test_what_is_missing_or_not_finite_is_named(rows: list[tuple[object, ...]], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
-        curves(observed(*rows), "quality")

@@ -14,7 +14,7 @@ from tests.watching.sources import BANK, RATE, description, pieces, records
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
-from weberlink.watching.hello import MOST_HEIGHTS, drawn, hello
+from weberlink.watching.hello import hello
 from weberlink.watching.rows import (
     COLUMNS,
     LONGEST_WAIT,
@@ -41,17 +41,6 @@ def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
     assert (unknown["readonly"], unknown["changes"], set(unknown["names"].values())) == (True, [], {None})
 
 
-def test_greeting_names_file_drivers_and_sides_as_far_as_they_are_heard() -> None:
-    master = description("master") | {"file": "/etc/weberlink/loopback.yaml", "name": "ann@desk"}
-    slave = description("slave")
-    slave["system"]["link"]["names"]["slave"] = "arm-2"
-    told = hello("7", {"master": master, "slave": slave | {"name": "arm-2"}})["names"]
-    parts = {"file": "loopback.yaml", "device": "operator", "robot": "point", "peer": "127.0.0.1:0"}
-    assert told == parts | {"master": "ann@desk", "slave": "arm-2"}
-    heard = hello("7", {"slave": slave | {"peer": {"name": "bob@lab"}}})["names"]
-    assert (heard["master"], heard["slave"]) == ("bob@lab", "arm-2")
-
-
 @pytest.mark.parametrize(
     "name", sorted(path.name for path in CONFIGS.glob("*.yaml") if "key_file" not in path.read_text())
 )
@@ -61,20 +50,6 @@ def test_every_shipped_scene_can_be_drawn(name: str) -> None:
     for shape in told["scene"]:
         assert shape["shape"] in ("plane", "sphere", "box", "height_field")
         assert shape.get("heights_m", ()) is not None
-
-
-def test_large_height_field_is_thinned_in_place() -> None:
-    heights = [[float(100 * row + column) for column in range(400)] for row in range(201)]
-    scene = [{"shape": "height_field", "center_m": [1.0, 2.0, 0.0], "heights_m": heights, "spacing_m": 0.01}]
-    (shape,) = drawn(scene)
-    rows, columns = len(shape["heights_m"]), len(shape["heights_m"][0])
-    assert max(rows, columns) <= MOST_HEIGHTS
-    step = round(shape["spacing_m"] / 0.01)
-    for row, column in ((0, 0), (rows - 1, columns - 1)):
-        assert shape["heights_m"][row][column] == heights[row * step][column * step]
-        x = shape["center_m"][0] + (column - (columns - 1) / 2) * shape["spacing_m"]
-        y = shape["center_m"][1] + (row - (rows - 1) / 2) * shape["spacing_m"]
-        assert (x, y) == pytest.approx((1.0 + (column * step - 399 / 2) * 0.01, 2.0 + (row * step - 100) * 0.01))
 
 
 @given(st.lists(st.integers(0, 2000), max_size=12))

@@ -1,8 +1,6 @@
 """The live view for Foxglove on rings that are filled by hand, read by a client."""
 
-import json
 from pathlib import Path
-from time import monotonic
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +13,7 @@ from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
 from weberlink.apps.bridge.foxglove import FoxgloveBridge
 from weberlink.apps.ros_markers import CUBE, DELETE_ALL
-from weberlink.ros2.messages import decode, types
+from weberlink.ros2.messages import decode
 from weberlink.system.description import Description
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_TEXT
@@ -80,37 +78,6 @@ def test_every_tick_comes_as_it_was_recorded(tmp_path: Path) -> None:
         assert {message[: len(ENCAPSULATION)] for message in messages} == {ENCAPSULATION}
         body = b"".join(message[len(ENCAPSULATION) :] for message in messages)
         assert np.frombuffer(body, DTYPE).tobytes() == made.tobytes()
-
-
-def test_messages_are_of_their_ros_types(tmp_path: Path) -> None:
-    with View(tmp_path) as seen, ring(tmp_path, "slave") as slave, ring(tmp_path, "master") as master:
-        seen.look()
-        with FoxgloveClient(seen.bridge.server.port) as client:
-            wanted = ("/weberlink/robot", "/weberlink/bodies", "/tf", "/weberlink/log", "/weberlink/felt_error")
-            until(lambda: len(client.types) == TOPICS, "all topics")
-            client.answer("getParameters", "parameterValues", parameterNames=[], id="is subscribed")
-            made = records(50, seed=1)
-            made["at"] = monotonic() + 1e-3 * np.arange(50)
-            made["rotation_output"] = made["rotation_raw"] = (0.0, 0.0, np.pi / 2)
-            for writer in (slave, master):
-                write(writer, made)
-            for topic in wanted:
-                seen.until(client, topic)
-            poses = parsed(client, "/weberlink/robot")
-            assert poses[-1].header.frame_id == "weberlink" and poses[-1].header.stamp.sec > 1e9
-            places = [[getattr(each.pose.position, axis) for axis in "xyz"] for each in poses]
-            assert places == [made["output"][tick].tolist() for tick in (0, 33)], "30 Hz of 1000 Hz"
-            turn = [getattr(poses[-1].pose.orientation, axis) for axis in "xyzw"]
-            assert turn == pytest.approx([0.0, 0.0, 0.5**0.5, 0.5**0.5])
-            frames = {each.child_frame_id for message in parsed(client, "/tf") for each in message.transforms}
-            assert frames == {"hand", "felt", "robot", "measured"}
-            assert {each.name for each in parsed(client, "/weberlink/log")} <= {"master", "slave"}
-            assert len(parsed(client, "/weberlink/bodies")[-1].markers) == 4
-            felt = json.loads(client.messages["/weberlink/felt_error"][-1])
-            assert felt["deadbands"] == pytest.approx(felt["error_n"] / felt["bound_n"], abs=1e-3)
-        for topic, name in client.types.items():
-            if name not in ("weberlink_msgs/msg/Tick", "weberlink.FeltError"):
-                assert client.schemas[topic] == types().generate_msgdef(name, ros_version=2)[0]
 
 
 def test_the_next_session_takes_the_place_of_the_last(tmp_path: Path) -> None:

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.apps.arm_rings import RANGES, arm_rings
-from tests.apps.arm_sessions import NAMES, SYSTEM
 from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
 from weberlink.apps.bridge.follow import SessionFollower
@@ -122,30 +120,6 @@ def test_every_new_tick_is_published_once_with_its_wall_clock(live: Live) -> Non
     at = np.array([each.header.stamp.sec + 1e-9 * each.header.stamp.nanosec for each in poses.messages])
     np.testing.assert_allclose(at, new["at"] + wall_offset_s(), atol=1.0)
     np.testing.assert_allclose(np.diff(at), np.diff(new["at"]), atol=1e-6)
-
-
-def test_a_lower_rate_leaves_ticks_out(tmp_path: Path) -> None:
-    live = Live(tmp_path, 250.0)
-    with live.ring("master") as ring:
-        live.look()
-        for first in range(0, 40, 5):
-            write(ring, ticks(5, first=first))
-            live.look()
-    assert live.node.topics["/weberlink/hand"].sequence == 10
-    live.follower.close()
-
-
-def test_arms_are_joint_states_with_their_names(live: Live) -> None:
-    with arm_rings(live.folder, SESSION, SYSTEM, RANGES) as rings:
-        live.look()
-        for tick in range(3):
-            rings.write(tick)
-        live.look()
-        leader, follower = (live.node.topics[f"/weberlink/{name}"].messages for name in ("leader", "follower"))
-        assert {tuple(state.name) for state in leader} == {(*NAMES, "gripper")}
-        assert [state.position[0] for state in leader] == pytest.approx([1 / 128 + tick / 1024 for tick in range(3)])
-        assert [each[0].effort[0] for each in (leader, follower)] == pytest.approx([0.375 + 1 / 128, 0.125 + 1 / 128])
-        assert "/weberlink/hand" not in live.node.topics
 
 
 def test_diagnostics_tell_state_and_fault(live: Live) -> None:

@@ -5,28 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from weberlink.apps.ros_markers import (
-    ARROW,
     CUBE,
     LINE_LIST,
     MARKERS,
     SPHERE,
     TRIANGLE_LIST,
-    body_markers,
-    reach_of,
     scene_markers,
 )
 from weberlink.geometry.rotation import turned
-from weberlink.geometry.vector import norm, scale
 from weberlink.ros2.messages import decode
-from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.recording.message import ENCAPSULATION
-
-COORDINATES = st.floats(-1.0, 1.0)
-DIRECTIONS = st.tuples(COORDINATES, COORDINATES, COORDINATES).filter(lambda v: norm(v) > 1e-3)
 
 
 def markers(body: bytes) -> list[Any]:
@@ -58,13 +48,6 @@ def test_every_shape_is_a_marker() -> None:
     assert len({(each.ns, each.id) for each in made}) == len(made)
 
 
-@given(DIRECTIONS)
-def test_a_plane_lies_across_its_normal(normal: Any) -> None:
-    (plane,) = markers(scene_markers([{"shape": "plane", "point_m": [0.0, 0.0, 0.0], "normal": list(normal)}], []))
-    up = moved(plane, (0.0, 0.0, 1.0)) - moved(plane, (0.0, 0.0, 0.0))
-    assert up == pytest.approx(scale(normal, 1.0 / norm(normal)), abs=1e-6)
-
-
 def test_solids_are_where_the_scene_has_them() -> None:
     tilted = {"shape": "plane", "point_m": [0.0, 0.0, 0.01], "normal": [0.0, 2.0, 2.0]}
     box = {"shape": "box", "center_m": [0.1, 0.0, 0.0], "size_m": [0.02, 0.04, 0.06], "rotation_deg": [90.0, 0.0, 30.0]}
@@ -81,14 +64,3 @@ def test_solids_are_where_the_scene_has_them() -> None:
     assert moved(block, (0.0, 0.02, 0.0)) == pytest.approx((0.1, 0.0, 0.02), abs=1e-9)
     corners = [moved(terrain, numbers(point)).tolist() for point in terrain.points]
     assert corners[:3] == [[-1.0, -0.5, 0.5], [0.0, -0.5, 0.6], [-1.0, 0.5, 0.8]] and len(corners) == 12
-
-
-@pytest.mark.parametrize(("force", "length"), [(0.001, 0.0), (1.0, 0.007)])
-def test_an_arrow_is_as_long_as_the_force(force: float, length: float) -> None:
-    record = np.zeros(1, DTYPE)[0]
-    record["position"], record["output"] = (0.01, 0.02, 0.03), (0.0, 0.0, force)
-    ball, arrow = markers(body_markers({"master": record}, reach_of([]), 10**18 + 5))
-    assert (ball.type, arrow.type, ball.header.stamp.nanosec) == (SPHERE, ARROW, 5)
-    start, tip = map(numbers, arrow.points)
-    assert start == numbers(ball.pose.position) == (0.01, 0.02, 0.03)
-    assert np.subtract(tip, start) == pytest.approx((0.0, 0.0, length))

@@ -10,7 +10,7 @@ import pytest
 from tests.apps.device_test.people import Clock, sitting
 from tests.system.systems import CONFIGS
 from weberlink.apps.device_test import DeviceTestError, run
-from weberlink.apps.device_test.dialog import SampleRate, uninterrupted
+from weberlink.apps.device_test.dialog import uninterrupted
 
 FILE = CONFIGS / "loopback.yaml"
 
@@ -49,16 +49,3 @@ def test_simulated_part_passes_with_overrides_of_the_file(name: str, lines: list
     assert [part for part in parts if part not in screen.getvalue()] == []
     with pytest.raises(DeviceTestError, match=f"^{name}: stopped before the end"):
         run(name, sitting(Clock(), io.StringIO(), "")[0], None, [])
-
-
-def test_sample_rate_counts_new_samples_of_the_last_second() -> None:
-    rate, interpolated = SampleRate(), SampleRate()
-    assert rate.in_words() == "0/s, age 0.0 ms"
-    for tick in range(3000):
-        now, sampled_at = tick * 0.001, (tick // 4) * 0.004
-        rate.note(now, sampled_at - (0.05 if tick < 500 else 0.0))
-        interpolated.note(now, now - 0.006, sampled_at=sampled_at)
-    assert rate.rate_hz == interpolated.rate_hz == pytest.approx(250.0, rel=0.01)
-    assert rate.oldest_s == pytest.approx(0.003)
-    assert interpolated.oldest_s == pytest.approx(0.006)
-    assert rate.in_words(0.0004) == "250/s, age 3.0 ms, trip 0.40 ms"

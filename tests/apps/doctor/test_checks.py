@@ -4,13 +4,13 @@ import os
 import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from errno import EADDRINUSE, ENETUNREACH
+from errno import EADDRINUSE
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, look, machine
+from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, TRIAL, look, machine
 from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.apps.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.kernel import cpu_list
@@ -42,9 +42,7 @@ RING = 10 * 1000 * SLOT_BYTES
 TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
 LISTENING = Needs(listen=("0.0.0.0", 47000))
 CALLING = Needs(slave=("robot", 47000))
-IN_CONTAINER: dict[str, str | None] = {".dockerenv": ""}
 LIMITS = "| sudo tee -a /etc/security/limits.d/weberlink.conf"
-UNIT = {"user": 105, "variables": {"USER": "weberlink", "INVOCATION_ID": "0123"}}
 GROUP = "sys/fs/cgroup/cpu/box"
 VERSION_1 = {
     "proc/self/cgroup": "3:cpuacct:/\n1:cpu:/box\n0::/\n",
@@ -105,7 +103,6 @@ def has(*names: str) -> dict[str, Any]:
 TAKEN = stretches(steal=[0.2] * 4)
 WORSE_AWAKE = on_host(stretches(steal=[0.0] * 4), stretches(steal=[0.009, 0.03, 0.03, 0.03]))
 MISSED_AWAKE = on_host(stretches(), stretches(missed=0.03))
-NOT_AWAKE = on_host([STRETCH] * 4, [], "/dev/cpu_dma_latency: Permission denied")
 
 
 @dataclass(frozen=True)
@@ -130,9 +127,7 @@ CASES = [
     Case("preemption", ADVICE, "apt install linux-image-rt-amd64", OLD | {"etc/os-release": "ID=debian"}),
     Case("timers", OK),
     Case("timers", PROBLEM, "4 ms", answers={"resolution_ns": lambda: 4e6}),
-    Case("throttling", ADVICE, "sched_rt_runtime_us=950000", {RUNTIME: "100000"}),
     Case("throttling", PROBLEM, "sched_rt_runtime_us=950000", {RUNTIME: "0"}),
-    Case("throttling", OK, files={RUNTIME: "0"}, needs=Needs(priority=0)),
     # clocks
     Case("clock source", PROBLEM, f"echo tsc | sudo tee /{CLOCK}/", {f"{CLOCK}/current_clocksource": "hpet"}),
     Case(
@@ -145,11 +140,7 @@ CASES = [
     Case("wall clock", ADVICE, answers={"clock_is_synchronised": lambda: False}),
     # processors
     Case("processors", PROBLEM, "slave on 7", needs=Needs(cpus=(1, 7))),
-    Case("processors", OK, needs=Needs(cpus=(1, 7), sides=("master",))),
     Case("processors", ADVICE, answers={"affinity": lambda: frozenset({0})}),
-    Case("processors", PROBLEM, "realtime: {busy_poll: false}", needs=Needs(busy_poll=True)),
-    Case("isolation", OK, files={f"{CPU}/isolated": "2-3"}, needs=Needs(busy_poll=True, cpus=(2, 3))),
-    Case("isolation", ADVICE, "in the file: realtime: {cpus: [2, 3]}", {f"{CPU}/isolated": "2-3"}),
     Case("governor", OK),
     Case("governor", ADVICE, f"tee /{CPU}/cpu*/{GOVERNOR}", {f"{CPU}/cpu1/{GOVERNOR}": "schedutil"}),
     Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, Needs(wakeful=False)),
@@ -161,14 +152,10 @@ CASES = [
     # rights
     Case("scheduling", OK),
     Case("scheduling", PROBLEM, f"echo 'ann - rtprio 98' {LIMITS}", answers=rights("priority")),
-    Case("scheduling", PROBLEM, "--ulimit rtprio=98", IN_CONTAINER, answers=rights("priority")),
-    Case("scheduling", PROBLEM, "under [Service]: LimitRTPRIO=98", answers=rights("priority", **UNIT)),
     Case("memory lock", OK, "no limit"),
-    Case("memory lock", ADVICE, "memlock limit 70 MB", answers=rights(limit=lambda _which: 70_000_000)),
     Case("memory lock", PROBLEM, f"echo 'ann - memlock unlimited' {LIMITS}", answers=rights("memory")),
     Case("idle latency", ADVICE, "(then restart)", DEEP, answers=rights("wakeful")),
     Case("timer slack", OK, "1 ns"),
-    Case("timer slack", UNKNOWN, "not permitted", answers=rights("timer_slack")),
     Case("punctuality", OK, answers=rights(p99=200.0)),
     Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
@@ -176,15 +163,12 @@ CASES = [
     # host
     Case("host", OK, needs=Needs(wakeful=False), answers=MISSED_AWAKE),  # the share is that of the setting in use
     Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=MISSED_AWAKE),
-    Case("host", ADVICE, "pinned, not shared", answers=on_host(TAKEN, TAKEN)),
     Case("wakeful", OK, "no clear difference"),
     Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=WORSE_AWAKE),
-    Case("wakeful", UNKNOWN, "Permission denied", answers=NOT_AWAKE),
     # memory
     Case("swap", ADVICE, "2048 MB", SWAP, Needs(lock_memory=False)),
     Case("huge pages", ADVICE, f"echo madvise | sudo tee /{HUGE}", {HUGE: "[always] madvise never"}),
     Case("shared memory", PROBLEM, "remount", answers=TIGHT),
-    Case("shared memory", OK, needs=Needs(sides=("slave",)), answers=TIGHT),
     # network
     Case("receive buffer", OK, needs=Needs(rate_hz=1000.0)),
     Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
@@ -192,10 +176,8 @@ CASES = [
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
     Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
     Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
-    Case("slave address", PROBLEM, "ip route get 10.1.2.3", needs=CALLING, answers={"route": failing(ENETUNREACH)}),
     Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
     Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
-    Case("firewall", UNKNOWN, "sudo ufw status | grep -w 47000", needs=LISTENING, answers=has("nft", "ufw")),
     # software
     Case("Python", OK, "Python 3."),
     Case("Python", PROBLEM, "release build", answers=python("is_debug")),
@@ -203,9 +185,7 @@ CASES = [
     Case("uvloop", OK),
     Case("uvloop", PROBLEM, " uvloop", answers={"version": lambda _package: None}),
     # devices
-    Case("devices", OK, "nothing plugged in", answers=driver("slave", "arm", NOTHING)),
     Case("driver", OK, "ready", needs=NAMED, answers=driver("master", "paddle", READY)),
-    Case("driver", PROBLEM, "plug it in", needs=NAMED, answers=driver("master", "paddle", NOTHING)),
     Case("driver", PROBLEM, INSTALL, needs=NAMED, answers=driver("master", "paddle", NO_RULES, INSTALL)),
     Case("device", ADVICE, "do this", answers=driver("master", "lever", NO_RULES, "do this")),
 ]

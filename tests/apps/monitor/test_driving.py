@@ -37,14 +37,13 @@ class Device:
 class Visit:
     """A session that pages drive, at a time that the test sets."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, pages: int = 2, driver: str = "pointer") -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.source = HandSource("master", ring=Path("/nonexistent"))
         assert self.source.description is not None
-        self.source.description |= {"pid": PID, "system": {"master": {"device": {"driver": driver}}}}
-        self.session = WatchedSession("7", self.source)
-        self.pages = [Viewer(None, may_change=True) for _ in range(pages)]
+        self.source.description |= {"pid": PID, "system": {"master": {"device": {"driver": "pointer"}}}}
+        self.pages = [Viewer(None, may_change=True) for _ in range(2)]
         self.devices: list[Device] = []
-        self.driving = Driving({"7": self.session}, lambda _: self.pages, self._connect)
+        self.driving = Driving({"7": WatchedSession("7", self.source)}, lambda _: self.pages, self._connect)
         self.now = 100.0
         monkeypatch.setattr(driving, "monotonic", lambda: self.now)
         for page in self.pages:

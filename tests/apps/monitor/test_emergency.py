@@ -226,6 +226,7 @@ def delays(folder: Path, trials: int) -> tuple[list[float], list[float]]:
         Monitor(folder, "--session", 2**22 + os.getpid()) as monitor,
     ):
         url, key = monitor.url, monitor.key
+        assert os.getpriority(os.PRIO_PROCESS, monitor.pid) >= 5, "daemons go before it"
         monitor.until_said("slave at")
         command = [sys.executable, "-c", FLOOD, f"{url}/ws?key={key}", key]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as flood:

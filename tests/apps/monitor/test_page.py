@@ -29,7 +29,6 @@ return [...document.querySelectorAll('button, input, select, canvas, td, dd')].f
 BOX = (
     "const b = document.getElementById(arguments[0]).getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]"
 )
-DISABLED = "return arguments[0].every(name => document.getElementById(name).disabled)"
 WHEEL = "new WheelEvent('wheel', {deltaY: -300, bubbles: true})"
 PANELS = "return [...document.querySelectorAll('#charts > .panel')].filter(e => e.offsetParent).map(e => e.id.slice(6))"
 FIGURES = "return [...document.querySelectorAll('[data-figure]')].map(e => [e.dataset.figure, e.dataset.value])"
@@ -285,25 +284,6 @@ def test_controls_ask_and_show_the_answer(page: Browser, server: ScriptedServer)
     assert asked(server, "record") == [{"do": "start", "name": "a wall"}, {"do": "mark", "text": ""}, {"do": "stop"}]
     page.choose("session", "5678")
     page.wait(lambda: server.followed[-1] == "5678", "the other session")
-
-
-@pytest.mark.parametrize(
-    ("other", "reason", "disabled"),
-    [
-        ({"readonly": True, "token": None}, "read-only", ["weber", "predictor", "start", "stop", "record-switch"]),
-        (
-            {"changes": [], "sides": {"master": session.description("master", [])}},
-            "does not permit",
-            ["weber", "predictor"],
-        ),
-    ],
-)
-def test_disabled_controls_say_why(
-    page: Browser, server: ScriptedServer, other: Message, reason: str, disabled: list[str]
-) -> None:
-    visit(page, server, hello(link=None) | other, *ROWS)
-    page.wait(lambda: reason in page.text("answer"), "the reason")
-    assert page.run(DISABLED, disabled) and server.asked == []
 
 
 def test_page_works_without_webgl_and_without_a_session(tmp_path: Any) -> None:

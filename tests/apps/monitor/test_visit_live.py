@@ -8,15 +8,17 @@ import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import aiohttp
 import numpy as np
 import pytest
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from tests.apps.monitor.monitors import Monitor
 from tests.program import ENGAGED, Telemetry, document
 from tests.wait import PATIENCE, soon
+from weberlink.apps.monitor import messages
 from weberlink.apps.monitor.listener import PROOF_HEADER
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
@@ -27,6 +29,9 @@ SURFACE_M = -0.015
 RAMP_TICKS = 51
 """Ticks in which a released force fades: 50 ms, and the tick of the release."""
 Message = dict[str, Any]
+DECLARED: TypeAdapter[Any] = TypeAdapter(
+    Annotated[messages.Message, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid")
+)
 Target = tuple[float, float, float]
 
 
@@ -40,6 +45,7 @@ class Page:
     async def listen(self) -> None:
         async for message in self._socket:
             told = document(message.data)
+            DECLARED.validate_python(told)
             self.newest[told["type"]] = told
 
     @property
@@ -84,6 +90,7 @@ async def opened(client: aiohttp.ClientSession, monitor: Monitor) -> AsyncIterat
         listening = asyncio.create_task(page.listen())
         await soon(lambda: page.hello.get("present") == ["master", "slave"] and page.handle != "None", "the greeting")
         yield page
+        assert not listening.done() or listening.exception() is None, "every message is of a declared type"
         listening.cancel()
 
 

@@ -1,12 +1,11 @@
 """Rows of a study: beside a plain run of the codec, an independent implementation, and in any order of tasks."""
 
-import pickle
 from math import hypot, log, sqrt
 
 import numpy as np
 import pytest
 
-from tests.studies.evaluate.signals import trace, walk, wall
+from tests.studies.evaluate.signals import walk, wall
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace
@@ -14,27 +13,16 @@ from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.studies.evaluate.replay import signal_of
 from weberlink.studies.evaluate.study import (
-    EvaluationStudy,
     evaluate,
-    rows_of,
-    seconds,
 )
-from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.frame import Row
 from weberlink.system.scoring.perception import Threshold
 
 PREDICTORS = ("zoh", "plane", "hybrid")
-TRACES = [NamedTrace("wall", wall(150)), NamedTrace("walk", walk(200, seed=1))]
-STUDY = EvaluationStudy(("plane", "zoh", "hybrid"), (0.20, 0.05))
 
 
 def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> Row:
     return evaluate("made", signal_of(signal), channel, Threshold(jnd), predictor="zoh", weber=0.10)
-
-
-def timeless(rows: list[Row]) -> list[Row]:
-    """Without the measured run time."""
-    return [row | {"tick_us": 0.0} for row in rows]
 
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
@@ -99,27 +87,7 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
         assert "selected" not in found
 
 
-def test_saturation_of_the_wire_counts_as_violation() -> None:
-    found = row_of(trace([0.0] * 6 + [50.0] * 3 + [0.0] * 3, [0.0] * 12), force_channel(predictor="zoh", weber=0.10))
-    assert found["error_max_n"] == pytest.approx(50.0 - 32.767)
-    assert found["violation_fraction"] == pytest.approx(3 / 12)
-    assert found["violation_longest_s"] == pytest.approx(3e-3)
-
-
 # --- cases
-
-
-def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
-    cases = STUDY.cases(TRACES)
-    assert all(seconds(case) == pytest.approx(1e-5 * len(case.trace.trace.time_s)) for case in cases)
-    rows = [row for case in cases for row in rows_of(pickle.loads(pickle.dumps(case)))]
-    assert [(row["trace"], row["predictor"], row["weber"]) for row in rows] == [
-        (trace, predictor, weber)
-        for trace in ("wall", "walk")
-        for predictor in ("plane", "zoh", "hybrid")
-        for weber in (0.20, 0.05)
-    ]
-    assert timeless(rows) == timeless([row for each in TRACES for row in STUDY.rows(each)])
 
 
 # --- recordings

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.studies.experiment.studies import Robot, conduct, plan
-from weberlink.studies.experiment.answers import PEOPLE, SIMULATED, gather, rows_of
+from weberlink.studies.experiment.answers import gather, rows_of
 from weberlink.studies.experiment.ledger import LedgerError, path_of
 from weberlink.studies.experiment.plan import SCALE
 
@@ -32,14 +32,6 @@ def test_every_rating_is_a_row_in_order(tmp_path: Path) -> None:
     ]
     assert all(row["rating"] == row["trial"] % 6 for row in rows)
     assert all(row["packets_per_s"] == pytest.approx(1000.0 / (1 + 100 * row["weber"])) for row in rows)
-
-
-def test_people_and_programs_are_never_mixed(tmp_path: Path) -> None:
-    subject(tmp_path, 1)
-    subject(tmp_path, 1, simulated=True)
-    with pytest.raises(LedgerError, match="cannot be analysed together; choose with --only"):
-        gather(tmp_path, None)
-    assert [gather(tmp_path, whose).plan.simulated for whose in (PEOPLE, SIMULATED)] == [False, True]
 
 
 @pytest.mark.parametrize(

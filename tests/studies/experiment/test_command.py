@@ -10,18 +10,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.program import ENGAGED
 from tests.studies.experiment.studies import conduct, plan
-from tests.system.systems import CONFIGS, raw, steps
+from tests.system.systems import CONFIGS
 from weberlink.cli import app
-from weberlink.geometry.vector import ZERO, distance
 from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import path_of, read
-from weberlink.studies.experiment.plan import REFERENCES, order
+from weberlink.studies.experiment.plan import order
 from weberlink.studies.experiment.trial_runner import TrialSignals
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.configuration import load
-from weberlink.system.simulate import build_simulation
 
 FILE = CONFIGS / "loopback.yaml"
 SHORT = 0.5
@@ -80,22 +76,6 @@ def test_paths_and_addresses_are_no_change(tmp_path: Path) -> None:
     mine = TrialSignals(FILE, ())
     assert TrialSignals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
     assert TrialSignals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
-
-
-def test_the_best_reference_disturbs_no_channel() -> None:
-    file, force = "rotation.yaml", "smooth_ms=20"
-    signals = TrialSignals(CONFIGS / file, (f"codec.force.{force}", "codec.position.weber=0.5"))
-    simulation = build_simulation(load(CONFIGS / file, signals.with_condition(REFERENCES[0].condition)))
-    bounds, apart, before = [], [], ZERO
-    for step in list(steps(simulation, 2.0)):
-        if step.master.state == step.slave.state == ENGAGED and not step.slave.ramping:
-            bounds += [step.master.bound, step.slave.bound, step.master.rotation_bound, step.slave.rotation_bound]
-            commanded = (step.slave.position_x, step.slave.position_y, step.slave.position_z)
-            apart.append(min(distance(commanded, raw(step.master)), distance(commanded, before)))
-        before = raw(step.master)
-    assert len(apart) > 1000
-    assert max(bounds) == 0.0
-    assert max(apart) <= 0.5 * 3**0.5 * 1e-5 * 1.001, "half a wire step on each axis"
 
 
 # --- experiment, live

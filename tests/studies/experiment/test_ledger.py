@@ -2,18 +2,14 @@
 
 import os
 import resource
-import subprocess
-import sys
 from pathlib import Path
-from random import Random
-from time import sleep
 
 import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.studies.experiment.studies import Robot, conduct, plan
+from tests.studies.experiment.studies import Robot, conduct
 from weberlink.studies.experiment.ledger import (
     LedgerError,
     SubjectProgress,
@@ -22,38 +18,7 @@ from weberlink.studies.experiment.ledger import (
     read,
 )
 
-ROOT = Path(__file__).parents[3]
 DATA = Path(__file__).parent
-
-# A subject's whole experiment as a process, which tells of each rating once it is in the ledger.
-CHILD = """
-import sys
-from pathlib import Path
-from time import sleep
-from weberlink.studies.experiment.conduct import Conduct
-from weberlink.studies.experiment.ledger import Ledger, TrialRated, opened
-from tests.studies.experiment.studies import Rig, Robot, plan
-
-class Slow(Rig):
-    def feel(self, *arguments):
-        sleep(0.0005)
-        return super().feel(*arguments)
-
-append = Ledger.append
-
-def telling(ledger, entry):
-    progress = append(ledger, entry)
-    if isinstance(entry, TrialRated):
-        print(entry.trial, entry.rating, flush=True)
-    return progress
-
-Ledger.append = telling
-with opened(Path(sys.argv[1])) as ledger:
-    if ledger.progress is None:
-        ledger.append(plan())
-    print("begun", flush=True)
-    Conduct(ledger, Slow(), Robot(), None).run()
-"""
 
 
 @pytest.fixture
@@ -70,37 +35,6 @@ def left_before(path: Path, trial: int) -> list[bytes]:
 def ratings(progress: SubjectProgress | None) -> dict[int, int]:
     assert progress is not None
     return {number: entry.rating for number, entry in progress.rated.items()}
-
-
-def test_kill_9_loses_no_rating(path: Path) -> None:
-    chance = Random(0)
-    told: dict[int, int] = {}
-    ends = []
-    for _ in range(200):
-        child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        assert child.stdout.readline() == "begun\n"
-        output = "".join(child.stdout.readline() for _ in range(chance.randrange(9)))
-        sleep(chance.uniform(0.0, 0.002))
-        child.kill()
-        output += child.communicate()[0]
-        for line in output.splitlines(keepends=True):
-            if line.endswith("\n"):
-                trial, rating = map(int, line.split())
-                assert trial not in told  # none is asked for twice
-                told[trial] = rating
-        found = read(path)
-        assert told.items() <= ratings(found).items()
-        assert found is not None
-        # Without holes, and at most one more than was told of.
-        assert list(found.rated) == list(range(1, len(found.rated) + 1))
-        assert len(found.rated) - len(told) <= 1
-        told = ratings(found)
-        ends.append(len(told))
-        if not found.remaining:
-            break
-    assert ratings(read(path)) == {number: number % 6 for number in range(1, 31)}
-    assert len(set(ends)) > 3, ends  # it was killed in the middle, more than once
 
 
 @examples(15, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -148,18 +82,6 @@ def test_damage_is_one_line_with_file_and_line(number: int, line: bytes | None, 
         assert part in str(caught.value)
         assert "\n" not in str(caught.value)
     assert path.read_bytes() == b"".join(lines)  # left as it is
-
-
-def test_a_second_process_is_refused(path: Path) -> None:
-    with opened(path) as ledger:
-        ledger.append(plan())
-        other = subprocess.run(
-            [sys.executable, "-c", CHILD, str(path)], cwd=ROOT, capture_output=True, text=True, check=False
-        )
-        assert "another process runs an experiment with this subject" in other.stderr
-        assert read(path) == SubjectProgress(plan())  # who only reads is let in
-    with opened(path) as again:
-        assert again.progress == SubjectProgress(plan())
 
 
 def test_a_full_disk_does_not_change_the_ledger(path: Path) -> None:

@@ -66,23 +66,3 @@ def test_a_source_counts_once_by_the_geometric_mean_of_its_signals() -> None:
 )  # fmt: skip
 def test_the_verdict_on_a_claim_of_42_percent(fewer: float, unreached: int, expected: str) -> None:
     assert verdict(0.42, fewer, unreached) == expected
-
-
-def test_at_equal_quality_the_rate_is_interpolated() -> None:
-    """The hold has 0.5 JND at k = 0.1; a plane of half its error needs the packets of k = 0.2."""
-    rows = DataFrame(signal("a"))
-    halved, worse, better = (
-        rows.assign(
-            signal=name,
-            error_rms_jnd=rows.error_rms_jnd.where(rows.predictor != "plane", rows.error_rms_jnd * factor),
-        )
-        for name, factor in (("halved", 0.5), ("worse", 3.0), ("better", 0.3))
-    )
-    for changed, fewer, unreached, at_least in (
-        (halved, 1.0 - (20.0 * 0.2 / 0.3) / 40.0, 0, False),
-        (worse, nan, 1, False),
-        (better, 1.0 - (20.0 * 0.2 / 0.3) / 40.0, 0, True),
-    ):
-        (found,) = claim(changed.to_dict("records"), "plane", "zoh", "quality").itertuples()
-        assert found.fewer == pytest.approx(fewer, nan_ok=True)
-        assert (found.unreached, found.at_least) == (unreached, at_least)

@@ -1,7 +1,5 @@
 """The known solutions: two solvers that agree on every problem, and closed forms that neither of them has seen."""
 
-from math import cos, exp, sin, sqrt
-
 import pytest
 
 pytest.importorskip("scipy")
@@ -25,14 +23,6 @@ SLOW = ("wall_1e7", "hollow_1e6", "rough_1e6")
 """Problems whose reference takes seconds."""
 EVENTS = {"wall_1e7": 4, "stick_slip": 6}
 """Events of a problem at least."""
-
-
-def oscillation(body: ControlledMass, goal: float, start: float, velocity: float, at: float) -> float:
-    """m a = k (goal - x) - c v, underdamped."""
-    decay = body.damping / (2.0 * body.mass)
-    omega = sqrt(body.stiffness / body.mass - decay * decay)
-    away = start - goal
-    return goal + exp(-decay * at) * (away * cos(omega * at) + (velocity + decay * away) / omega * sin(omega * at))
 
 
 @pytest.fixture(params=list(SOLVERS))
@@ -61,18 +51,6 @@ def test_both_solvers_agree_on_every_problem(problem: Problem) -> None:
         assert solved.trajectory.events == len(problem.surfaces)  # touched at the start, and never left
     assert solved.trajectory.events >= EVENTS.get(problem.name, 0)
     assert solved.trajectory.events == 0 or problem.name != "grazing"
-
-
-def test_linear_contact_matches_the_closed_form(solver: str) -> None:
-    body, wall, damping, goal = ControlledMass(0.2, 3000.0, 6.0), 20_000.0, 5.0, -0.01
-    surfaces, goals = (ProblemSurface(FLOOR, wall, damping),), ((0.0, (0.0, 0.0, goal)),)
-    problem = Problem("wall", "", body, surfaces, goals, (0.0,) * 3, (0.0, 0.0, -0.3), 0.05)
-    joined = ControlledMass(0.2, body.stiffness + wall, body.damping + damping)
-    rest = body.stiffness * goal / joined.stiffness
-    found = solution(problem, solver)
-    for tick, position in enumerate(found.positions, start=1):
-        assert position[2] == pytest.approx(oscillation(joined, rest, 0.0, -0.3, tick * TICK), abs=1e-13)
-    assert found.events == 1
 
 
 def test_a_sliding_body_rests_at_dynamic_friction(solver: str) -> None:

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink.studies.stability.cells import (
-    DEPTH,
     EXTREMES,
     FAMILIES,
     SCHEMES,
     SystemCell,
     cells,
 )
-from weberlink.studies.stability.script import HEIGHT, timing
 from weberlink.studies.stability.study import judge
 
 
@@ -53,29 +50,6 @@ def test_a_cell_that_cannot_run_is_a_verdict(cell: SystemCell, state: str, said:
     found = judge(cell)
     assert (found["state"], found["bounded"]) == (state, False)
     assert said in found["failure"]
-
-
-SCRIPTED = [
-    SystemCell("a"),
-    SystemCell("a", contact="box"),
-    SystemCell("a", friction=0.5, wall_damping_n_s_m=1.0),
-    SystemCell("a", round_trip_s=0.1, jitter_s=0.02, loss=0.3),
-    SystemCell("a", mass_kg=10.0),
-]
-
-
-@pytest.mark.parametrize("cell", SCRIPTED)
-def test_the_script_follows_the_timing(cell: SystemCell) -> None:
-    when = timing(cell)
-    options = OperatorOptions.model_validate({"script": when.steps, "home_m": (0.0, 0.0, HEIGHT), "repeat": False})
-    motion = motion_of(options.script, options.home_m, repeat=False)
-    assert motion.duration == pytest.approx(when.end)
-    assert motion.at(when.press)[0][2] == pytest.approx(HEIGHT)
-    assert motion.at(when.press + 0.2)[0][2] < HEIGHT
-    assert all(motion.at(share * when.press)[0][2] == pytest.approx(HEIGHT) for share in (0.25, 0.5, 0.75))
-    for time in (when.hold, 0.5 * (when.hold + when.release), when.release):
-        assert motion.at(time)[0][2] == pytest.approx(-DEPTH)
-    assert motion.at(when.release + 0.2)[0][2] > -DEPTH
 
 
 @pytest.mark.parametrize("full", [False, True])
