@@ -1,25 +1,16 @@
 """The report of known findings, its targets and its figure."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
-from benchmarks.codec_speed import CodecSpeed
+from benchmarks.arrangement import RATES_HZ
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
 from benchmarks.live_side import LiveSide, Resources
 from benchmarks.report import targets
-from benchmarks.start_up import StartUp
-from benchmarks.study import Findings, assemble
-from benchmarks.update_cost import UpdateCost
 from tests.records import ticks
-from weberlink.studies.result import StudyResult
 
 
 def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSide:
@@ -54,33 +45,6 @@ def trips(there: float, back: float) -> Trips:
 def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool = True) -> Latency:
     coded, plain, sealed = trips(position_us, force_us), trips(50.0, 50.0), trips(100.0, 100.0)
     return Latency(coded, plain, sealed, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
-
-
-def bench(found: Mapping[float, Lateness] | None = None, ways: Latency | None = None) -> StudyResult:
-    cost = {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)}
-    findings = Findings(
-        rates=found or rates(),
-        latency=ways or latency(),
-        update_cost=UpdateCost({"send": cost, "receive": cost}),
-        codec=CodecSpeed(2e5, np.full(10, 5.0)),
-        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
-        rights=Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3)),
-        host={"findings": {"preemption": "kernel 6.1.0"}, "load_average": [0.01, 0.02, 0.03]},
-        run_time_s=120.0,
-        steal_share=0.015,
-    )
-    return assemble(Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: []), findings)
-
-
-def test_the_document_is_json_and_keeps_its_units() -> None:
-    document: dict[str, Any] = json.loads(json.dumps(bench().document, allow_nan=False))
-    assert document["kind"] == "weberlink bench"
-    assert [rate["rate_hz"] for rate in document["lateness"]] == [1000.0, 2000.0, 4000.0]
-    daemon = document["lateness"][0]["daemons"]["slave"]
-    assert daemon["lateness_us"] == {"p50": 30.0, "p90": 30.0, "p99": 30.0, "p99_9": 30.0, "max": 30.0}
-    assert daemon["ratio"]["p99_9"] == pytest.approx(1.5)
-    assert document["start_up"]["loopback"]["ratio_to_interpreter"] == pytest.approx(40.0)
-    assert {"machine", "commit"} <= document["environment"].keys()
 
 
 def judged(found: dict[float, Lateness], ways: Latency) -> dict[str, tuple[float | None, bool | None]]:

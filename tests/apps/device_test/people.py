@@ -22,10 +22,10 @@ class Clock:
 class Keyboard(io.StringIO):
     """Types lines; then the input ends.
 
-    A line may be a function that returns it, or a pair of an action before the line is typed, and the line.
+    A line may be a pair of an action before it is typed, and the line.
     """
 
-    def __init__(self, screen: io.StringIO, *lines: str | tuple[Callable[[], None], str] | Callable[[], str]) -> None:
+    def __init__(self, screen: io.StringIO, *lines: str | tuple[Callable[[], None], str]) -> None:
         super().__init__()
         self._screen = screen
         self.left = list(lines)
@@ -37,8 +37,6 @@ class Keyboard(io.StringIO):
         if isinstance(line, tuple):
             line[0]()
             line = line[1]
-        elif callable(line):
-            line = line()
         self._screen.write(f"{line}\n")  # as a terminal echoes it
         return f"{line}\n"
 
