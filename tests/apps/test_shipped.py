@@ -57,17 +57,6 @@ def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
             assert copied.read_bytes() == original.read_bytes()
 
 
-@pytest.mark.parametrize("name", sorted({path.parent.name for path in SHIPPED if path.parent != CONFIGS}))
-def test_folder_is_copied_whole(name: str, tmp_path: Path) -> None:
-    copy(f"{name}/", tmp_path)
-    copied = {path.relative_to(tmp_path): path for path in tmp_path.rglob("*") if path.is_file()}
-    originals = {path.relative_to(CONFIGS): path for path in SHIPPED if path.parent.name == name}
-    assert copied.keys() == originals.keys()
-    for place, path in copied.items():
-        assert path.read_bytes() == originals[place].read_bytes()
-        assert path.stat().st_mode & 0o111 == originals[place].stat().st_mode & 0o111
-
-
 def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> None:
     assert copy("replay", tmp_path) != []
     assert copy("replay", tmp_path) == [], "what is there already stays"

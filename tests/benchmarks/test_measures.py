@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.arrangement import BenchError
-from benchmarks.codec_speed import measure
 from benchmarks.figures import exceedance
 from benchmarks.latency import join
 from benchmarks.lateness import LatenessLimit
-from benchmarks.live_side import LiveSide, Resources, memory
+from benchmarks.live_side import LiveSide
 from benchmarks.pairs import A, B, compare
 from benchmarks.percentiles import NAMES, PERCENTILES, percentile, ratio, ratios, summary
 from benchmarks.programs import parse_histogram, parse_trips
@@ -104,16 +103,6 @@ def test_a_stall_counts_from_the_oldest_deadline(
     assert LiveSide(records, rate_hz, []).lateness_us.tolist() == counted
 
 
-def test_resources_are_those_between_first_and_last_look() -> None:
-    used = [(100.0, Resources(3.0, 1000, 9)), (120.0, Resources(9.0, 1500, 11)), (140.0, Resources(15.0, 1040, 10))]
-    side = LiveSide(ticks(1), 1000.0, used)
-    assert side.cpu_s / side.elapsed_s == pytest.approx(0.3)
-    assert memory({"slave": side})["slave"] == {
-        "first_kib": 1000, "last_kib": 1040, "max_kib": 1500, "growth_kib_per_minute": pytest.approx(60.0),
-        "descriptors_first": 9, "descriptors_last": 10,
-    }  # fmt: skip
-
-
 def test_trips_join_both_ends_without_warm_up() -> None:
     asked = {str(number): [number * 1000_000, number * 1000_000 + 90_000] for number in (8, 9, 10, 11)}
     answered = {str(number): [number * 1000_000 + 40_000, number * 1000_000 + 50_000] for number in (7, 8, 10, 11)}
@@ -133,8 +122,3 @@ def test_ratios_are_of_the_same_pair() -> None:
     assert (work["a"], work["b"]) == (100.0, 80.0)
     assert [work[name] for name in ("ratio", "least", "most")] == pytest.approx([0.6, 0.5, 0.8])
     assert [missed[name] for name in ("a", "b", "ratio", "least", "most")] == pytest.approx([0.0, 0.1, 0.5, 0.5, 0.5])
-
-
-def test_the_codec_codes_the_whole_recording() -> None:
-    document = measure(quick=True).as_json()
-    assert (document["live_samples_per_s"] > 0.0, document["samples"] > 1000) == (True, True)

@@ -154,14 +154,6 @@ def test_rows_do_not_depend_on_the_number_of_processes(name: str, small: Callabl
     assert json.dumps(one) == json.dumps(two)
 
 
-def test_a_method_that_diverges_is_never_on_the_front(small: Callable[..., FrameResult]) -> None:
-    document = small("precision").document
-    lost = [row for row in document["rows"] if row["integrator"] == "exploding"]
-    assert all(row["diverged"] and not row["on_front"] and row["position_error"] is None for row in lost)
-    assert any(row["on_front"] for row in document["rows"])
-    assert not document["recommended"][0]["on_front"]
-
-
 # Figures.
 
 

@@ -121,8 +121,3 @@ def test_pace_covers_the_last_second_of_a_session() -> None:
             pace.add(piece)
         assert pace.packets_per_s == pytest.approx(rate, rel=0.11 if rate < 20 else 0.02)
         assert pace.reduction == pytest.approx(reduction, abs=0.005 if reduction < 0.95 else 0.002)
-    alone, unconnected = Pace(), records(100)
-    unconnected["state"] = 2
-    alone.add(unconnected)
-    alone.add(records(0))
-    assert (alone.packets_per_s, alone.reduction) == (0.0, None)

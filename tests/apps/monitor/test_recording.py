@@ -111,13 +111,3 @@ def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     assert recording.facts["begun"] == "during the session"
     assert recording.records["slave"]["tick"][0] >= 50
     assert (done["path"], done["bytes"], done["why"]) == (str(path), path.stat().st_size, None)
-
-
-def test_end_of_the_session_ends_the_recording(rig: Rig) -> None:
-    rig.tick()
-    rig.look()
-    path = Path(rig.ask(do="start")["path"])
-    until(lambda: (rig.tick(5), path.exists())[1], "the file")
-    rig.ring.close()
-    found = until(lambda: (state := rig.state()) and state["state"] != "on" and state, "its end")
-    assert (found["state"], read_recording(path).complete, rig.ask(do="start")["accepted"]) == ("done", True, False)

@@ -17,7 +17,7 @@ from aiohttp import web
 from tests.wait import PATIENCE, soon
 from tests.watching.sources import HandSource
 from weberlink.apps.monitor import access
-from weberlink.apps.monitor.listener import PROOF_HEADER, Listener
+from weberlink.apps.monitor.listener import MOST_SILENT, PROOF_HEADER, Listener
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.requests import LONGEST_MESSAGE
 from weberlink.apps.monitor.viewer import Viewer
@@ -284,3 +284,12 @@ async def test_number_of_pages_is_limited(
     await soon(lambda: not watch.viewers, "the pages to leave")
     async with client.ws_connect(full):
         pass
+
+
+@visit
+async def test_connections_that_stay_silent_are_limited(client: Client, where: str, _: SessionWatcher) -> None:
+    silent = [await asyncio.open_connection(*where.split(":")) for _ in range(MOST_SILENT + 3)]
+    assert [await reader.read() for reader, _ in silent[:3]] == [b""] * 3, "closed"
+    assert await status(client, f"http://{where}/") == 200
+    for _, writer in silent:
+        writer.close()

@@ -1,23 +1,11 @@
 """The evaluate command: arguments, processes, interruption, table and figures."""
 
-import json
-import os
-import signal
-import subprocess
-import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tests.system.systems import CONFIGS
-from tests.wait import until
 from weberlink.studies.evaluate.command import run
 from weberlink.studies.evaluate.traces import names
-
-OPERATOR = CONFIGS / "traces" / "operator.npz"
-MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
-"""Weber factors for minutes of work."""
 
 
 @pytest.mark.parametrize(
@@ -49,39 +37,3 @@ def test_stated_units_give_the_figures_of_si_units(tmp_path: Path) -> None:
     for a, b in zip(si, other, strict=True):
         assert b["packets_per_s"] == pytest.approx(a["packets_per_s"])
         assert b["error_rms_jnd"] == pytest.approx(a["error_rms_jnd"])
-
-
-def interrupted(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
-    """SIGINT in the middle of the work, which reaches every process of the group, as Ctrl-C does."""
-    first = folder / "first"
-    touching = f"""
-from pathlib import Path
-import weberlink.studies.evaluate.command as command
-run = command.run
-def noted(*arguments, progress, **options):
-    return run(*arguments, progress=lambda *state: Path({str(first)!r}).touch(), **options)
-command.run = noted
-from weberlink.cli import main; main()
-"""
-    program = subprocess.Popen(
-        [sys.executable, "-c", touching, "study", "evaluate", *map(str, arguments)], cwd=CONFIGS.parent, text=True,
-        start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    try:
-        until(lambda: first.exists() or program.poll() is not None, "the first task")
-        os.killpg(program.pid, signal.SIGINT)
-        out, err = program.communicate(timeout=60)
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(program.pid, signal.SIGKILL)
-    return subprocess.CompletedProcess(program.args, program.returncode, out, err)
-
-
-def test_ctrl_c_keeps_finished_rows(tmp_path: Path) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", 2, "--json", "-", folder=tmp_path)
-    document, many = json.loads(ended.stdout), 5 * len(MANY.split(","))
-    assert (ended.returncode, document["interrupted"], 0 < len(document["rows"]) < many) == (130, True, True)
-    # Nothing of the processes and of what they share is left, of which the standard library would complain.
-    *notes, last = ended.stderr.splitlines()
-    assert last == f"weberlink: interrupted: {len(document['rows'])} of {many} cases are done, and in the JSON above"
-    assert all(", after " in line for line in notes)

@@ -4,8 +4,6 @@ from math import inf
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("scipy")
 pytest.importorskip("pandas")
@@ -15,11 +13,9 @@ from weberlink.slave.integrators import INTEGRATORS
 from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, MassState
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.frame import FrameResult, data_frame
-from weberlink.studies.precision.problems import PROBLEMS, HalfSpace, Problem, ProblemSurface
+from weberlink.studies.precision.problems import HalfSpace, Problem, ProblemSurface
 from weberlink.studies.precision.study import Effort, fitted_order, recommendation, run
-from weberlink.studies.result import pareto
 
-BY_NAME = {problem.name: problem for problem in PROBLEMS}
 WALL = Problem(
     "wall",
     "2e4 N/m",
@@ -98,15 +94,3 @@ def test_a_power_law_gives_its_power(order: float, constant: float) -> None:
     steps = [2.0**-n for n in range(12)]
     assert fitted_order(steps, [constant * step**order for step in steps], 1e-15) == pytest.approx(order, abs=1e-6)
     assert fitted_order(steps, [inf, inf, *[1e-14] * 10], 1e-12) is None
-
-
-values = st.one_of(st.sampled_from([1.0, 2.0, 3.0]), st.floats(1e-6, 1e6))
-points = st.lists(st.tuples(values, st.one_of(values, st.just(inf))), max_size=12, unique=True)
-
-
-@given(points)
-def test_the_front_is_what_nothing_dominates(cloud: list[tuple[float, float]]) -> None:
-    frame = data_frame([{"time": time, "error": error} for time, error in cloud] or [{"time": 1.0, "error": inf}])
-    dominated = [any(a <= time and b <= error and (a, b) != (time, error) for a, b in cloud) for time, error in cloud]
-    expected = [error < inf and not lost for (_, error), lost in zip(cloud, dominated, strict=True)]
-    assert pareto(frame.time, frame.error).tolist() == (expected or [False])

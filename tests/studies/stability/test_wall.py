@@ -1,23 +1,18 @@
 """Limits of the sampled wall: closed forms, eigenvalues, frequency response, and the real hand and plane."""
 
-from collections import deque
 from math import exp
 
-import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from weberlink.master.devices.hand import modelled_hand
 from weberlink.studies.stability.measured_wall import (
     measured_limit,
-    plane,
 )
 from weberlink.studies.stability.wall import (
     Grip,
     SampledWall,
     gain_limit,
-    loop_matrix,
     stability_limit,
 )
 
@@ -47,24 +42,6 @@ def test_eigenvalues_and_frequency_response_agree(
 ) -> None:
     wall = SampledWall(mass, damping, hand, period, delay)
     assert gain_limit(wall) == pytest.approx(stability_limit(wall), rel=1e-4)
-
-
-@pytest.mark.parametrize(("delay", "wall_damping"), [(0, 2.0), (3, 0.0)])
-def test_the_matrix_moves_as_hand_and_plane(delay: int, wall_damping: float) -> None:
-    wall, stiffness, depth = SampledWall(0.3, 8.0, 300.0, 1e-3, delay, wall_damping), 800.0, 1e-3
-    scene, hand = plane(stiffness, wall_damping), modelled_hand(wall.hand, (0.0, 0.0, -depth))
-    scene.force(hand.position, wall.tick_period)
-    hand.position = (0.0, 0.0, -1.1 * depth)
-    on_the_way = deque([stiffness * depth] * delay)
-    state = np.zeros(3 + delay)
-    state[0] = -0.1 * depth
-    matrix = loop_matrix(wall, stiffness)
-    for _ in range(200):
-        on_the_way.append(scene.force(hand.position, wall.tick_period)[2])
-        hand.advance((0.0, 0.0, -depth), (0.0, 0.0, on_the_way.popleft() - stiffness * depth), wall.tick_period)
-        state = matrix @ state
-        assert hand.position[2] + depth == pytest.approx(state[0], abs=1e-15)
-        assert hand.velocity[2] == pytest.approx(state[1], abs=1e-12)
 
 
 WALLS = [
