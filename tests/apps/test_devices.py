@@ -1,9 +1,7 @@
 """`weberlink device list`: drivers, plugged devices, suggested fixes, and the udev rules."""
 
-import os
 import re
 import stat
-from collections.abc import Callable
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ import pytest
 from tests.program import document, weberlink
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
-from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
+from weberlink.apps.devices import DeviceAccess, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.installation import install_line
@@ -36,11 +34,6 @@ def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:
 
 def surveyed(access: DeviceAccess = OPEN, **drivers: Any) -> Survey:
     return survey(access, {"master": [Registry("device", drivers)]})
-
-
-def status(access: DeviceAccess = OPEN, **drivers: Any) -> DriverStatus:
-    (only,) = surveyed(access, **drivers).drivers
-    return only
 
 
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
@@ -76,24 +69,7 @@ def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None
     assert [advice in line for line in states["paddle"].advice] == [True] * (advice is not None)
 
 
-# --- drivers of other packages
-
-
 # --- permissions
-
-
-@pytest.fixture
-def node(tmp_path: Path) -> Path:
-    path = tmp_path / "ttyACM0"
-    path.touch(0o600)
-    return path
-
-
-def refused(folder: Path, text: str | None = RULES, groups: frozenset[int] = frozenset()) -> DeviceAccess:
-    """A host on which this user may open nothing, with these rules installed."""
-    if text is not None:
-        (folder / UDEV_RULES).write_text(text, encoding="utf-8")
-    return DeviceAccess(accessible=lambda path: False, rules=(folder,), groups=groups)
 
 
 @pytest.mark.parametrize(
@@ -105,10 +81,13 @@ def refused(folder: Path, text: str | None = RULES, groups: frozenset[int] = fro
     ],
     ids=["no rules", "rules of another version", "rules"],
 )
-def test_no_permission_comes_with_its_fix(
-    text: str | None, state: str, advice: str, node: Path, tmp_path: Path
-) -> None:
-    found = surveyed(refused(tmp_path, text), paddle=driver(str(node)), other=driver(str(node)))
+def test_no_permission_comes_with_its_fix(text: str | None, state: str, advice: str, tmp_path: Path) -> None:
+    node = tmp_path / "ttyACM0"
+    node.touch(0o600)
+    if text is not None:
+        (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
+    access = DeviceAccess(accessible=lambda path: False, rules=(tmp_path,))
+    found = surveyed(access, paddle=driver(str(node)), other=driver(str(node)))
     assert [each.state for each in found.drivers] == [state] * 2
     (line,) = found.advice
     assert advice in line
@@ -158,27 +137,7 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         assert all(f"--subsystem-match={name}" in trigger for name in ("hidraw", "tty", "usb"))
 
 
-def unwritable(folder: Path) -> Path:
-    (folder / "file").touch()
-    return folder / "file" / "rules.d"
-
-
-def of_root(folder: Path) -> Path:
-    (folder / "rules.d").mkdir(mode=0o555)
-    return folder / "rules.d"
-
-
-@pytest.mark.parametrize(("make", "part"), [(unwritable, "Not a directory"), (of_root, "sudo ")])
-def test_folder_that_cannot_be_written_is_one_line(make: Callable[[Path], Path], part: str, tmp_path: Path) -> None:
-    """As another user, where the test has the right to become one."""
-    folder, user = make(tmp_path), os.geteuid()
-    if user == 0 and make is of_root:
-        os.seteuid(65534)
-    try:
-        with pytest.raises(RulesError) as caught:
-            rules.install(folder, "true")
-    finally:
-        os.seteuid(user)
-    assert part in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert list(tmp_path.rglob(UDEV_RULES)) == []
+def test_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RulesError, match=r"^[^\n]*Not a directory[^\n]*$"):
+        rules.install(tmp_path / "file" / "rules.d", "true")

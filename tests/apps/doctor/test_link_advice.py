@@ -15,7 +15,9 @@ from weberlink.system.configuration import MASTER, load
 LOOPBACK, DELAY, ROTATION, ARMS = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation", "arms"))
 
 
-def link(rtt: float, jitter: float = 0.0, *, loss: float = 0.0, loop_age: float = 0.0) -> LinkFigures:
+def link(
+    rtt: float, jitter: float = 0.0, *, loss: float = 0.0, loop_age: float = 0.0, silences: int = 0
+) -> LinkFigures:
     """Figures of a link [s]."""
     way = Way(0.5 * rtt, jitter, loss, float(loss > 0.0), int(loss > 0.0))
     return LinkFigures(
@@ -27,7 +29,7 @@ def link(rtt: float, jitter: float = 0.0, *, loss: float = 0.0, loop_age: float 
         to_master=way,
         jitter_s=(jitter, jitter),
         loop_age_s=max(loop_age, rtt + 0.005),
-        silences=0,
+        silences=silences,
     )
 
 
@@ -68,9 +70,11 @@ def test_advice_is_by_the_limits(
     assert grade in (None, finding.grade)
 
 
-@pytest.mark.parametrize(("seen", "grade"), [(0.0, Grade.ADVICE), (0.35, Grade.PROBLEM)])
-def test_silence_limit_covers_each_need(seen: float, grade: Grade) -> None:
-    figures = link(0.1, 0.005, loss=0.5, loop_age=seen)
+@pytest.mark.parametrize(
+    ("seen", "silences", "grade"), [(0.0, 0, Grade.ADVICE), (0.35, 0, Grade.PROBLEM), (0.0, 1, Grade.PROBLEM)]
+)
+def test_silence_limit_covers_each_need(seen: float, silences: int, grade: Grade) -> None:
+    figures = link(0.1, 0.005, loss=0.5, loop_age=seen, silences=silences)
     needs = silence_needs(figures, 0.001)
     assert needs[0] > silence_needs(link(0.1, 0.005, loss=0.01), 0.001)[0]
     (finding,) = (each for each in found(figures) if each.check == "silence limit")
