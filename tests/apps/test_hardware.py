@@ -1,17 +1,13 @@
 """Live sessions of real drivers with emulated hardware: only processes have ports, kernels and signals between them."""
 
-import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.apps.emulated import Emulated, norm
-from tests.program import Program, document, faults_of
+from tests.program import Program, document
 from tests.system.systems import CONFIGS
 from tests.wait import until
-from weberlink.master.devices.inverse3.device import Inverse3Device
-from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 
 pytestmark = pytest.mark.realtime
@@ -28,18 +24,6 @@ PATIENT = (
 CHECKED = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
 POINT = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
 STILL = [0.0, 0.0, 0.0]
-INVERSE3 = f"""
-axes: xyz
-link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session, silence_ms: 500}}
-master:
-  device: {{driver: inverse3, reply_ms: 100, grip: wireless_verse_grip,
-    signs_checked: {Inverse3Device.fingerprint(Inverse3Options())}}}
-  limits: {{device_ms: 1000}}
-slave:
-  robot: {{driver: point, workspace_m: 0.3}}
-  scene: [{{shape: plane, point_m: [0, 0, 0], stiffness_n_m: 200}}]
-  limits: {{robot_ms: 500}}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -83,16 +67,3 @@ def test_phantom_feels_what_the_arm_touches_until_the_arm_fails(hardware: tuple[
     assert summary["force"]["packets"] > 0 < summary["position"]["packets"]
     until(lambda: phantom.status()["force"] == STILL, "no force")
     assert phantom.status()["largest_current_ma"] <= 2000.0
-
-
-def test_wall_is_felt_through_a_service_until_the_session_ends(tmp_path: Path) -> None:
-    file = tmp_path / "inverse3.yaml"
-    file.write_text(INVERSE3, encoding="utf-8")
-    with Emulated("inverse3", tmp_path, PRESS) as service:
-        with Program("loopback", file, "--set", f"master.device.port={service.port}", "--json", "-") as program:
-            program.engaged("master")
-            until(lambda: service.status()["force"][2] > 1.0, "a push up out of the floor")
-            program.send(signal.SIGINT)
-            status, output, errors = program.finish()
-        assert (status, faults_of(document(output))) == (0, {"master": {}, "slave": {}}), errors
-        assert service.status()["force"] == STILL

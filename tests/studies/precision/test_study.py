@@ -8,10 +8,8 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("pandas")
 
-from weberlink.geometry.vector import Vector
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, MassState
-from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.frame import FrameResult, data_frame
 from weberlink.studies.precision.problems import HalfSpace, Problem, ProblemSurface
 from weberlink.studies.precision.study import Effort, fitted_order, recommendation, run
@@ -27,20 +25,6 @@ WALL = Problem(
     duration=0.016,
     smooth=frozenset({"position", "force"}),
 )
-
-
-class Exploding:
-    """A method that doubles its distance at every step until nothing finite is left."""
-
-    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
-        pass
-
-    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
-        x, y, z = motion.position
-        return MassState((x * 1e200 + 1.0, y, z), motion.velocity, motion.force)
-
-
-EXPLODING = IntegrationScheme(f"{__name__}:Exploding", order=1, l_stable=False)
 
 
 @pytest.fixture(scope="module")
