@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from benchmarks.arrangement import BenchError
 from benchmarks.figures import exceedance
 from benchmarks.latency import join
-from benchmarks.lateness import LatenessLimit
 from benchmarks.live_side import LiveSide
 from benchmarks.pairs import A, B, compare
 from benchmarks.percentiles import NAMES, PERCENTILES, percentile, ratio, ratios, summary
@@ -75,18 +74,6 @@ def test_output_without_a_measurement_is_an_error(text: str) -> None:
     for read in (parse_histogram, parse_trips):
         with pytest.raises(BenchError):
             read(text)
-
-
-@pytest.mark.parametrize(
-    ("rate_hz", "lateness_us", "share"),
-    [
-        (1000.0, [10.0, 1000.0], 1 / 3),
-        (1000.0, [0.0] * 998 + [7440.0, 2001.0], 9 / 1009),
-        (4000.0, [10.0, 740.0], 2 / 4),
-    ],
-)
-def test_late_wake_ups_count_missed_periods(rate_hz: float, lateness_us: list[float], share: float) -> None:
-    assert LatenessLimit("", np.array(lateness_us)).missed_share(rate_hz) == pytest.approx(share)
 
 
 @pytest.mark.parametrize(

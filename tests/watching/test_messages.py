@@ -17,7 +17,6 @@ from weberlink.telemetry.fault import Fault
 from weberlink.watching.hello import hello
 from weberlink.watching.rows import (
     COLUMNS,
-    LONGEST_WAIT,
     ROTATION,
     FeltErrorPairs,
     Pace,
@@ -100,15 +99,6 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
     assert max(errors) == pytest.approx(force["error_max"], abs=1e-5)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(force["error_rms"], abs=1e-5)
     assert np.mean(np.array(errors) > 1.5) == pytest.approx(force["violation_fraction"], abs=2 / len(errors))
-
-
-def test_zero_bound_has_no_error_in_deadbands_and_rows_of_one_side_do_not_wait_for_ever() -> None:
-    assert felt_message(*FeltErrorPairs(RATE).add(records(10), records(10)), 10.0)["deadbands"] == [None] * 9
-    felt = FeltErrorPairs(RATE)
-    for first in range(0, 20_000, 1000):
-        assert not len(felt.add(records(0), records(1000, first=first))[0])
-    _, pairs = felt.add(records(1000, first=17_000), records(0))
-    assert (pairs["tick"][0], pairs["tick"][-1]) == (20_000 - LONGEST_WAIT, 17_998)
 
 
 def test_pace_covers_the_last_second_of_a_session() -> None:

@@ -10,11 +10,10 @@ from typing import Any
 
 import pytest
 
-from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, TRIAL, look, machine
+from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, look, machine
 from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
 from weberlink.apps.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.network import CHARGED_BYTES
-from weberlink.apps.doctor.rights import awake_is_better
 from weberlink.apps.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
@@ -66,13 +65,9 @@ def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) ->
     return {"rights_trial": lambda **_: trial, **answers}
 
 
-def stretches(p99_us: Figures = (60.0,) * 4, steal: Figures = (0.001,) * 4, missed: float = 0.0) -> list[Stretch]:
-    return [{"p99_us": late, "missed": missed, "steal": taken} for late, taken in zip(p99_us, steal, strict=True)]
-
-
-def on_host(asleep: list[Stretch], awake: list[Stretch], not_awake: str | None = None) -> dict[str, Any]:
-    trial = HostTrial(asleep, awake, not_awake)
-    return {"host_trial": lambda **_: trial}
+def on_host(asleep: Stretch, awake: Stretch) -> dict[str, Any]:
+    """A trial whose stretches are all alike."""
+    return {"host_trial": lambda **_: HostTrial([STRETCH | asleep] * 4, [STRETCH | awake] * 4)}
 
 
 def driver(side: str, name: str, state: str, *advice: str) -> dict[str, Any]:
@@ -90,9 +85,8 @@ def has(*names: str) -> dict[str, Any]:
     return {"which": lambda name: f"/bin/{name}" if name in names else None}
 
 
-TAKEN = stretches(steal=[0.2] * 4)
-WORSE_AWAKE = on_host(stretches(steal=[0.0] * 4), stretches(steal=[0.009, 0.03, 0.03, 0.03]))
-MISSED_AWAKE = on_host(stretches(), stretches(missed=0.03))
+WORSE_AWAKE = on_host({"steal": 0.0}, {"steal": 0.03})
+MISSED_AWAKE = on_host({}, {"missed": 0.03})
 
 
 @dataclass(frozen=True)
@@ -204,23 +198,6 @@ def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
         finding = look("key file", here, Needs(file=Path("x.yaml"), key_file=path))["key file"]
         assert (finding.grade, fix in (finding.fix or "")) == (grade, True)
         assert good.read_text().split()[1] not in repr(finding)
-
-
-@pytest.mark.parametrize(
-    ("asleep", "awake", "better"),
-    [
-        (stretches([200.0] * 4), stretches([60.0] * 4), True),
-        (stretches([90.0] * 4), stretches([60.0] * 4), None),  # within the margin
-        (stretches([60.0, 60.0, 60.0, 900.0]), stretches([70.0, 60.0, 60.0, 60.0]), None),  # one bad moment of the host
-        (stretches(steal=[0.0, 0.0, 0.06, 0.0]), stretches(steal=[0.1] * 3 + [0.05]), False),
-        (stretches(steal=[0.0, 0.0, 0.2, 0.0]), stretches(steal=[0.15] * 4), None),  # not in every pair
-        (stretches([200.0] * 4, [0.0] * 4), stretches([60.0] * 4, [0.1] * 4), True),  # lateness decides
-    ],
-)
-def test_only_a_clear_difference_decides(asleep: list[Stretch], awake: list[Stretch], better: bool | None) -> None:
-    assert awake_is_better(HostTrial(asleep, awake), 1000.0) is better
-    if better is not None:
-        assert awake_is_better(HostTrial(awake, asleep), 1000.0) is not better
 
 
 def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from weberlink.anywhere.nat import ANY, Behaviour, Nat
 from weberlink.anywhere.stun import WayOut
 from weberlink.apps.doctor import DoctorReport, Grade
 from weberlink.apps.doctor.link_figures import LinkTrial, Way, figures, lost_answers, lost_questions
-from weberlink.apps.doctor.link_report import judge, judge_way_out, stun_servers, towards
+from weberlink.apps.doctor.link_report import judge, judge_way_out
 from weberlink.apps.doctor.link_trial import PERIOD_S, Measurement, received
 from weberlink.protocol import Role, UpdateReceived
 from weberlink.protocol.aio.hand_over import PathFacts
@@ -162,11 +162,6 @@ def test_loss_belongs_to_the_way_where_it_was(
     assert (lost_questions(sent, came), lost_answers(came)) == (questions, answers)
 
 
-def test_nothing_answered_is_an_error() -> None:
-    with pytest.raises(ValueError, match="answered no question"):
-        figures(MeasuredLink(CLEAR, CLEAR).measurement.result())
-
-
 # --- the report
 
 SERVER, HERE = ("203.0.113.1", 3478), ("198.51.100.7", 20_000)
@@ -225,17 +220,3 @@ def test_way_out_is_judged(way_out: WayOut, overrides: tuple[str, ...], grade: G
     assert first.grade is grade
     assert first.fix is None if fix is None else fix in (first.fix or "")
     assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)
-
-
-@pytest.mark.parametrize(
-    ("file", "peer", "added"),
-    [
-        (ANYWHERE, "robot", "link.peer=robot"),
-        (LOOPBACK, "robot.example:5", "link.slave=robot.example:5"),
-        (LOOPBACK, "::1", "link.slave=[::1]:0"),
-    ],
-)
-def test_peer_is_a_label_or_an_address_and_the_servers_are_those_of_the_file(file: Path, peer: str, added: str) -> None:
-    link = load(file, (), [LEADS]).system.link
-    assert towards(peer, link, ["a=b"]) == ["a=b", added]
-    assert set(stun_servers(link)) == ({"relay.example:3478"} if file == ANYWHERE else set())

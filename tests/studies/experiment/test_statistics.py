@@ -1,7 +1,5 @@
 """Rank tests and packets at equal quality, against results computed by hand."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from pandas import DataFrame
@@ -38,16 +36,10 @@ def test_too_few_subjects_have_no_p() -> None:
 
 
 def test_signed_rank_by_hand() -> None:
-    """Differences 1 to 7, one of them negative: W = 3, and 10 of 128 signs are as extreme, as counted below.
+    """Differences 1 to 7, one of them negative: W = 3, and 10 of 128 signs are as extreme.
 
     Holm: the least of three p is multiplied by 3, the next by 2.
     """
-    extreme = sum(
-        min(down, 28 - down) <= 3
-        for signs in product((0, 1), repeat=7)
-        for down in [sum(rank for rank, sign in zip(range(1, 8), signs, strict=True) if sign)]
-    )
-    assert extreme == 10
     differences = {"mixed": [1.0, 2.0, -3.0, 4.0, 5.0, 6.0, 7.0], "risen": np.arange(1.0, 8.0), "same": np.zeros(7)}
     found = against(DataFrame({"zoh": np.zeros(7), **differences}), "zoh")
     assert [(one["name"], one["median_difference"], one["w"]) for one in found] == [

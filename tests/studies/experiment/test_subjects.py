@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.apps.device_test.people import Keyboard
 from tests.studies.experiment.studies import Rig, conduct, plan
 from weberlink.studies.experiment.ledger import read
 from weberlink.studies.experiment.subjects import Person, level_of
@@ -14,23 +15,10 @@ TRAINING = "\n\n\n\n\n\n"
 """Enter to start and Enter to go on, for each of three references."""
 
 
-class Keyboard(io.StringIO):
-    """Types these lines and no more, and shows them as a terminal does."""
-
-    def __init__(self, typed: str, screen: io.StringIO) -> None:
-        super().__init__(typed)
-        self._screen = screen
-
-    def readline(self, size: int | None = -1, /) -> str:
-        line = super().readline(size)
-        self._screen.write(line)
-        return line
-
-
 def run(path: Path, typed: str, rig: Rig | None = None, subject: int = 1) -> str:
     """What is on the screen of a person who types this and no more."""
     screen = io.StringIO()
-    conduct(path, rig, Person(Keyboard(typed, screen), screen, 10.0), first=plan(subject))  # type: ignore[arg-type]
+    conduct(path, rig, Person(Keyboard(screen, *typed.splitlines()), screen, 10.0), first=plan(subject))  # type: ignore[arg-type]
     return screen.getvalue()
 
 

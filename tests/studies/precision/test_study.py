@@ -1,6 +1,5 @@
 """The work-precision study of the integrators: rows, orders, fronts, divergence, table, figure."""
 
-from math import inf
 from typing import Any
 
 import pytest
@@ -12,7 +11,7 @@ from weberlink.slave.integrators import INTEGRATORS
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.frame import FrameResult, data_frame
 from weberlink.studies.precision.problems import HalfSpace, Problem, ProblemSurface
-from weberlink.studies.precision.study import Effort, fitted_order, recommendation, run
+from weberlink.studies.precision.study import Effort, recommendation, run
 
 WALL = Problem(
     "wall",
@@ -71,10 +70,3 @@ def test_a_choice_is_compared_with_all_that_take_no_more_time(
     if excess is not None:
         assert found["error_excess"] == pytest.approx(excess)
         assert found["rival"] == ("i" if excess == 1.0 else "other")
-
-
-@pytest.mark.parametrize(("order", "constant"), [(1.0, 1.0), (2.0, 0.02), (4.0, 30.0)])
-def test_a_power_law_gives_its_power(order: float, constant: float) -> None:
-    steps = [2.0**-n for n in range(12)]
-    assert fitted_order(steps, [constant * step**order for step in steps], 1e-15) == pytest.approx(order, abs=1e-6)
-    assert fitted_order(steps, [inf, inf, *[1e-14] * 10], 1e-12) is None
