@@ -30,10 +30,6 @@ def python(*arguments: object, **environment: str) -> Ended:
     return Ended(ended.returncode, ended.stdout, ended.stderr)
 
 
-def paths(folder: Path) -> str:
-    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
-
-
 # --- packages
 
 HIDDEN = """
@@ -51,9 +47,6 @@ WITHOUT = [
     (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
     (["loopback", "--record", "a.mcap"], 2, install_line("recording")),
     (["record", "info", "none.mcap"], 2, "none.mcap"),
-    (["record", "export", "none.mcap", "--to", "csv"], 2, "none.mcap"),
-    (["study", "evaluate", "none.mcap"], 2, "none.mcap"),
-    (["study", "ratings", "none"], 2, "none"),
 ]
 
 
@@ -66,110 +59,19 @@ def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
         assert part in found[2]
 
 
-ENTRY_POINTS = """
-[weberlink.devices]
-slow = slow_import:Slow
-[weberlink.commands]
-rate = slow_command:rate
-"""
-IMPORTS = """
-import os
-class Now:
-    # Python 3.11 makes a RuntimeError of what is raised here.
-    def __set_name__(self, owner, name):
-        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-        for _ in range(1000):
-            pass
-class Slow:
-    now = Now()
-"""
 COMMAND = """
-import os, typer
+import typer
 from weberlink.cli.arguments import File
 from weberlink.system.configuration import load
-def end():
-    os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-    return int
-def rate(file: File, many: "end()" = 1) -> None:
+def rate(file: File) -> None:
     typer.echo(f"{load(file).system.rate_hz:g} Hz")
 """
-"""Its annotation is read when the program puts its commands together."""
-
-
-def extended(folder: Path, number: int, command: str, *arguments: object) -> Ended:
-    """A program with a command and a device of another distribution."""
-    install(folder, "slow", {"slow_import": IMPORTS, "slow_command": command}, ENTRY_POINTS)
-    return python("-m", "weberlink", *arguments, SIGNAL=str(number), PYTHONPATH=paths(folder))
 
 
 def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
-    assert extended(tmp_path, 0, COMMAND, "rate", LOOPBACK) == (0, "1000 Hz\n", "")
-
-
-@pytest.mark.parametrize(
-    ("command", "number"),
-    [
-        ("check", signal.SIGINT),
-        ("simulate", signal.SIGTERM),
-        ("loopback", signal.SIGINT),
-        ("master", signal.SIGTERM),
-    ],
-)
-def test_signal_while_a_driver_is_imported_is_one_line(command: str, number: signal.Signals, tmp_path: Path) -> None:
-    driver = ("--set", "master.device.driver=slow", "--set", "link.security=session")
-    ended = extended(tmp_path, number, "rate = None", command, LOOPBACK, *driver)
-    assert (ended.status, ended.output) == (130, "")
-    assert [line.split()[1] for line in ended.errors.splitlines() if "rate" not in line] == ["interrupted;"]
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_before_a_command_begins_ends_in_silence(number: signal.Signals, tmp_path: Path) -> None:
-    assert extended(tmp_path, number, COMMAND, "--version") == (-number, "", "")
-
-
-# --- imports: they take most of the time to the first line of a command, or to its daemons
-
-IMPORTED = """
-import contextlib, io, json, os, subprocess, sys
-def tell(line=(), **_):
-    json.dump(sorted(sys.modules), sys.__stdout__)
-    sys.__stdout__.flush()
-    os._exit(0)
-subprocess.Popen = tell
-from weberlink.cli import main
-with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
-    main(sys.argv[1:])
-tell()
-"""
-"""Ends with the modules that are there when a command is done, or starts its first process."""
-SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-"""Packages that take long to import."""
-LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "system.report", "system.daemon")}
-
-
-@pytest.mark.parametrize(
-    ("command", "there", "absent"),
-    [
-        ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.system.configuration", "weberlink.protocol"}),
-        ("loopback", "weberlink.system.launcher", LATE | {"weberlink.system.recorder", "weberlink.system.journal"}),
-    ],
-)
-def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: str, absent: set[str]) -> None:
-    ended = python("-c", IMPORTED, command, FORCE_COLOR="1")  # a status line would be shown
-    assert (ended.status, ended.errors) == (0, "")
-    modules = set(json.loads(ended.output))
-    assert there in modules
-    assert not modules & (SLOW | absent)
-    assert not [name for name in modules if name.startswith(("weberlink.studies", "weberlink.apps"))]
-
-
-def test_completion_knows_commands() -> None:
-    asked = {"_WEBERLINK_COMPLETE": "complete_bash", "COMP_WORDS": "weberlink lo", "COMP_CWORD": "1"}
-    ended = python("-c", "from weberlink.cli import main; main()", **asked)
-    assert (ended.output.split(), ended.errors) == (["loopback"], "")
-
-
-# --- live: how a session ends that does not begin, or is ended
+    install(tmp_path, "rates", {"rates": COMMAND}, "[weberlink.commands]\nrate = rates:rate\n")
+    paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    assert python("-m", "weberlink", "rate", LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
 
 
 def told(ended: Ended) -> str:
@@ -196,14 +98,6 @@ def test_a_master_of_another_file_or_key_is_told_which(tmp_path: Path) -> None:
         for key, further, part in (("a", ["codec.force.weber=0.2"], "codec.force.weber"), ("b", [], "keys")):
             with Program("master", LAN, *arguments(key, *further), "--duration", 3) as master:
                 assert part in told(Ended(*master.finish(3.0)))
-
-
-@pytest.mark.realtime
-def test_device_that_is_not_plugged_in_is_told() -> None:
-    robot = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
-    port = "master.device.port=/dev/ttyACM77"
-    with Program("loopback", CONFIGS / "phantom-arm.yaml", "--set", port, "--set", robot) as program:
-        assert "/dev/ttyACM77" in told(Ended(*program.finish()))
 
 
 @pytest.mark.realtime
