@@ -57,7 +57,7 @@ from weberlink.protocol.handshake import (
 from weberlink.protocol.heartbeat import ASK_PACE, DENSEST, HeartbeatSchedule
 from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, MOST_EARLY_PER_S, SHORTEST_PACE
+from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, SHORTEST_PACE
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.protocol.wire import MARK, Kind, kind_of
@@ -199,19 +199,6 @@ def test_a_slave_serves_one_master(
     assert pair.slave.endpoint.peer_name == "ann@operator"
 
 
-def test_recorded_calls_of_another_configuration_change_nothing() -> None:
-    before = make_endpoint(Role.INITIATOR, seed=3, name="bob@desk", agreement={"rate_hz": 500})
-    before.connect(0.0)
-    pair = named()
-    for step in range(1, 20):
-        for data, _ in before.datagrams_to_send():
-            pair.slave.endpoint.receive_datagram(data, OTHER, pair.now)
-        before.handle_timer(step * 0.5)
-        pair.run(0.11)
-    assert not pair.slave.of(Refused) and set(pair.slave.faults()) == {DropReason.REFUSED}
-    assert states(pair) == ENGAGED
-
-
 @pytest.mark.parametrize("security", [OTHER_KEY, Checksum()])
 def test_another_key_or_suite_gets_no_answer(security: Security) -> None:
     pair = Pair(slave={"security": security}).connect().run(0.5)
@@ -293,18 +280,7 @@ def test_each_bad_datagram_has_its_reason() -> None:
     assert slave.state is State.CLOSED and slave.next_timer() is None
 
 
-def test_closing_discards_pending_sessions() -> None:
-    master, slave = make_endpoint(Role.INITIATOR), make_endpoint(Role.RESPONDER)
-    master.connect(0.0)
-    slave.connect(0.0)
-    slave.receive_datagram(master.datagrams_to_send()[0][0], MASTER, 0.0)
-    master.receive_datagram(slave.datagrams_to_send()[0][0], SLAVE, 0.0)
-    slave.close(0.0, "done")
-    assert dropped(slave, master.datagrams_to_send()[0][0], MASTER, 0.0) == [DropReason.NO_SESSION]
-    assert slave.state is State.CLOSED
-
-
-def test_calls_in_the_wrong_state_raise() -> None:
+def test_calls_in_the_wrong_state_raise_or_do_nothing() -> None:
     endpoint = make_endpoint(Role.INITIATOR)
     assert not endpoint.send_update(0.0, sample_update(1)) and endpoint.statistics.updates_sent == [0, 0]
     assert not endpoint.propose_change(0.0, 10, b"x")
@@ -503,18 +479,6 @@ def test_updates_are_dated_although_first_reports_are_lost() -> None:
     assert pair.slave.received_at[0][0] < 0.1
 
 
-def test_a_stale_datagram_is_not_delivered_and_does_not_count_as_being_heard() -> None:
-    pair = Pair().engage()
-    pair.master.send(pair.now, pair.ticks)
-    ((held, _),) = pair.master.endpoint.datagrams_to_send()
-    pair.forward = pair.link(DARK)
-    pair.run(0.5)
-    heard = pair.slave.endpoint.liveness.heard_at
-    assert dropped(pair.slave.endpoint, held, STRANGER, pair.now) == [DropReason.STALE]
-    assert pair.slave.endpoint.state is State.SILENT and pair.slave.endpoint.peer == MASTER
-    assert pair.slave.endpoint.liveness.heard_at == heard and not pair.slave.updates()
-
-
 def test_an_update_that_is_refused_for_its_loop_age_is_no_sign_of_the_encoder() -> None:
     """Somebody lets heartbeats pass, and holds every update for a while: fresh, but not executed."""
     pair = Pair(**both(longest_round_trip=0.01)).engage()
@@ -669,7 +633,7 @@ def test_heartbeats_keep_their_gap() -> None:
         assert max(later - earlier for earlier, later in pairwise(times)) <= GAP + 1e-6
 
 
-@pytest.mark.parametrize(("loss", "delay"), [(0.02, 0.15), (0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
+@pytest.mark.parametrize(("loss", "delay"), [(0.02, 0.15), (0.3, 0.0005)])
 def test_losses_are_measured_and_cause_no_silence(loss: float, delay: float) -> None:
     lossy = Emulation(delay_s=delay, loss=loss)
     pair = Pair(forward=lossy, backward=lossy, seed=21).connect().run(10.0)
@@ -701,15 +665,6 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
     assert len(prompt) > 0.95 * pair.master.endpoint.statistics.updates_sent[0]
 
 
-@pytest.mark.parametrize("burst", [1.0, 20.0])
-def test_early_repeats_keep_to_their_allowance(burst: float) -> None:
-    lossy = Emulation(delay_s=0.045, loss=0.2, burst=burst)
-    pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), seed=2, **sending(20))  # type: ignore[arg-type]
-    pair.connect().run(10.0)
-    # Newer updates come sooner than evidence can, so every repeat is an early one.
-    assert 0 < pair.master.endpoint.statistics.repeats <= MOST_EARLY_PER_S * 11.0
-
-
 def test_repeats_end_where_they_fill_the_link() -> None:
     """A narrow link: the updates fit, their repeats do not. They fill its queue, and cease; what is needed goes on."""
     links = Emulation(delay_s=0.02, loss=0.1, rate_bit_s=42_000.0), Emulation(delay_s=0.02)
@@ -723,7 +678,7 @@ def test_repeats_end_where_they_fill_the_link() -> None:
     assert ages[len(ages) // 2] < 0.04 and not pair.slave.of(PeerSilent)
 
 
-@pytest.mark.parametrize("darkness", [0.03, 0.09, 0.5, 30.0])
+@pytest.mark.parametrize("darkness", [0.09, 30.0])
 def test_no_storm_in_a_blackout_and_after_it(darkness: float) -> None:
     """What is sent in the 200 ms after it is no more than two directions of heartbeats and one update can explain."""
     lossy = Emulation(delay_s=0.001, loss=0.1)

@@ -170,7 +170,12 @@ def test_confirmed_peer_is_not_asked_and_question_answered_once() -> None:
     assert schedule.due(is_engaged=True) <= 0.05
     schedule.sent(0.051, 0.05, 0)
     assert schedule.due(is_engaged=True) == 0.051 + schedule.gap
-    # An owner that was away makes up for nothing.
+
+
+def test_absent_owner_causes_no_storm() -> None:
+    schedule = introduced()
+    schedule.adapt(0.3, 0.3, 0.001, 0.0, 0.0)
+    schedule.heard(0.0, 0.0)
     for _ in range(2):
         assert not schedule.asks(0.5)
         pulse(schedule, 0.5)

@@ -93,19 +93,6 @@ def test_it_never_exceeds_what_the_user_allows() -> None:
     assert pair.slave.endpoint.state is not State.ENGAGED
 
 
-def test_a_lost_answer_leaves_the_two_values_apart_for_a_while_only() -> None:
-    pair = over(0.01).engage().run(1.0)
-    before = agreed(pair)
-    cut_until = pair.now + 1.5
-    pair.swallow = lambda side, data: side is pair.slave and kind_of(data) == Kind.CHANGE and pair.now < cut_until
-    pair.forward = pair.backward = pair.link(Emulation(delay_s=0.013))
-    pair.run(1.4)
-    assert agreed(pair)[0] == before[0] < agreed(pair)[1]
-    pair.run(0.5)
-    assert agreed(pair)[0] == agreed(pair)[1] > before[0]
-    assert not any(side.of(PeerSilent) for side in pair.sides)
-
-
 def test_next_value_waits_until_no_datagram_of_the_one_before_counts() -> None:
     """The two values in use are told apart by their parity alone."""
     liveness = Liveness(0.0, SILENCE, 0.0, 0.0)

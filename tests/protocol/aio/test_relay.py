@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 import uvloop
 
-from tests.protocol.aio.found import HOST, OPERATOR, ROBOT, End, bound_socket, send_ticks, until
-from weberlink.protocol import Connected, Role, State
+from tests.protocol.aio.found import HOST, OPERATOR, ROBOT, End, bound_socket, engage, send_ticks
+from tests.wait import soon
+from weberlink.protocol import Role
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathFound, StunReceived
 from weberlink.protocol.events import Address
@@ -75,26 +76,24 @@ class Client:
 
 
 async def _session(master: End, slave: End, client: Client, server: Address) -> None:
-    loop = asyncio.get_running_loop()
     beyond = bound_socket()
     address = beyond.getsockname()
     relayed = client.allocate()
     client.bind(address)
-    await slave.open(loop)
-    await master.open(loop)
+    await slave.open()
+    await master.open()
     master.find(client.socket.dup(), PathFound(1, 0, ROBOT, server, CHANNEL, "relayed", "coturn"))
     slave.find(beyond, PathFound(1, 0, OPERATOR, relayed))
-    await until(lambda: master.of(Connected) and slave.of(Connected))
+    await engage(master, slave)
     await send_ticks(master, 1, 50)
-    await until(lambda: slave.ticks()[-1:] == [50])
-    assert master.endpoint.state is slave.endpoint.state is State.ENGAGED
+    await soon(lambda: slave.ticks()[-1:] == [50], "the last update")
     assert master.endpoint.statistics.drops == slave.endpoint.statistics.drops == 0
     # The finder keeps the allocation alive on the same socket, and hears the answers through the daemon.
     refresh = stun.Message(stun.Method.REFRESH, stun.Class.REQUEST, attributes={"LIFETIME": LIFETIME_S})
     master.told()
     client.socket.sendto(bytes(refresh), server)
     heard: list[hand_over.Message] = []
-    await until(lambda: heard.extend(master.told()) or heard)
+    await soon(lambda: heard.extend(master.told()) or heard, "its answer")
     (answer,) = heard
     assert isinstance(answer, StunReceived) and answer.source == server
     assert stun.parse_message(answer.data).transaction_id == refresh.transaction_id
