@@ -93,6 +93,8 @@ def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered() -> No
     unanswered = 1.5 * 0.1 + LATE
     assert max(forces[: round(unanswered / TICK)]) == pytest.approx(PRESS / sqrt(unanswered), abs=0.15)
     assert forces[-1] == pytest.approx(6.0, abs=0.01)
+    # It has its command again, and is held back no more.
+    assert [slave.follow(at(-0.03), here, TICK, 0, quality) for _ in range(2)] == [at(-0.03)] * 2
 
 
 # What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.
@@ -268,7 +270,7 @@ def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
     goals: list[Vector] = []
     here = axes((0.001, 0.002, 0.003))
     for tick in range(600):
-        depth = 0.004 * sin(0.02 * tick)
+        depth = 0.02 * sin(0.02 * tick)  # hard enough for the robot to hold back a new contact
         along = 0.002 * sin(0.013 * tick)
         hand = axes((-0.48 * depth + 0.8 * along, -0.6 * depth, -0.64 * depth - 0.6 * along))
         push = STIFFNESS * max(0.0, depth)
