@@ -6,14 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, make_endpoint, sample_update
+from tests.protocol.harness import KEY, MASTER, SLAVE, STRANGER, Pair, make_endpoint, sample_update
 from trials.fuzz import mutate
 from trials.soak import ammunition
 from weberlink.protocol import Address, Endpoint, Role, State
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import Update
 
-STRANGER: Address = ("203.0.113.9", 9)
 NOW = 1.0
 
 

@@ -59,6 +59,19 @@ def test_reordered_datagrams_are_overtaken() -> None:
     assert max(moved) <= round(REORDER_HOLD / 0.001)
 
 
+def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
+    made = link(rate_bit_s=80_000.0)
+    for number in range(100):
+        made.send(bytes(100 - HEADER_BYTES), number, 0.0)  # 10 ms each
+    times = []
+    while (due := made.next_due()) is not None:
+        times.append(due)
+        made.receive(due)
+    assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
+    assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
+    assert made.counters.congested == 100 - len(times)
+
+
 def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
     made = link(duplicate=0.5, corrupt=0.5)
     for number in range(1000):
@@ -70,20 +83,6 @@ def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
     assert len(damaged) == made.counters.corrupted == pytest.approx(500, abs=60)
     assert all(sum(byte.bit_count() for byte in data) == 1 for data, tag in arrived if tag in damaged)
     assert len({data for data, _ in arrived}) == 65
-
-
-def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
-    made = link(rate_bit_s=80_000.0)
-    size = 100 - HEADER_BYTES  # 10 ms each
-    for number in range(100):
-        made.send(bytes(size), number, 0.0)
-    times = []
-    while (due := made.next_due()) is not None:
-        times.append(due)
-        made.receive(due)
-    assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
-    assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
-    assert made.counters.congested == 100 - len(times)
 
 
 @pytest.mark.parametrize("blackout", [(1.0, 0.5), (1.0, 0.05, 0.2)])

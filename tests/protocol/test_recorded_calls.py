@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, STRANGER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.queue import MOST_S
 from weberlink.protocol.aio.sockets import PEER_SHARE
@@ -22,14 +22,11 @@ from weberlink.protocol.listener import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
     KNOWN_MASTERS,
-    PENDING_LIMIT,
     REFUSAL_PACE,
     STALE_PACE,
 )
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import Kind, kind_of
-
-STRANGER = ("203.0.113.9", 9)
 
 
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
@@ -119,15 +116,6 @@ def test_key_exchanges_are_rate_limited(is_engaged: bool, pace: float) -> None:
         answered += answers(slave)
     assert 1 <= answered <= 1 + 0.4 / (REFUSAL_PACE if is_engaged else pace)
     assert slave.statistics.dropped[DropReason.OVERLOADED] == 400 - answered
-
-
-def test_pending_sessions_are_bounded() -> None:
-    slave = listening()
-    calls = [recorded(8, name=f"user{number}@host") for number in range(2 * KNOWN_MASTERS)]
-    for step, hello in enumerate(hello for row in zip(*calls, strict=True) for hello in row):
-        slave.receive_datagram(hello, STRANGER, step * EXCHANGE_PACE)
-        assert len(slave._listener.pending) <= PENDING_LIMIT * KNOWN_MASTERS
-    assert len(slave._listener.pending) >= KNOWN_MASTERS
 
 
 def test_a_forgotten_master_does_not_reopen_its_recordings() -> None:

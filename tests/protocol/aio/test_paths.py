@@ -22,7 +22,7 @@ from tests.protocol.aio.found import (
     engage,
     send_ticks,
 )
-from tests.protocol.harness import make_endpoint, sample_update
+from tests.protocol.harness import make_endpoint
 from tests.wait import soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
 from weberlink.protocol.aio import hand_over
@@ -249,23 +249,6 @@ def test_flood_of_stun_is_passed_on_within_a_limit(is_peer: bool) -> None:
         assert {len(message.data) for message in passed} == {len(STUN)}
 
     flood()
-
-
-@live
-async def test_flood_on_a_path_does_not_push_out_the_peer(master: End, slave: End) -> None:
-    connect(master, slave)
-    await engage(master, slave)
-    host, port = master.shell.paths[0].remote.split(":")
-    with bound_socket() as stranger:
-        for _ in range(5000):
-            stranger.sendto(b"\x03" + bytes(60), (host, int(port)))
-        assert master.endpoint.send_update(monotonic(), sample_update(1))
-        master.shell.flush(monotonic())
-        before = slave.endpoint.statistics.drops
-        while not slave.ticks():
-            slave.shell.service(monotonic())  # of the peer alone; the loop would be woken for the others
-        assert slave.ticks() == [1]
-        assert slave.endpoint.statistics.drops == before
 
 
 @live
