@@ -63,8 +63,8 @@ def up(force: float) -> Vector:
     return (0.0, 0.0, force)
 
 
-def steady(value: Vector, position: Vector = ZERO, *, ticks: int = 50) -> Samples:
-    return [(tick, value, position) for tick in range(ticks)]
+def steady(value: Vector, position: Vector = ZERO) -> Samples:
+    return [(tick, value, position) for tick in range(50)]
 
 
 def at_rest(*forces: Vector) -> Samples:
@@ -72,21 +72,21 @@ def at_rest(*forces: Vector) -> Samples:
     return [(tick, force, ZERO) for tick, force in enumerate(forces)]
 
 
-def press(*, start: int = 0, ticks: int = 200, force: float = 1.0) -> Samples:
+def press(*, start: int = 0, force: float = 1.0) -> Samples:
     """At constant speed into a flat wall of 500 N/m, from 2 mm to 12 mm deep; forces are multiplied by `force`."""
-    depths = [2e-3 + 5e-5 * tick for tick in range(ticks)]
+    depths = [2e-3 + 5e-5 * tick for tick in range(200)]
     return [(start + tick, up(force * 500.0 * depth), up(-depth)) for tick, depth in enumerate(depths)]
 
 
-def roll(radius: float, *, aside: float = 0.0) -> Samples:
-    """Over the top of a ball of 500 N/m, from 2 mm to 4 mm deep; the y of the position is `aside` [m] off."""
+def roll(radius: float) -> Samples:
+    """Over the top of a ball of 500 N/m, from 2 mm to 4 mm deep."""
     samples = []
     for tick in range(200):
         angle = (0.02 - 2e-4 * tick) / radius
         depth = 2e-3 + 1e-5 * tick
         direction = (sin(angle), 0.0, cos(angle))
         x, _, z = scale(direction, radius - depth)
-        samples.append((tick, scale(direction, 500.0 * depth), (x, aside, z - radius)))
+        samples.append((tick, scale(direction, 500.0 * depth), (x, 0.0, z - radius)))
     return samples
 
 
