@@ -30,6 +30,7 @@ def held(tick: int, force: int) -> Update:
 def test_refuses_numbers_out_of_range(ticks: int, share: float, what: str) -> None:
     with pytest.raises(ValueError, match=what):
         Smoothing(ticks, share)
+    assert (Smoothing(1, 0.0).ticks, Smoothing(4, 0.9).share) == (1, 0.9)
 
 
 @given(jump=vectors, bound=st.floats(0.0, 10.0), share=st.floats(0.0, 0.9))

@@ -183,6 +183,8 @@ def test_keys_are_replaced_by_time_and_by_count_without_a_loss(
             assert deliver(receiver, held.pop(), now) is DropReason.SUPERSEDED
         assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
     assert sum(earlier != later for earlier, later in pairwise(phases)) == changes
+    changes_at = round(REKEY_AFTER_S) - 1
+    assert period < 1.0 or phases[changes_at - 1] != phases[changes_at], "at the very second"
     assert counted.repeats == received.lost == 0
 
 
