@@ -291,20 +291,6 @@ def sample_update(tick: int) -> Update:
     return Update(tick, tick % 8, newest, PreviousSample(3, (newest[0] - 5, newest[1] + 5, -7)))
 
 
-def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
-    """A master and a slave, which sends `outgoing` values, engaged at time 0."""
-    master = make_endpoint(Role.INITIATOR, security=security, incoming=(forms(outgoing),))
-    slave = make_endpoint(Role.RESPONDER, security=security, outgoing=(forms(outgoing),))
-    slave.connect(0.0)
-    master.connect(0.0)
-    for _ in range(4):
-        for data, _ in master.datagrams_to_send():
-            slave.receive_datagram(data, MASTER, 0.0)
-        for data, _ in slave.datagrams_to_send():
-            master.receive_datagram(data, SLAVE, 0.0)
-    return master, slave
-
-
 ENGAGED = [State.ENGAGED] * 2
 
 

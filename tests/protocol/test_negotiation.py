@@ -12,14 +12,6 @@ from weberlink.protocol.wire import LONGEST_CHANGE
 BODY = b'{"weber":0.2}'
 
 
-def proposals(pair: Pair) -> list[ChangeProposed]:
-    return [event for event in pair.slave.events if isinstance(event, ChangeProposed)]
-
-
-def answers(pair: Pair) -> list[ChangeAnswered]:
-    return [event for event in pair.master.events if isinstance(event, ChangeAnswered)]
-
-
 def propose(pair: Pair, body: bytes = BODY, ahead: int = 500) -> int:
     """The master proposes a change; returns its tick."""
     tick = pair.ticks + ahead
@@ -35,16 +27,16 @@ def test_one_proposal_at_a_time() -> None:
     propose(pair)
     assert not pair.master.endpoint.propose_change(pair.now, 10, BODY)
     pair.run(0.02)
-    pair.slave.endpoint.answer_change(proposals(pair)[0], None)
+    pair.slave.endpoint.answer_change(pair.slave.of(ChangeProposed)[0], None)
     pair.run(0.02)
     for number in range(40):  # more than there are numbers
         body = b"%d" % number
         tick = propose(pair, body)
         pair.run(0.02)
-        assert proposals(pair)[-1] == ChangeProposed(tick, body)
-        pair.slave.endpoint.answer_change(proposals(pair)[-1], None)
+        assert pair.slave.of(ChangeProposed)[-1] == ChangeProposed(tick, body)
+        pair.slave.endpoint.answer_change(pair.slave.of(ChangeProposed)[-1], None)
         pair.run(0.02)
-        assert answers(pair)[-1].body == body
+        assert pair.master.of(ChangeAnswered)[-1] == ChangeAnswered(tick, body, None)
 
 
 def test_only_a_new_proposal_is_told_and_only_the_present_one_answered() -> None:
@@ -92,7 +84,7 @@ def test_a_proposal_is_answered_in_its_own_session_alone() -> None:
     pair = Pair().engage()
     propose(pair)
     pair.run(0.02)
-    (held,) = proposals(pair)
+    (held,) = pair.slave.of(ChangeProposed)
     pair.master.endpoint.close(pair.master.local(pair.now), "bye")
     pair.run(0.01)
     pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=2)
@@ -102,10 +94,10 @@ def test_a_proposal_is_answered_in_its_own_session_alone() -> None:
     pair.slave.endpoint.answer_change(held, None)
     tick = propose(pair)
     pair.run(0.02)
-    assert not answers(pair), "the answer to the former one would be taken for that of this one"
-    pair.slave.endpoint.answer_change(proposals(pair)[-1], None)
+    assert not pair.master.of(ChangeAnswered), "the answer to the former one would be taken for that of this one"
+    pair.slave.endpoint.answer_change(pair.slave.of(ChangeProposed)[-1], None)
     pair.run(0.02)
-    assert answers(pair) == [ChangeAnswered(tick, BODY, None)]
+    assert pair.master.of(ChangeAnswered) == [ChangeAnswered(tick, BODY, None)]
 
 
 @pytest.mark.parametrize(("ahead", "is_told"), [(-30_100, False), (-29_900, True), (29_900, True), (30_100, False)])
@@ -113,5 +105,5 @@ def test_change_too_far_ahead_or_back_is_dropped(ahead: int, is_told: bool) -> N
     pair = Pair(master={"epoch": -100.0}).engage()
     assert pair.master.endpoint.propose_change(pair.now, 100_000 + pair.ticks + ahead, BODY)
     pair.run(0.05)
-    assert bool(proposals(pair)) is is_told
+    assert bool(pair.slave.of(ChangeProposed)) is is_told
     assert is_told or set(pair.slave.faults()) == {DropReason.IMPLAUSIBLE}

@@ -85,9 +85,9 @@ def places(data, kind):
 
 
 def dense(data):
-    """Every fourth place in a file, and every thirtieth of the long text of a schema."""
+    """Every seventh place in a file, and every sixtieth of the long text of a schema."""
     schemas = [range(at + 60, at + len(SCHEMA_TEXT)) for at in places(data, Schema)]
-    return [at for at in range(len(data)) if at % 30 == 0 or (at % 4 == 0 and not any(at in each for each in schemas))]
+    return [at for at in range(len(data)) if at % 60 == 0 or (at % 7 == 0 and not any(at in each for each in schemas))]
 
 
 def test_a_changed_byte_never_passes_for_a_whole_recording(path, tmp_path):
@@ -126,17 +126,12 @@ def test_what_comes_before_a_changed_chunk_is_kept(path):
 @pytest.mark.parametrize("chunked", [True, False])
 def test_messages_one_by_one_between_others_are_the_same(path, compression, chunked):
     written = {side: noise(60, seed) for seed, side in enumerate(SIDES)}
-    write_elsewhere(path, written, compression=compression, chunked=chunked)
+    shuffled = {side: records[np.random.default_rng(1).permutation(60)] for side, records in written.items()}
+    write_elsewhere(path, shuffled, compression=compression, chunked=chunked)
     recording = read_recording(path)
     for side in SIDES:
         assert same(recording.records[side], written[side])
     assert (recording.complete, recording.facts, recording.lost) == (False, {}, {})
-
-
-def test_messages_out_of_order_are_put_in_order(path):
-    records = noise(50, 1)
-    write_elsewhere(path, {"master": records[np.random.default_rng(1).permutation(50)]})
-    assert same(read_recording(path).records["master"], records)
 
 
 def test_a_field_more_and_a_field_less_are_read_by_name(path):
