@@ -115,13 +115,14 @@ def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
     p1 = add(centre, scale(u1, radius + sign * depths[0]))
     p2 = add(centre, scale(u2, radius + sign * depths[1]))
     signed = -radius if concave else radius
-    model = PREDICTORS["sphere"].model(
-        Sample(1, ball(p1, centre, signed, stiffness), p1), Sample(0, ball(p2, centre, signed, stiffness), p2), LIMITS
-    )
+    samples = (Sample(1, ball(p1, centre, signed, stiffness), p1), Sample(0, ball(p2, centre, signed, stiffness), p2))
+    model = PREDICTORS["sphere"].model(*samples, LIMITS)
     assert isinstance(model, Sphere)
     assert model.radius == pytest.approx(signed, rel=1e-5)
     assert model.stiffness == pytest.approx(stiffness, rel=1e-5)
     assert distance(model.centre, centre) <= 1e-6
+    for limits in (FitLimits(radius=(1e-3, 0.5 * radius)), FitLimits(stiffness=(1.0, 0.5 * stiffness))):
+        assert isinstance(PREDICTORS["sphere"].model(*samples, limits), Hold)
     if distance(probe, centre) > 1e-3:
         assert distance(model.at(2, probe), ball(probe, centre, signed, stiffness)) <= 1e-4 * stiffness * 0.2
 

@@ -20,18 +20,6 @@ def press(time: Array, random: Random) -> Array:
     return np.asarray(2.0 + np.sin(np.pi * time + first) + 0.5 * np.sin(2.6 * np.pi * time + second))
 
 
-def since(time: Array, per_s: float, random: Random) -> tuple[Array, Array]:
-    """The time since the last of some random events, and how many there were."""
-    events = np.concatenate(([-1.0], np.sort(random.uniform(0.0, SECONDS, round(per_s * SECONDS)))))
-    number = np.searchsorted(events, time, side="right") - 1
-    return time - events[number], number
-
-
-def step(time: Array, random: Random) -> Array:
-    levels: Array = random.uniform(0.5, 4.0, 5)
-    return levels[since(time, 2.0, random)[1]]
-
-
 def texture(time: Array, random: Random) -> Array:
     """A press with a vibration whose frequency wanders from 50 to 250 Hz."""
     wander = 150.0 * time - 100.0 / np.pi * np.cos(np.pi * time + random.uniform(0.0, 2.0 * np.pi))
@@ -54,7 +42,7 @@ Force = Callable[[Array, Random], Array]
 
 @pytest.mark.parametrize(
     ("force", "per_s"),
-    [(step, 2000), (white_noise, 1000), (turning, 1000), (texture, 500)],
+    [(white_noise, 1000), (turning, 1000), (texture, 500)],
     ids=lambda each: getattr(each, "__name__", None),
 )
 def test_it_sends_no_more_than_the_best_of_the_paper_s_four(force: Force, per_s: int) -> None:
