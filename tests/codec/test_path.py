@@ -41,7 +41,7 @@ def test_it_is_straight_between_its_knots_and_held_after_the_last() -> None:
 def test_elastic_adds_the_motion_of_the_hand() -> None:
     model = Path(NEWEST, (4,), ((0.1, 0.0, 0.0),), stiffness=(-100.0, -400.0))
     assert model.at(10, NEWEST.position) == NEWEST.value
-    assert model.at(14, add(NEWEST.position, (1e-3, 0.0, -1e-3))) == pytest.approx((0.0, 0.0, 2.5))
+    assert model.at(14, add(NEWEST.position, (1e-3, 2e-3, -1e-3))) == pytest.approx((0.0, -0.2, 2.5))
     assert model.surface() is None
 
 

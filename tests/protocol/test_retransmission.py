@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from itertools import pairwise
 from math import inf
 
 from hypothesis import given
@@ -135,6 +136,9 @@ def test_allowance_stays_low_where_the_loss_grows_with_it(alone: float, growth: 
     found = rates(lambda second, rate: together if rate > LEAST_EARLY_PER_S else alone, 1000)
     high = [rate for rate in found if rate > LEAST_EARLY_PER_S]
     assert 0 < len(high) <= 1000.0 / LONGEST_HOLD + 8
+    attempts = [second for second, rate in enumerate(found) if rate > LEAST_EARLY_PER_S]
+    pauses = [later - earlier for earlier, later in pairwise(attempts) if later - earlier > 1]
+    assert all(later <= 2 * earlier + 2 for earlier, later in pairwise(pauses))
     assert max(high) <= RAISE * LEAST_EARLY_PER_S
 
 
