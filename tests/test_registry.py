@@ -68,6 +68,13 @@ def test_error_of_a_part_names_kind_distribution_error_and_line(acme: Any) -> No
     assert fault_of(raised(lambda: table["late"]().act(lambda: {}["x"]))) is not None
 
 
+def test_a_part_derived_from_one_that_is_built_in_is_named_itself(acme: Any) -> None:
+    table: Registry[Any] = Registry("driver", {"plain": acme.Driver}, "weberlink.test_drivers")
+    table.load("plain")
+    told = fault_of(raised(lambda: table["late"]().act(acme.fail)))
+    assert told is not None and told.text.startswith("driver fault: late of acme-parts: ") and told.is_foreign
+
+
 def test_code_beside_a_part_counts_where_no_part_runs(acme: Any) -> None:
     table: Registry[Any] = Registry("scheme", {}, "weberlink.test_schemes")
     table.load("scheme")
