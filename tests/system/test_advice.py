@@ -3,57 +3,18 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner, Result
 
-from tests.program import PATIENT
 from tests.system.systems import CONFIGS, configuration
-from weberlink.cli import app
 from weberlink.control.passivity import passivity_limit
 from weberlink.system.advice import UNKNOWN_BORNE, advise, borne_round_trip, on_measured_delay, uncontrolled_delay
 from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import SIDES, SLAVE, load
-from weberlink.system.launcher import MEASURED_S, Session
+from weberlink.system.configuration import SLAVE, load
 
-HINDERED = (
-    "control.scheme=none",
-    "codec.force.weber=0.5",
-    "codec.force.floor_n=0",
-    "codec.position.bound_m=0.001",
-    "link.emulate.delay_ms=210",
-    "link.playout_ms=10",
-)
-"""Advice of several rules, on the link among them."""
 LOOPBACK = CONFIGS / "loopback.yaml"
-
-
-def run(command: str, *arguments: object) -> Result:
-    return CliRunner().invoke(app, [command, str(LOOPBACK), *map(str, arguments)])
-
-
-def sets(*overrides: str) -> list[str]:
-    return [part for each in overrides for part in ("--set", each)]
 
 
 def at(port: int) -> tuple[str, str]:
     return f"link.listen=127.0.0.1:{port}", f"link.slave=127.0.0.1:{port}"
-
-
-def checked(*overrides: str) -> list[str]:
-    """The lines of `check`, as a run says them."""
-    lines = run("check", *sets(*overrides)).stdout.replace("\n" + " " * 10, " ").splitlines()
-    return [line.replace("warning   ", "weberlink: note: ") for line in lines if line.startswith("warning")]
-
-
-def test_a_run_in_virtual_time_says_what_check_warns_of() -> None:
-    said = checked(*HINDERED)
-    assert len(said) == len(HINDERED) - 1, "none alone is no hindrance"
-    result = run("simulate", "--duration", 0.1, "--json", "-", *sets(*HINDERED))
-    assert result.stderr.splitlines() == said
-    assert result.stdout.startswith("{")
-
-
-def test_a_run_of_a_file_without_faults_says_nothing() -> None:
-    assert run("simulate", "--duration", 0.1).stderr == ""
 
 
 # --- the delay that a contact bears without control
@@ -116,21 +77,3 @@ def test_a_measured_delay_is_said_unless_the_emulated_one_was() -> None:
     assert on_measured_delay(try_out(configuration(none)))(0.05) is not None
     assert on_measured_delay(try_out(configuration(none)))(0.001) is None
     assert on_measured_delay(try_out(configuration(none, "link.emulate.delay_ms=20")))(0.05) is None
-
-
-@pytest.mark.realtime
-@pytest.mark.hunt
-def test_session_tells_advice_on_the_measured_delay_once() -> None:
-    told: list[str] = []
-    asked: list[float] = []
-
-    def advice(round_trip: float) -> str:
-        asked.append(round_trip)
-        return "too far"
-
-    overrides = [*at(47012), *PATIENT[1::2]]
-    seconds = MEASURED_S + 2.0
-    with Session(configuration(*overrides), overrides, SIDES, seconds, tell=told.append, on_delay=advice) as running:
-        running.run()
-    assert told == ["note: too far"]
-    assert 0.0 < asked[0] < 0.05

@@ -1,14 +1,13 @@
 """Live settings: both sides use the same at every tick, over bad links, and keep the laws of what they changed to."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 from math import isfinite
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.compiled import replaces_methods
@@ -16,10 +15,9 @@ from tests.examples import examples
 from tests.program import ENGAGED
 from tests.system.kinds import HAND, Run, run
 from tests.system.systems import system
-from weberlink.control.tuning import LEAD_TICKS, lead
+from weberlink.control.tuning import LEAD_TICKS
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
-from weberlink.protocol.wire import Kind, kind_of
 from weberlink.system.side import Side
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.record import Record
@@ -114,41 +112,18 @@ class Pair:
         assert max(self.differences(), default=0.0) <= bound
 
 
-EVENTS = ["", "silence", "restart slave", "master asks", "slave asks", "both ask"]
 delays = st.one_of(st.sampled_from([0.0, 0.008, 0.08, 0.1, 0.3]), st.floats(0.0, 0.3))
-whiles = st.floats(0.2, 2.0)
-
-
-@given(st.lists(st.tuples(delays, whiles), min_size=2, max_size=5))
-@example([(0.19375907818962398, 1.342271931654218), (0.08, 1.0)])
-@examples(8)
-def test_without_loss_both_sides_change_at_the_same_tick(course: list[tuple[float, float]]) -> None:
-    """If the delay changes between the two ways of a measurement, the clocks err by half the difference of the ways."""
-    pair = Pair()
-    for place, (rtt, seconds) in enumerate(course):
-        pair.link(rtt)
-        pair.run(seconds)
-        pair.simulation.master.propose({"weber": 0.2 + 0.1 * place}, pair.now)
-    pair.run(1.0)
-    error = max(0.25 * abs(after - before) for (before, _), (after, _) in pairwise(course))
-    assert max(pair.differences(), default=0.0) <= (error + 1.0 / RATE if error > 0.0 else 0.0)
-    assert {moment.master.weber for moment in pair.moments} == {moment.slave.weber for moment in pair.moments}
-
-
-@given(
-    st.lists(
-        st.tuples(
-            delays,
-            st.sampled_from([0.0, 0.01]),
-            st.sampled_from([0.0, 0.1, 0.3]),
-            whiles,
-            st.sampled_from(EVENTS),
-            st.sampled_from([0.05, 0.1, 0.3]),
-        ),
-        min_size=2,
-        max_size=5,
-    )
+courses = st.tuples(
+    delays,
+    st.sampled_from([0.0, 0.01]),
+    st.sampled_from([0.0, 0.1, 0.3]),
+    st.floats(0.2, 2.0),
+    st.sampled_from(["", "silence", "restart slave", "master asks", "slave asks", "both ask"]),
+    st.sampled_from([0.05, 0.1, 0.3]),
 )
+
+
+@given(st.lists(courses, min_size=2, max_size=5))
 @examples(8)
 def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(course: list[tuple[Any, ...]]) -> None:
     """With loss, silences, new sessions, and changes by users of both sides. In the end both use what was set last."""
@@ -174,51 +149,6 @@ def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(course: list[
     assert last.master.state == last.slave.state == ENGAGED
     assert (master.settings, master.generation) == (slave.settings, slave.generation)
     assert last.master.weber == last.slave.weber == master.settings.weber
-
-
-@pytest.mark.parametrize("rtt", [0.0, 0.1])
-@pytest.mark.parametrize("direction", ["forward", "backward"])
-@pytest.mark.parametrize("seconds", [0.05, 0.3, 1.0])
-def test_while_no_message_of_a_change_arrives_they_differ_only_after_an_answer_was_due(
-    direction: str, rtt: float, seconds: float
-) -> None:
-    """A lost proposal changes nothing. After a lost answer the slave goes ahead, and the master follows in time."""
-    pair = Pair()
-    pair.link(rtt)
-    pair.run(0.2)
-    link = getattr(pair.simulation, f"_{direction}")
-    send: Callable[..., None] = link.send
-    pair.run(0.8)
-    assert pair.simulation.master.propose({"weber": 0.3}, pair.now) is None
-    began = pair.now
-    link.send = lambda data, tag, now: None if kind_of(data) == Kind.CHANGE else send(data, tag, now)
-    pair.run(seconds)
-    link.send = send
-    pair.run(2.0 + 4.0 * rtt)
-    tuning, after = pair.simulation.master.tuning, lead(rtt, 0.0) + (LEAD_TICKS + 1) / RATE
-    differences = pair.differences()
-    if direction == "forward":
-        assert differences == []
-        assert tuning.result is not None
-        if began + seconds > began + after:
-            assert tuning.result.refusal is not None, "it was too late"
-    else:
-        repeats = max(PACE, PACE_SHARE * rtt) + rtt + LEAD_TICKS / RATE
-        assert sum(differences) <= max(0.0, seconds - after) + repeats
-        assert bool(differences) == (seconds > after)
-        assert {moment.weber for moment in (pair.moments[-1].master, pair.moments[-1].slave)} == {0.3}
-
-
-def test_proposals_of_both_sides_in_the_same_tick_end_in_that_of_the_master() -> None:
-    pair = Pair()
-    pair.link(0.1)
-    pair.run(1.5)
-    for name, weber in (("master", 0.3), ("slave", 0.2)):
-        assert getattr(pair.simulation, name).propose({"weber": weber}, pair.now) is None
-    last = pair.run(1.0)[-1]
-    assert last.master.weber == last.slave.weber == 0.3
-    assert pair.simulation.slave.tuning.result.refusal is not None
-    assert pair.differences() == []
 
 
 # --- what a change does

@@ -8,7 +8,6 @@ import pytest
 from tests.system.systems import CONFIGS, configuration
 from weberlink.protocol.keys import generate
 from weberlink.system.advice import TICK_SHARE, USUAL_RATE_HZ, Parts, placeholders, tick_rate
-from weberlink.system.check import describe
 from weberlink.system.configuration import SLAVE, Configuration, load
 from weberlink.system.tick_cost import measured_tick_s
 
@@ -43,24 +42,6 @@ def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Pat
     took = measured_tick_s(load(CONFIGS / file, ["rate_hz=10000", f"link.key_file={key}"]))
     assert took is not None
     assert 2e-6 < took < 0.05
-
-
-def test_the_bound_of_the_energy_is_said_in_words_for_the_file() -> None:
-    def control(*overrides: str, file: str = "loopback.yaml") -> list[str]:
-        lines = list(describe(configuration(*overrides, file=file)))
-        first = next(i for i, line in enumerate(lines) if line.startswith("control "))
-        after = next(i for i, line in enumerate(lines) if i > first and not line.startswith(" "))
-        return lines[first:after]
-
-    bounded = "control   bounded: what is known of the contact is felt, within an account of energy"
-    assert control("control.allowance_j=0.05", "control.damping_n_s_m=2.5") == [
-        bounded,
-        "          the hand gets at most 50 mJ + 10 mW x time + 2.5 N s/m x its squared speed,",
-        "          integrated, more than it gave, beside what the scene gives",
-    ]
-    assert control(file="rotation.yaml")[-1].endswith("beside what the scene gives; as much by torques")
-    assert control(file="arms.yaml")[0] == bounded
-    assert control("control.scheme=none")[1:] == ["          nothing bounds the energy"]
 
 
 def test_address_of_the_slave_that_nobody_has_is_named() -> None:

@@ -133,7 +133,3 @@ def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
     with pytest.raises(ConfigurationError) as caught:
         need("no_such_package", "studies", "--plots")
     assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('studies')}"
-
-
-def test_a_package_that_is_there_is_no_matter() -> None:
-    need("numpy", "studies", "--plots")

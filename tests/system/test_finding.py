@@ -48,24 +48,6 @@ def test_order_holds_what_the_file_says(store: PeerStore) -> None:
     assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 34, True)
 
 
-def test_a_relay_may_have_a_name_and_credentials(store: PeerStore) -> None:
-    pytest.importorskip("aioice")
-    turn = f"{{server: relay.example:3478, name: ours, credentials_file: {store.folder}/line}}"
-    configuration = loaded(store, MASTER, f"link.turn={turn}")
-    order = finder_order(configuration, MASTER, acquaintance(configuration, MASTER).peers, take_over=False)
-    told = (order.turn_name, order.turn_secret_file, order.turn_credentials_file)
-    assert told == ("ours", None, f"{store.folder}/line")
-
-
-def test_slave_waits_for_every_operator_it_knows(store: PeerStore) -> None:
-    pytest.importorskip("aioice")
-    store.add(Peer("home", "operator at home", "robot", "master", bytes(KEY_BYTES)))
-    configuration = loaded(store, SLAVE, "link.turn=null")
-    order = finder_order(configuration, SLAVE, acquaintance(configuration, SLAVE).peers, take_over=False)
-    assert order.peers == ("home", "lab")
-    assert (order.turn, order.turn_name, order.turn_secret_file) == (None, "", None)
-
-
 def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path) -> None:
     ring = tmp_path / "ring"
     published = description.Description(ring, description.describe(loaded(store, MASTER), MASTER))

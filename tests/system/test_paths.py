@@ -58,21 +58,6 @@ def test_words_name_route_relay_interface_and_changes(path: PathFacts, expected:
     assert path_words(read) == expected
 
 
-@pytest.mark.parametrize(
-    ("came", "sent", "expected"),
-    [(46, 46, "DSCP 46"), (0, 46, "DSCP 46 came as 0"), (None, 46, ""), (46, None, "DSCP 46")],
-)
-def test_words_of_dscp_say_what_came(came: int | None, sent: int | None, expected: str) -> None:
-    (read,) = facts(DIRECT, dscp=came)
-    assert dscp_words(read, sent) == expected
-
-
-def test_a_note_counts_only_without_any_path() -> None:
-    assert finding(facts(NONE)) == "asking the mailbox"
-    assert finding(facts(PathFacts(route=""))) == "finding a path"
-    assert finding(facts(NONE, DIRECT)) == finding([]) == ""
-
-
 def test_notable_are_other_routes_and_changes() -> None:
     assert list(notable([], facts(DIRECT, NONE))) == []
     assert list(notable([], facts(RELAYED))) == ["path: relayed by relay.example over wlan0, 1 change"]

@@ -30,15 +30,6 @@ def test_work_does_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int, 
     assert parts.least <= min(0.0, parts.total)
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans())
-def test_a_constant_force_is_conservative(seed: int, held: bool) -> None:
-    way = np.random.default_rng(seed).normal(size=(30, 3))
-    way[-1] = way[0]
-    port = PortWork("output", "raw", held=held)
-    port.add(records(np.tile([1.0, -2.0, 3.0], (30, 1)), way))
-    assert port.total == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_held_force_and_one_that_changes_linearly() -> None:
     """1 N, then 3 N, over 1 m towards the force: what is held does 1 J, what changes linearly 2 J."""
     force, way = np.zeros((2, 3)), np.zeros((2, 3))
