@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -42,24 +41,9 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
     assert all(isinstance(text, str) for text in notable([], paths))
 
 
-@pytest.mark.parametrize(
-    ("path", "expected"),
-    [
-        (RELAYED, "path: relayed by relay.example over wlan0, 1 change"),
-        (RELAYED._replace(via="", changes=2), "path: relayed over wlan0, 2 changes"),
-        (DIRECT, "path: direct"),
-        (PathFacts(1, "punched", interface="usb0"), "path 2: punched over usb0"),
-        (NONE, "path: asking the mailbox"),
-        (PathFacts(route=""), "path: no path yet"),
-    ],
-)
-def test_words_name_route_relay_interface_and_changes(path: PathFacts, expected: str) -> None:
-    (read,) = facts(path)
-    assert path_words(read) == expected
-
-
 def test_notable_are_other_routes_and_changes() -> None:
     assert list(notable([], facts(DIRECT, NONE))) == []
     assert list(notable([], facts(RELAYED))) == ["path: relayed by relay.example over wlan0, 1 change"]
     assert list(notable(facts(RELAYED), facts(RELAYED, dscp=46))) == []
     assert list(notable(facts(DIRECT), facts(DIRECT._replace(changes=1)))) == ["path: direct, 1 change"]
+    assert finding(facts(NONE)) == "asking the mailbox" and finding(facts(NONE, DIRECT)) == finding([]) == ""
