@@ -107,34 +107,6 @@ def test_anything_is_ignored(phase: str, body: str) -> None:
     assert caller.receive(Message(phase, body)) is None
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        [],
-        [1],
-        [b"a", None],
-        [b"a", b"n", 1, []],
-        [b"a", b"n", True, [["u", "p"]]],
-        [b"a", b"n", True, [["u", "p", [1]]]],
-    ],
-)
-@pytest.mark.parametrize("phase", ["call", "offer"])
-def test_what_another_version_of_the_peer_seals_is_ignored(phase: str, content: list[object]) -> None:
-    _, waiter = ends()
-    body = Sealing(KEY, "master").seal(phase, content)
-    assert waiter.receive(Message(phase, body), 0.0, None) is None
-
-
-def test_names_at_the_server_differ_for_each_pair_and_stay() -> None:
-    keys = [os.urandom(32) for _ in range(100)]
-    masters = [Sealing(key, "master") for key in keys]
-    names = {name for each in masters for name in (each.mailbox, each.side, each.other_side)}
-    assert len(names) == 300
-    for key, master in zip(keys, masters, strict=True):
-        slave = Sealing(key, "slave")
-        assert (slave.mailbox, slave.side, slave.other_side) == (master.mailbox, master.other_side, master.side)
-
-
 # --- a hostile server
 
 

@@ -16,7 +16,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from tests.anywhere.meetings import PATIENCE, Pair, in_loop
-from weberlink.anywhere.mailbox import MailboxRefuses, open_mailbox
+from weberlink.anywhere.mailbox import MailboxRefuses
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.peers import PeerStore
 from weberlink.anywhere.signalling import MailboxUnreachable
@@ -76,16 +76,6 @@ async def test_connection_that_the_server_ends_is_told_in_one_line(status: int) 
         with pytest.raises(MailboxUnreachable) as raised:
             await Pair(url).call(0.3)
     assert is_line(str(raised.value))
-
-
-@pytest.mark.parametrize("told", ["1e999", "NaN", "1" + "0" * 400, '"x"', "[]", "null"])
-@in_loop
-async def test_any_time_of_the_server_is_read(told: str) -> None:
-    """A message of the server with a time that is none is a message like any other."""
-    stored = f'{{"type": "message", "side": "a", "phase": "b", "body": "c", "server_rx": {told}, "server_tx": {told}}}'
-    async with saying(WELCOME, stored, '{"type": "pong"}') as url, open_mailbox(url, Pair(url).sealing) as mailbox:
-        (received,) = await mailbox.stored()
-    assert received.message.body == "c"
 
 
 @pytest.mark.parametrize("side", ["master", "slave"])

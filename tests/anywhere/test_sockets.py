@@ -121,10 +121,3 @@ async def test_socket_for_server_hears_only_the_server() -> None:
         await heard.wait(1)
         assert heard.data == [IN_CHANNEL]
         transport.close()
-
-
-@in_socket_loop
-async def test_sockets_without_binding_are_those_of_asyncio() -> None:
-    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(Heard, local_addr=("127.0.0.1", 0))
-    assert not isinstance(transport, OwnSocket)
-    transport.close()
