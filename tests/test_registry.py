@@ -32,8 +32,6 @@ ENTRY_POINTS = """
 late = acme.parts:Late
 [weberlink.test_schemes]
 scheme = acme.parts:Helper
-[weberlink.test_others]
-nested = acme.parts:Late.act
 """
 
 
@@ -95,11 +93,6 @@ def test_built_in_part_is_named_without_a_distribution() -> None:
 def test_other_errors_are_nobody_s_fault() -> None:
     assert fault_of(raised(lambda: 1 / 0)) is None
     assert fault_of(ValueError("never raised")) is None
-
-
-def test_attribute_of_an_entry_point_may_be_nested(acme: Any) -> None:
-    table: Registry[Any] = Registry("other", {}, "weberlink.test_others")
-    assert table["nested"] is acme.Late.act
 
 
 def test_part_error_has_what_the_module_raised_as_its_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.system.systems import configuration, steps, system
+from tests.system.systems import configuration
 from trials.safety.cases import BOTH, TO_MASTER, TO_SLAVE, Case, every
 from trials.safety.held import ALL, ALONE, WRAP_S, delay, hold
 from trials.safety.run import run, violated
@@ -50,12 +50,3 @@ def test_asymmetric_path_executes_nothing_too_old(to_slave: float, to_master: fl
 
 def test_a_batch_that_is_delivered_in_time_is_executed() -> None:
     assert hold(TO_SLAVE, ALONE, 0.03).oldest_ms == pytest.approx(30.0)
-
-
-@pytest.mark.parametrize(("key", "losing"), [("to_slave", "slave"), ("to_master", "master")])
-def test_a_file_can_ask_for_faults_of_one_direction(key: str, losing: str) -> None:
-    simulated = system(f"link.emulate={{delay_ms: 1, {key}: {{loss: 0.2}}, seed: 3}}")
-    for _ in steps(simulated, 1.5):
-        pass
-    sides = {"master": simulated.master, "slave": simulated.slave}
-    assert [name for name, side in sides.items() if side.endpoint.statistics.lost > 0] == [losing]
