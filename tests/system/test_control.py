@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.system.kinds import HAND, changed, says
 from tests.system.systems import configuration, steps
+from weberlink.control.contract import CREDIT_STEP
 from weberlink.protocol.states import State
 from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.energy import Records
@@ -24,7 +26,7 @@ PRESS_AND_TAP = (
 )
 
 
-def on_a_plane(scheme: str, stiffness: float, round_trip: float, *overrides: str, script: str = PRESS_AND_TAP) -> Any:
+def on_a_plane(scheme: str, stiffness: float, round_trip: float, *overrides: str, robot: Any = None) -> Any:
     return build_simulation(
         configuration(
             f"control.scheme={scheme}",
@@ -32,10 +34,11 @@ def on_a_plane(scheme: str, stiffness: float, round_trip: float, *overrides: str
             f"link.emulate.delay_ms={500.0 * round_trip}",
             "link.silence_ms=1500",
             "link.longest_round_trip_ms=2000",
-            f"master.device.script={script}",
+            f"master.device.script={PRESS_AND_TAP}",
             "master.device.home_m=[0, 0, 0.005]",
             "slave.robot.home_m=[0, 0, 0.005]",
             *overrides,
+            robot=robot,
         )
     )
 
@@ -108,3 +111,13 @@ def test_a_session_lost_and_begun_anew_starts_with_the_allowance_and_keeps_the_b
     assert states[-1] == State.ENGAGED.value
     assert master["energy"][begun] == pytest.approx(ACCOUNTS[0].allowance, rel=0.01)
     assert bound_share(master, slave) <= 1.0
+
+
+def test_the_records_of_both_ends_hold_the_credit_that_the_robots_end_has_given() -> None:
+    pulled = changed(HAND.robot, says(force=(0.0, 0.0, -3.0)), 0.0)  # the scene gives energy
+    simulation = on_a_plane("bounded", 500.0, 0.02, robot=pulled)
+    master, slave = records_of(simulation, 2.4)
+    assert slave["credit"][-1] > 1e-4
+    assert slave["credit"][-1] == pytest.approx(CREDIT_STEP * simulation.slave.port.controls[0].credit, rel=1e-6)
+    assert master["credit"][-1] == pytest.approx(CREDIT_STEP * simulation.master.endpoint.peer_credit, rel=1e-6)
+    assert master["credit"][-1] == pytest.approx(slave["credit"][-1], rel=0.1)
