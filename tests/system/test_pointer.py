@@ -10,7 +10,6 @@ from tests.system.systems import configuration
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.pointer import PointerDevice
 from weberlink.system.scenes import SCENES
-from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.energy import Records
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation, simulate
@@ -22,7 +21,6 @@ SPEED, REACH = 0.5, 0.04
 """Bounds of the intended position: [m/s], and [m] from the handle."""
 RAMP_S = 0.05
 CENTRE, RADIUS = np.array([0.0, 0.0, -0.025]), 0.04
-BOUNDED = "control.scheme=bounded"
 EASY = ("master.device.scripted=false", "control.scheme=none")
 
 
@@ -104,20 +102,6 @@ def test_released_handle_has_no_force_and_the_robot_holds(goes_silent: bool, lim
     assert abs(held[0][2]) < 5e-3, "where it was"
     rest = master["position"][after]
     assert lengths(rest - rest[-1]).max() < 5e-3, "so does the hand"
-
-
-@pytest.mark.parametrize("period", [0.02, 0.2])
-def test_chattering_button_gives_no_more_than_the_account_may(period: float) -> None:
-    def chattering(time: float) -> tuple[Vector, bool]:
-        return (0.004, 0.0, -0.005), time < 1.5 or time % period > 0.5 * period
-
-    accounts = accounts_in(configuration(BOUNDED, file="try.yaml").system.model_dump(mode="json"))
-    score = SessionScore(1000.0, ("zoh", "linear", "plane", "sphere"), accounts=accounts)
-    master = run(chattering, 4.0, BOUNDED, rate=1000.0, score=score)[0][1500:]
-    assert int((np.diff(master["buttons"].astype(int)) == 1).sum()) >= 10
-    assert score.summary()["energy"]["bound_share"] <= 1.0
-    assert lengths(master["output"]).max() <= HAND * REACH * 1.11
-    assert lengths(np.diff(master["position"], axis=0)).max() <= SPEED * 1e-3
 
 
 @pytest.mark.parametrize("name", list(SCENES))

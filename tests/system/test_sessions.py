@@ -116,43 +116,6 @@ def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(name: st
     assert min(compared) > 500
 
 
-@pytest.mark.parametrize(
-    ("name", "overrides", "seed", "burst"),
-    [
-        ("hand", ("codec.force.predictor=zoh",), 2, 1),
-        ("hand", ("codec.force.predictor=hybrid",), 1, 20),
-        ("hand", ("codec.force.predictor=sphere",), 3, 5),
-        ("turning", (), 1, 5),
-        ("arm", (), 1, 5),
-    ],
-)
-def test_over_a_bad_link_the_first_update_that_arrives_restores_the_state(
-    name: str, overrides: tuple[str, ...], seed: int, burst: int
-) -> None:
-    if name not in KINDS:
-        pytest.skip("needs mujoco (extra: mujoco)")
-    held: dict[tuple[bool, int], dict[int, str]] = {}
-    checked: dict[tuple[bool, int], set[int]] = {}
-
-    def restored(simulation: Simulation) -> None:
-        sides = simulation.master, simulation.slave
-        for leads, (sender, receiver) in enumerate((sides, sides[::-1])):
-            for sent, got in zip(sender.outgoing, receiver.incoming, strict=True):
-                place = bool(leads), sent.stream
-                mirror, newest = sent.encoder.mirror, got.decoder.newest
-                if mirror.newest is not None:
-                    held.setdefault(place, {})[mirror.newest.tick] = repr(mirror.state)
-                if newest is not None:
-                    assert repr(got.decoder.state) == held[place][newest.tick]
-                    checked.setdefault(place, set()).add(newest.tick)
-
-    ran = run(KINDS[name], 2.2, bad(seed, burst), *overrides, watch=restored)
-    assert len(checked) == 2 * len(ran.simulation.master.outgoing)
-    assert min(len(ticks) for (_, stream), ticks in checked.items() if stream == 0) > 5
-    assert ran.simulation.master.endpoint.statistics.lost > 10
-    assert not {"update"} & {*ran.simulation.master.faults, *ran.simulation.slave.faults}
-
-
 @each_kind
 def test_a_link_without_a_datagram_is_a_failed_run_and_one_with_a_session_a_completed_one(kind: Kind) -> None:
     def complete(simulation: Simulation) -> None:

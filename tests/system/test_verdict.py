@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.program import ROOT
 from tests.system.scoring.test_session import RATE, records
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.system.verdict import DEGRADED, FAILURE, GOOD, verdict
@@ -165,10 +164,3 @@ def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     assert found.word == levels[0]
     assert found.status == (FAILURE in levels)
     assert len({cause.name for cause in found.causes}) == len(found.causes)
-
-
-def test_every_cause_is_in_the_glossary() -> None:
-    page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").partition("## The verdict")[2]
-    rows = {line.split("|")[1]: line.split("|")[2] for line in page.splitlines() if line.startswith("| `")}
-    for name, (level, _, _) in CASES.items():
-        assert any(f"`{name}`" in names and level in words for names, words in rows.items()), name

@@ -78,10 +78,3 @@ def test_the_summary_tells_what_is_left_without_the_delay() -> None:
     assert force["error_rms"] > 5.0
     assert force["aligned_rms"] == pytest.approx(0.0, abs=1e-3)
     assert force["aligned_lag_s"] == pytest.approx(52.0 / RATE)
-
-
-def test_of_axes_it_is_the_largest() -> None:
-    ticks, whole = np.arange(2000), walk(np.random.default_rng(2), 2000)
-    aligned = AlignedError(TICK, 3, each=True)
-    aligned.add(ticks, whole + np.array([1.0, 2.0, 3.0]), whole)
-    assert aligned.best(0.1) == (pytest.approx(3.0, abs=0.01), 0.0)

@@ -57,16 +57,6 @@ def test_each_session_has_an_allowance_and_a_credit_that_counts_from_zero() -> N
     assert told["bound_j"] == pytest.approx(2 * 0.02 + 0.01 + 0.0025 + 0.001 + 0.05e-3), "the credit before was spent"
 
 
-def test_what_was_put_in_before_the_records_begin_or_while_they_are_lost_may_come_out() -> None:
-    made = pushed_out(1.0, 0.05)
-    made["energy"] = 0.05
-    before = energy(made, OF_HAND)["bound_j"]
-    assert before == pytest.approx(0.05 + 0.01 + 0.0025 + 0.05e-3, rel=1e-5)
-    made["energy"][:500], made["output"][:500, 2] = 0.01, 0.1
-    lost = energy(np.delete(made, slice(500, 600)), OF_HAND)["bound_j"]
-    assert lost == pytest.approx(0.02 + 0.04 + 0.01 + 0.0025 * 0.9 + 0.05e-3, rel=1e-3)
-
-
 def test_force_and_torque_add() -> None:
     """1 N over 50 mm and 0.1 N m over half a radian: 50 mJ each."""
     made = pushed_out(1.0, 0.05)

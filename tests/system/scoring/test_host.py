@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.realtime.host import WakeUp
-from weberlink.system.host_watch import farthest
 from weberlink.system.scoring.host import Gap, HostShare, missed_by_host
 from weberlink.telemetry.reader import DTYPE
 
@@ -99,12 +98,3 @@ def test_a_gap_waits_for_the_stalls_of_its_own_processor() -> None:
     share.settle(100.0)
     assert share.missed["master"] == 0
     assert share.missed["slave"] >= 49
-
-
-@examples(50)
-@given(st.lists(st.floats(0.0, 10.0), min_size=1, max_size=2))
-def test_watchers_wake_up_far_from_ticks(deadlines: list[float]) -> None:
-    phase = farthest(deadlines, PERIOD)
-    for deadline in deadlines:
-        apart = (deadline - phase) % PERIOD
-        assert min(apart, PERIOD - apart) >= 0.25 * PERIOD - 1e-9

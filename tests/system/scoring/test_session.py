@@ -9,9 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.rotation import angle_between, quaternion
 from weberlink.protocol.states import State
-from weberlink.system.scoring.channel import angles_between, turns_between
 from weberlink.system.scoring.session import Records, SessionScore, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 
@@ -19,8 +17,6 @@ RATE = 1000.0
 NONE = np.empty(0, DTYPE)
 NO_LINK = dict.fromkeys(("bound_j", "bound_share", "link_generated_j"))
 """Of one side alone, without an account."""
-components = st.floats(-3.2, 3.2)
-rotations = st.tuples(components, components, components)
 
 
 def records(ticks: int, *, phase: float = 0.0) -> Records:
@@ -162,30 +158,6 @@ def test_link_energy_counts_only_while_both_sides_are_engaged_and_not_in_a_ramp(
     energy = score(master, slave, 7)["energy"]
     assert energy["generated_j"] == pytest.approx(999e-5)
     assert energy["link_generated_j"] == pytest.approx((99 + 398) * 1e-5)
-
-
-def test_missed_ticks_count_and_lost_records_do_not() -> None:
-    master, slave = records(1000), records(1000)
-    master["position"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
-    master["output"][:, 2] = 1.0
-    kept = np.delete(master, range(500, 520))
-    assert score(kept, slave)["energy"]["generated_j"] == pytest.approx((999 - 21) * 1e-5)
-    kept["ticks_missed"][500:] = 20
-    energy = score(kept, slave)["energy"]
-    assert energy["generated_j"] == pytest.approx(999e-5)
-    assert energy["link_generated_j"] == pytest.approx(998e-5)
-
-
-@examples(50)
-@given(rotations, rotations)
-def test_turns_agree_with_quaternions(a: tuple[float, ...], b: tuple[float, ...]) -> None:
-    (angle,) = angles_between(np.array([a]), np.array([b]))
-    assert angle == pytest.approx(angle_between(quaternion(a), quaternion(b)), abs=1e-7)  # type: ignore[arg-type]
-    (turn,) = turns_between(np.array([a]), np.array([b]))
-    (back,) = turns_between(np.array([b]), np.array([a]))
-    assert np.linalg.norm(turn) <= pi + 1e-9
-    if np.linalg.norm(turn) < pi - 1e-3:  # at half a turn both directions are as short
-        assert turn == pytest.approx(-back, abs=1e-6)
 
 
 def test_torque_and_orientation_have_their_figures() -> None:
