@@ -1,24 +1,13 @@
 """The shape of the force's deadband in a session, and the example of its page."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tests.program import ROOT, weberlink
 from tests.system.kinds import HAND, run
 from tests.system.systems import configuration
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_of
-
-
-def test_the_example_of_the_page_is_complete_and_runs(tmp_path: Path) -> None:
-    path = tmp_path / "example.yaml"
-    path.write_text((ROOT / "docs" / "deadbands.md").read_text().split("```yaml\n", 1)[1].split("```", 1)[0])
-    assert weberlink("check", path).status == 0
-    ran = weberlink("simulate", path, "--duration", "1.5")
-    assert ran.status == 0, ran.output
 
 
 @pytest.mark.parametrize("shape", DEADBANDS)

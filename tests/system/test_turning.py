@@ -1,6 +1,5 @@
 """Six degrees of freedom: what the laws of all sessions do not say, and what is felt in the shipped files."""
 
-from dataclasses import replace
 from math import degrees, sin
 from typing import Any
 
@@ -9,7 +8,6 @@ import pytest
 
 from tests.system.kinds import INTERRUPTIONS, TICK, TURNING, interrupted, run
 from weberlink.geometry.rotation import LONGEST, angle_between, quaternion
-from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.operator import OperatorDevice
 
@@ -50,19 +48,6 @@ def test_a_hand_that_turns_through_half_a_turn_is_followed(delay: int, loss: flo
     led = ran.slave["ramping"] == 0
     away = apart(ran.slave["rotation_output"], vectors)[led]
     assert led.sum() > 2000 and away.max() <= 5.0 * TICK * late + 0.006, "at most 5 rad/s, and the deadband"
-
-
-def test_a_device_without_torque_turns_the_tool() -> None:
-    class Silent(OperatorDevice):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments)
-            self.spec = replace(self.spec, torque_n_m=0.0)
-
-        def turn(self, torque: Vector, now: float) -> None:
-            raise AssertionError("a device that displays none is not told")
-
-    ran = run(TURNING, 1.0, device=Silent)
-    assert np.linalg.norm(ran.slave["rotation_output"], axis=1).max() > 0.1
 
 
 def follows(held: Any, meant: Any) -> None:
