@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from twisted.internet.defer import Deferred, DeferredSemaphore, gatherResults
-from twisted.internet.task import deferLater
 from wormhole._wordlist import PGPWordList
 
 from tests.anywhere.mailbox_server import MailboxServer
@@ -123,35 +122,28 @@ async def recorded(rig: Rig, url: str) -> Ends:
     return first | {"second slave": await rig.host("slave").meet(url, "", LONG, Deferred())}
 
 
-async def with_third(rig: Rig, url: str, when: str, patience_s: float) -> Ends:
-    """A third host comes before the master with a wrong code, or while the two are held up, or after them."""
-    thief, codes, late = rig.host("master"), [], list[Any]()
+async def with_third(rig: Rig, url: str, *, is_first: bool) -> Ends:
+    """A third host comes before the master with a wrong code, or after the two with the right one."""
+    thief, codes, ends = rig.host("master"), [], dict[str, End]()
 
     async def between(code: str) -> None:
         codes.append(code)
-        if when == "first":
-            late.append(await thief.meet(url, wrong(code)))
-        elif when == "between":
-            late.append(deferLater(reactor, 1.0, lambda: Deferred.fromCoroutine(thief.meet(url, code, rig.short))))
+        if is_first:
+            ends["thief"] = await thief.meet(url, wrong(code))
 
-    ends = await rig.pair(url, patience_s, between=between)
-    if when == "after":
-        late.append(await thief.join(url, "".join(codes), rig.short))
-    if late and isinstance(late[0], Deferred):
-        late = [await late[0]]
-    return ends | dict(zip(("thief",), late, strict=False))
+    ends |= await rig.pair(url, rig.short if is_first else LONG, between=between)
+    return ends if is_first else ends | {"thief": await thief.join(url, codes[0], rig.short)}
 
 
 COURSES: dict[str, tuple[Callable[[Rig, str], Awaitable[Ends]], str]] = {
     "wrong code": (lambda rig, url: rig.pair(url, typed=wrong), ""),
     "two slaves": (lambda rig, url: rig.pair(url, master=rig.host("slave")), ""),
-    "third party between": (lambda rig, url: with_third(rig, url, "between", 2 * rig.short), "drop/pake/both"),
     "recorded": (recorded, "recorded"),
 }
 """What happens, and the rule of the mailbox; "" for the real one."""
 ALONE: dict[str, Callable[[Rig, MailboxServer], Awaitable[Ends]]] = {
-    "third party first": lambda rig, server: with_third(rig, server.url, "first", rig.short),
-    "code used twice": lambda rig, server: with_third(rig, server.url, "after", LONG),
+    "third party first": lambda rig, server: with_third(rig, server.url, is_first=True),
+    "code used twice": lambda rig, server: with_third(rig, server.url, is_first=False),
 }
 """With a server of their own, which gives the number of a void code to nobody else."""
 

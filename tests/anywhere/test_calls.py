@@ -61,33 +61,12 @@ def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
     assert isinstance(waiter.receive(offered(caller, waiter, 5.0), 5.0 + delay, None), Called) == counts
 
 
-def test_offer_to_a_slave_that_started_again_does_not_count() -> None:
-    caller, waiter = ends()
-    assert ends()[1].receive(offered(caller, waiter), 0.0, None) is None
-
-
-def test_answer_to_another_call_does_not_count() -> None:
-    first, waiter = ends()
-    second, _ = ends()
-    called(first, waiter)
-    answer = waiter.reply(called(second, waiter), Answer(PATHS))
-    assert first.receive(answer) is None
-    assert second.receive(answer) == Answer(PATHS)
-
-
 def test_message_reflected_to_its_sender_does_not_count() -> None:
     caller, waiter = ends()
     assert OutgoingCall(Sealing(KEY, "master"), lambda _: caller.attempt).receive(caller.first()) is None
     ready = waiter.receive(caller.first(), 0.0, None)
     assert isinstance(ready, Message)
     assert waiter.receive(Message("call", ready.body), 0.0, None) is None
-
-
-def test_repeated_call_does_not_disturb_the_first() -> None:
-    caller, waiter = ends()
-    offer = offered(caller, waiter)
-    assert waiter.receive(caller.first(), 0.0, None) is None
-    assert isinstance(waiter.receive(offer, 0.0, None), Called)
 
 
 def test_calls_are_remembered_within_bounds() -> None:

@@ -17,13 +17,11 @@ PATIENCE = 300.0
 VOID = "a wrong code, or a message changed on the way"
 SILENT = "the other host stopped answering"
 GONE = "nobody waits with the code|was used already"
-NOBODY = "nobody joined"
 PAIRED = {"slave": "paired", "master": "paired"}
 CASES = {
     "honest": PAIRED,
     "wrong code": {"slave": VOID, "master": VOID},
     "third party first": {"slave": VOID, "thief": VOID, "master": GONE},
-    "third party between": {"slave": NOBODY, "master": GONE, "thief": GONE},
     "code used twice": {"thief": GONE},
     "changed 0 slave": {"slave": VOID, "master": SILENT},
     "drop 1 slave": {"slave": SILENT, "master": SILENT},

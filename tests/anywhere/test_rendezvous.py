@@ -74,32 +74,6 @@ async def test_presence_says_whom_a_slave_serves(mailbox: MailboxServer) -> None
 
 
 @in_loop
-async def test_slave_waits_for_several_masters_at_once(mailbox: MailboxServer) -> None:
-    pairs = [Pair(mailbox.url, name) for name in ("anna", "bob", "carla")]
-    host = Host(pairs)
-
-    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-        return Answer(offer.paths) if peer.label == "bob" else Busy("bob")
-
-    async with running(host.waiter.serve(answer)):
-        assert await asyncio.gather(*(pair.call() for pair in pairs)) == [Busy("bob"), Answer(PATHS), Busy("bob")]
-
-
-@in_loop
-async def test_peer_that_is_there_and_does_not_answer_is_told(mailbox: MailboxServer) -> None:
-    pair = Pair(mailbox.url)
-    host = Host([pair])
-
-    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
-        return await asyncio.Future()
-
-    async with running(host.waiter.serve(answer)):
-        await presence(pair.slave, PATIENCE)
-        with pytest.raises(PeerAbsent, match=r"^robot is there, and does not answer$"):
-            await pair.call(timeout=0.5)
-
-
-@in_loop
 async def test_newer_offer_cancels_the_handler_of_the_older(mailbox: MailboxServer) -> None:
     pair, started, ended = Pair(mailbox.url), asyncio.Event(), []
     host = Host([pair])
