@@ -61,12 +61,6 @@ def test_a_unit_starts_a_command_that_is_there(name: str) -> None:
     assert {word for word in arguments if word.startswith("--")} <= commands()[command]
 
 
-def test_the_sides_differ_in_their_words_alone() -> None:
-    master, slave = (unit(name) for name in SIDES)
-    differing = {key for key in master | slave if master.get(key) != slave.get(key)}
-    assert differing == {"Description", "ExecStart"}
-
-
 DRIVERS_OF_KERNEL = {"event": "input"}
 """Names in /proc/devices that differ from those of the device files."""
 

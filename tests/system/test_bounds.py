@@ -2,18 +2,15 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from math import inf
 from typing import Any
 
 import pytest
 
 from tests.system.systems import CONFIGS, configuration
-from weberlink.slave.robots.virtual import STIFFEST, UNSTATED
-from weberlink.system.advice import Parts, advise
+from weberlink.slave.robots.virtual import STIFFEST
+from weberlink.system.advice import advise
 from weberlink.system.check import describe
 from weberlink.system.composition.coupling import FIT_MARGIN, coupling, press_limit
-from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.composition.trial import try_out
 
@@ -27,11 +24,6 @@ def notes(*overrides: str) -> list[str]:
     said = advise(try_out(loaded))
     assert said == [line.removeprefix("warning   ") for line in describe(loaded) if line.startswith("warning")]
     return said
-
-
-def with_stiffness(part: Any, stiffness: float) -> Any:
-    part.spec = replace(part.spec, stiffness_n_m=stiffness)
-    return part
 
 
 WALLS = "master.mapping.walls={stiffness_n_m: 4000, box_m: [[-0.06, 0.06], [-0.06, 0.06], [-0.06, 0.06]]}"
@@ -68,12 +60,6 @@ def test_the_bounds_are_those_in_the_frame_of_the_robot() -> None:
     assert notes(*twice) == []
     (said,) = notes(*twice, "slave.robot.stiffness_n_m=2000")
     assert "1500" in said
-
-
-def test_a_robot_of_unstated_stiffness_is_said_to_press_without_limit() -> None:
-    loaded = configuration("codec.position.bound_m=0.01")
-    said = advise(Parts(loaded, build_device(loaded), with_stiffness(build_robot(loaded), inf)))
-    assert len(said) == 1 and said[0].startswith("slave.robot")
 
 
 UNITS = (
@@ -117,11 +103,6 @@ def test_every_number_with_a_mechanical_unit_has_a_range() -> None:
 def test_the_coupling_is_stated_or_follows_the_device(overrides: Sequence[str], expected: float) -> None:
     loaded = configuration(*overrides, "codec.position.step_m=4e-6")
     assert coupling(loaded) == build_robot(loaded).spec.stiffness_n_m == pytest.approx(expected)
-
-
-def test_a_device_without_force_states_none() -> None:
-    loaded = configuration()
-    assert coupling(loaded, with_stiffness(build_device(loaded), 0.0)) == UNSTATED
 
 
 @pytest.mark.parametrize(

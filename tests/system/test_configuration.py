@@ -226,15 +226,6 @@ def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str, expec
     assert channels(loaded.system)[1].deadband == expected
 
 
-def test_one_direction_may_have_faults_of_its_own() -> None:
-    faults = "link.emulate={delay_ms: 3, loss: 0.1, to_slave: {delay_ms: 152, blackouts_s: [[1, 0.5], [2, 0.1, 0.2]]}}"
-    emulate = configuration(faults).system.link.emulate
-    assert emulate is not None
-    to_slave, to_master = emulate.directions
-    assert (to_slave.delay_ms, to_slave.loss, to_slave.blackouts_s) == (152, 0.1, ((1, 0.5), (2, 0.1, 0.2)))
-    assert (to_master.delay_ms, to_master.loss, to_master.blackouts_s) == (3, 0.1, ())
-
-
 def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_directory(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {key_file: keys/here}")
     assert load(path).system.link.key_file == tmp_path / "keys/here"

@@ -64,10 +64,10 @@ def test_description_names_paths_and_no_secrets(store: PeerStore, tmp_path: Path
 
 def end_finder(program: Program) -> bool:
     """Kill the process that finds paths; whether it is gone, or the program has ended."""
-    for path in Path("/proc").glob("[0-9]*/stat"):
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(FileNotFoundError, ProcessLookupError):
-            parent = int(path.read_text(errors="replace").rpartition(")")[2].split()[1])
-            if parent in program.daemons() and FINDER in (path.parent / "cmdline").read_bytes():
+            parent = int((path.parent / "stat").read_text(errors="replace").rpartition(")")[2].split()[1])
+            if FINDER in path.read_bytes() and parent in program.daemons():
                 os.kill(int(path.parent.name), signal.SIGKILL)
                 return True
     return not program.children()

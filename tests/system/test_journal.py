@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.program import Records
 from tests.program import weberlink as command
@@ -18,7 +16,7 @@ from tests.records import ticks as records_of
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
 from weberlink.system.journal import Journal
-from weberlink.system.log_file import LONGEST_LINE, LogFile
+from weberlink.system.log_file import LogFile
 from weberlink.system.paths import paths_of
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
@@ -169,21 +167,6 @@ def test_flapping_makes_a_line_a_second_and_the_last_word_is_how_things_are() ->
     assert 9 <= len(changes) <= 12
     assert (changes[-1]["event"], changes[-1]["tick"]) == ("engaged", int(np.flatnonzero(flapping)[-1]) + 1)
     assert len(changes) + sum(line.get("suppressed", 0) for line in changes) == int(np.abs(np.diff(flapping)).sum())
-
-
-ROWS = st.tuples(st.integers(0, 7), st.integers(0, 6), st.integers(0, 255), st.booleans())
-
-
-@given(st.lists(ROWS, min_size=1, max_size=40), st.integers(1, 50))
-def test_whatever_the_records_hold_output_is_bounded_and_json(
-    rows: list[tuple[int, int, int, bool]], each: int
-) -> None:
-    columns = dict(zip(("state", "fault", "settings", "clipped"), zip(*rows, strict=True), strict=True))
-    log = Log()
-    lines = log.look(ticks(len(rows), **columns, ticks_missed=np.cumsum(columns["clipped"])), each) + log.end()
-    # Less than a second: two lines of a kind at most, of which the second waits for the end.
-    assert len(lines) <= 3 + 2 * 5
-    assert all(len(json.dumps(line)) < LONGEST_LINE for line in lines)
 
 
 # --- losing it
