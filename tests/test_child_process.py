@@ -86,17 +86,6 @@ def test_servo_imports_nothing_from_the_working_directory() -> None:
         process.start()
 
 
-@pytest.mark.usefixtures("executed")
-def test_listener_imports_nothing_from_the_working_directory() -> None:
-    pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
-    pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
-    from tests.master.devices.ros2.publishing import listening  # noqa: PLC0415 - needs the extra
-    from tests.ros2.ports import endpoint  # noqa: PLC0415
-
-    with listening(endpoint()) as process:
-        assert process.failure is None
-
-
 @pytest.mark.realtime
 @pytest.mark.usefixtures("executed")
 def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:

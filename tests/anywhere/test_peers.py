@@ -2,7 +2,6 @@
 
 import os
 import stat
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -66,13 +65,11 @@ def test_rename_keeps_all_but_the_label(store: PeerStore) -> None:
     assert len(list(store)) == 2
 
 
-@pytest.mark.parametrize("do", [lambda s: s.find("arm"), lambda s: s.remove("arm"), lambda s: s.rename("arm", "lab")])
-def test_unknown_peer_is_told_beside_the_known(store: PeerStore, do: Callable[[PeerStore], object]) -> None:
-    with pytest.raises(PeerError, match="arm"):
-        do(store)
+def test_unknown_peer_is_told_beside_the_known(store: PeerStore) -> None:
     store.add(ROBOT)
-    with pytest.raises(PeerError, match="there is no peer 'arm'; known: robot"):
-        do(store)
+    for do in (store.find, store.remove):
+        with pytest.raises(PeerError, match="there is no peer 'arm'; known: robot"):
+            do("arm")
 
 
 @pytest.mark.parametrize("label", ["", ".", "..", ".robot", "a/b", "../robot", "a\nb", "a\0b", "é" * 126, "\ud800"])

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import socket
 
 import pytest
 
@@ -52,14 +51,6 @@ async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, ur
         await pair.call(timeout=0.3)
     assert "\n" not in str(raised.value)
     assert (await presence(pair.slave, 0.3)).note == str(raised.value)
-
-
-@in_loop
-async def test_silent_server_is_not_an_absent_peer() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        url = f"ws://127.0.0.1:{silent.getsockname()[1]}/v1"
-        found = await presence(Pair(url).slave, 0.3)
-    assert found == Presence(here=False, note=f"the mailbox server {url} does not answer")
 
 
 @in_loop

@@ -76,7 +76,6 @@ class Kind:
         begin: [s].
         channels: of force and motion.
         device, robot: computed ones, for tests to derive from.
-        needs: an optional package.
     """
 
     file: str
@@ -85,7 +84,6 @@ class Kind:
     channels: tuple[Channel, ...]
     device: Any
     robot: Any
-    needs: str = ""
 
 
 FORCE = Channel("", 10.0, 0.25, 0.5e-3, 1.0)
