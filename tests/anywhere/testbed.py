@@ -182,10 +182,9 @@ class Relay:
 
     Args:
         folder: for its secret and configuration.
-        options: more options of turnserver.
     """
 
-    def __init__(self, space: Namespace, folder: Path, options: tuple[str, ...] = ()) -> None:
+    def __init__(self, space: Namespace, folder: Path) -> None:
         self._space = space
         self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
@@ -193,12 +192,7 @@ class Relay:
         secret.touch(mode=0o600)
         secret.write_text(SECRET)
         addresses = (f"--listening-ip={SERVER}", f"--listening-ip={SECOND_SERVER}", f"--relay-ip={SERVER}")
-        self._command = (*space.prefix, str(RELAY), str(secret), *addresses, *options)
-
-    @property
-    def log(self) -> str:
-        """What coturn wrote since its last start."""
-        return (self._folder / "log").read_text(errors="replace")
+        self._command = (*space.prefix, str(RELAY), str(secret), *addresses)
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
@@ -222,7 +216,7 @@ class Relay:
                     asking.recv(2048)
                     return
         self.stop()
-        raise RuntimeError(f"the relay did not start: {self.log}")
+        raise RuntimeError(f"the relay did not start: {(self._folder / 'log').read_text(errors='replace')}")
 
     def stop(self) -> None:
         """Kill it; all allocations are lost."""
@@ -266,10 +260,10 @@ class Internet:
         first = self._router(host, nat, FIRST)
         return Home(host, first, self._router(host, second, SECOND) if second else None)
 
-    def start_relay(self, *options: str) -> Relay:
-        """Start coturn at `SERVER`, with more options."""
+    def start_relay(self) -> Relay:
+        """Start coturn at `SERVER`."""
         folder = Path(self._stack.enter_context(TemporaryDirectory(prefix="wl-relay-")))
-        relay = Relay(self.public, folder, options)
+        relay = Relay(self.public, folder)
         self._stack.callback(relay.stop)
         relay.start()
         return relay

@@ -72,21 +72,6 @@ def test_handle_slides_over_the_dome_and_stays_out() -> None:
     assert force["packets_per_s"] < 50.0
 
 
-@pytest.mark.parametrize("delay_ms", [0, 20])
-def test_jumping_pointer_changes_the_force_at_bounded_rate(delay_ms: int) -> None:
-    """Between 60 mm above and 60 mm below a wall. The step of an update is within the deadband."""
-
-    def jump(time: float) -> tuple[Vector, bool]:
-        return (0.05, 0.05, 0.06 if time % 1.0 < 0.5 else -0.06), True
-
-    jumping = run(jump, 2.7, f"link.emulate.delay_ms={delay_ms}")[0][1000:]  # beside the dome
-    felt = jumping["output"]
-    rate = lengths(felt[5:] - felt[:-5]) / 5e-3
-    assert lengths(felt).max() > 3.0
-    assert rate.max() <= 1.1 * WALL * SPEED
-    assert depths(jumping["position"]).max() <= 2.0 * HAND * REACH / WALL
-
-
 @pytest.mark.parametrize(("goes_silent", "limit"), [(False, 0.1), (True, 0.1 + RAMP_S + 0.02)])
 def test_released_handle_has_no_force_and_the_robot_holds(goes_silent: bool, limit: float) -> None:
     def pressed(time: float) -> tuple[Vector, bool] | None:
