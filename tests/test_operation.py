@@ -14,7 +14,6 @@ from typer.main import get_command
 
 from tests.program import Program, document
 from weberlink.cli import app
-from weberlink.hardware.discovery import UDEV_RULES
 from weberlink.protocol.states import State
 from weberlink.system import journal
 from weberlink.system.launcher import STOP_LIMIT_S
@@ -59,21 +58,6 @@ def test_a_unit_starts_a_command_that_is_there(name: str) -> None:
     program, command, *arguments = line.split()
     assert program == PROGRAM
     assert {word for word in arguments if word.startswith("--")} <= commands()[command]
-
-
-DRIVERS_OF_KERNEL = {"event": "input"}
-"""Names in /proc/devices that differ from those of the device files."""
-
-
-@pytest.mark.parametrize("name", SIDES)
-def test_every_kind_of_device_that_the_rules_name_is_allowed(name: str) -> None:
-    rules = (ROOT / "configs" / UDEV_RULES).read_text(encoding="utf-8")
-    kernels = "|".join(re.findall(r'^KERNEL=="([^"]+)"', rules, re.M)).split("|")
-    named = {kernel.rstrip("*") for kernel in kernels} - {"cpu_dma_latency"}
-    kinds = {DRIVERS_OF_KERNEL.get(name_, name_) for name_ in named}
-    allowed = {line.split()[0].removeprefix("char-") for line in unit(name)["DeviceAllow"]}
-    assert kinds
-    assert kinds <= allowed
 
 
 @pytest.mark.parametrize("name", SIDES)

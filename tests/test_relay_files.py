@@ -37,16 +37,6 @@ def test_systemd_accepts_the_unit_and_finds_it_little_exposed(name: str, install
     assert done.returncode == 0, done.stdout.splitlines()[-1:]
 
 
-def test_units_and_containers_start_files_that_are_there() -> None:
-    texts = [path.read_text(encoding="utf-8") for path in FILES.iterdir()]
-    named = {match for text in texts for match in re.findall(rf"{FOLDER}/([\w.]+\.(?:sh|conf))", text)}
-    assert named == {"relay.sh"}
-    assert (FILES / "relay.sh").stat().st_mode & 0o111
-    copied = re.findall(r"^COPY (.+) \S+$", (FILES / "Containerfile").read_text(encoding="utf-8"), re.M)
-    for name in copied[0].split():
-        assert (FILES / name).exists()
-
-
 @pytest.mark.parametrize(
     ("secret", "reason"), [("short", "shorter than 16"), ("two words in the file", "something else than one word")]
 )

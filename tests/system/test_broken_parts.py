@@ -13,7 +13,6 @@ from tests.apps.packages import add_drivers
 from tests.program import PATIENT, Program, document, weberlink
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
-from weberlink.apps.devices import survey
 
 DISTRIBUTION = "breaking-parts"
 GROUPS = {
@@ -125,17 +124,6 @@ def test_part_that_cannot_be_imported_is_one_line_and_its_trace_is_logged(group:
     entries = [json.loads(line)["entry"] for line in log.read_text(encoding="utf-8").splitlines()]
     assert any("needy.py" in entry for entry in entries)
     assert entries[-1] == MISTAKES["needy"][1]
-
-
-@pytest.mark.parametrize(("group", "side"), [("devices", "master"), ("robots", "slave")])
-def test_every_command_has_the_same_line(group: str, side: str) -> None:
-    file, override = GROUPS[group]
-    overrides = (override.format(f"needy_{group}"), KEYED)
-    (told,) = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", side)}
-    advice = next(each.advice[0] for each in survey().drivers if each.driver == f"needy_{group}")
-    assert told.endswith(advice)
-    tested = weberlink("device", "test", f"needy_{group}")
-    assert (tested.status, tested.errors) == (2, f"weberlink: {advice}\n")
 
 
 @pytest.mark.parametrize("where", ["__init__", "open", "latest", "command"])

@@ -1,7 +1,7 @@
 """Configurations: what is refused, by the path of its field; what is accepted, and what it becomes."""
 
 from dataclasses import replace
-from math import pi, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -207,10 +207,8 @@ def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
 @pytest.mark.parametrize(
     ("force", "expected"),
     [
-        ("{}", ForceDeadband(0.1, 0.02)),
         ("{deadband: {shape: isotropic}, reference: sent}", ForceDeadband(0.1, 0.02, "sent")),
         ("{deadband: {shape: cone}}", ConeDeadband(0.1, 0.02, radians(18.4))),
-        ("{deadband: {shape: cone, direction_deg: 180}, floor_n: 0}", ConeDeadband(0.1, 0.0, pi)),
         (
             "{deadband: {shape: level_crossing, hysteresis: 0.5}, weber: 0.2}",
             LevelCrossingDeadband(0.2, 0.02, radians(18.4), 0.5),

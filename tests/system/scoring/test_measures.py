@@ -1,19 +1,17 @@
 """Errors are scored in the measure of the session's own deadband, also after a live change of its Weber factor."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.system.systems import configuration, steps
-from weberlink.apps.recordings import describe
 from weberlink.control.tuning import LiveSettings
 from weberlink.system.composition.channels import banks, force_deadband, measures_in, measures_of
 from weberlink.system.configuration import Configuration
 from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.simulate import VirtualRecording, build_simulation
+from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import as_array
 
 WEBERS = (0.25, 0.05)
@@ -57,17 +55,6 @@ def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(scor
     assert all(error(loaded, one, one["decoded"]) <= one["bound"] for one in counted)
     assert (np.linalg.norm(counted["decoded"] - counted["raw"], axis=1) > counted["bound"]).any(), "a ball would not do"
     assert any(error(loaded, one, one["decoded"], WEBERS[0]) > one["bound"] for one in counted), "nor the file's k"
-
-
-def test_a_recording_has_the_figures_of_the_session(scored, tmp_path: Path) -> None:
-    loaded, master, slave, figures = scored
-    path = tmp_path / "r.mcap"
-    recording = VirtualRecording(loaded, path, print)
-    recording.add(master, slave)
-    recording.finish()
-    found = describe([path]).document["force"]
-    for name in ("violation_fraction", "violation_longest_ticks"):
-        assert (found[name], found["coding"][name]) == (figures[name], figures["coding"][name])
 
 
 def test_a_recording_of_an_unknown_deadband_is_refused() -> None:
