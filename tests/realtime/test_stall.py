@@ -28,6 +28,7 @@ def test_slower_loop_has_a_longer_limit(tick_period: float, limit: float) -> Non
 @given(st.lists(st.floats(0.0, 10.0), min_size=1, max_size=50))
 def test_ramps_never_advance_by_more_than_the_elapsed_time(gaps: list[float]) -> None:
     pace, now = StallDetector(TICK), 0.0
+    assert pace.step == 0.0
     assert pace.tick(now) == pace.step == 0.0
     for gap in gaps:
         before, now = now, now + gap

@@ -121,7 +121,9 @@ def test_a_robot_that_does_not_know_where_it_is_cannot_be_opened(kind: Kind) -> 
 
 
 @each_kind
-def test_a_loop_that_fails_releases_the_hand_and_holds_the_robot(kind: Kind) -> None:
+@pytest.mark.parametrize("how", ["fails", "emergency"])
+def test_a_loop_that_fails_or_is_stopped_at_once_releases_the_hand_and_holds_the_robot(kind: Kind, how: str) -> None:
+    """Before the next tick."""
     told: dict[str, Any] = {}
 
     def noting(base: Any) -> Any:
@@ -142,8 +144,11 @@ def test_a_loop_that_fails_releases_the_hand_and_holds_the_robot(kind: Kind) -> 
     before = dict(told)
     simulation = ran.simulation
     for side in (simulation.master, simulation.slave):
-        side.fail(kind.begin, RuntimeError("test"))
-        assert side.endpoint.state is State.CLOSED
+        if how == "fails":
+            side.fail(kind.begin, RuntimeError("test"))
+            assert side.endpoint.state is State.CLOSED
+        else:
+            side.emergency(kind.begin)
     for method, value in told.items():
         if method.startswith("robot "):
             assert value == pytest.approx(before[method], abs=1e-6)
