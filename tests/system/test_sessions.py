@@ -259,7 +259,7 @@ def test_a_pause_of_the_peers_news_takes_no_energy_from_a_hand_that_holds_on() -
 
 # --- the operator's button
 
-HELD = [(0.0, 0.0), (0.15, 0.4), (0.6, 9.0)]
+HELD = [(0.0, 0.0), (0.15, 0.4), (0.6, 0.8), (0.82, 9.0)]
 """When the operator holds the button, from `begin` on; before, always [s]."""
 
 
@@ -297,6 +297,10 @@ def test_released_button_removes_force_and_holds_the_robot_and_both_changes_are_
             gated(channel, ran, begin, shares)
             moves = channel.steps(ran.slave)[begin - 1 : begin + 60]
             assert moves.max() <= channel.approach * TICK + channel.correction
+        # Pressed again within the fade, it fades out first.
+        felt = channel.size(channel.output(ran.master)[ran.at(kind.begin + 0.8) - 1 :][:150])
+        assert felt.min() == 0.0
+        assert np.diff(felt).min() >= -(channel.limit * STEP + 0.15 * felt[0])
     engaged = ran.master[100:], ran.slave[100:]
     assert {(*side["state"], *side["fault"]) == (ENGAGED,) * len(side) + (0,) * len(side) for side in engaged} == {True}
     first = kind.channels[0]
