@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from tests.system.kinds import HAND, run
-from tests.system.systems import configuration
 from weberlink.protocol.states import State
-from weberlink.system.simulate import simulate
 from weberlink.system.simulation import Simulation
 
 JITTER = ("control.scheme=none", "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}")
@@ -51,8 +49,3 @@ def test_what_is_decided_on_was_measured_that_long_ago() -> None:
     )
     assert len(decided) > 100
     assert (slave["coded"][decided] == slave["raw"][decided - 20]).all()
-
-
-def test_the_report_holds_both() -> None:
-    summary, _ = simulate(configuration("link.playout_ms=20", "codec.force.lookahead_ms=10"), 0.2)
-    assert (summary["playout_ms"], summary["lookahead_ms"]) == (20.0, {"position": 0.0, "force": 10.0})
