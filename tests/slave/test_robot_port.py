@@ -292,6 +292,7 @@ def test_the_robot_presses_with_no_more_than_the_limit() -> None:
     following = Following(most=MOST_N).there(ZERO)
     robot = following.robot
     robot.follows = False
+    assert following.row().contact_ticks == 0
     for tick in range(1000):
         robot.force = (0.0, 0.0, max(0.0, -COUPLING * following.port.applied[2]))
         following.tick((0.0, 0.0, max(-0.05, -1e-4 * tick)))
