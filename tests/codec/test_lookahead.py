@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.codec.law import FITTED
 from tests.codec.signals import contact_stream
 from tests.examples import examples
-from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.codec.lookahead import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
@@ -69,16 +69,6 @@ def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spo
             decided.append((tick, update.tick))
     taken = set(range(300)) - missed - spoilt
     assert decided == [(tick, tick - late) for tick in range(300) if tick - late in taken and tick not in missed]
-
-
-def test_after_a_restart_the_next_sample_is_sent_and_none_waits_anew() -> None:
-    encoder = Encoder(force_channel(predictor="path", lookahead=5))
-    found: list[Update | None] = [encoder.encode(tick, up(1.0)) for tick in range(20)]
-    assert [update.tick for update in found if update is not None] == [0]
-    encoder.restart()
-    update = encoder.encode(20, up(1.0))
-    assert update is not None
-    assert update.tick == 15
 
 
 def test_ticks_that_begin_anew_clear_the_window() -> None:
