@@ -27,7 +27,11 @@ class Watched:
     """A watch whose decoder has received the plane z = 0, or one sample."""
 
     def __init__(
-        self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH), jitter: float = 0.0
+        self,
+        predictor: str = "plane",
+        samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH),
+        jitter: float = 0.0,
+        delay: float = 0.0,
     ) -> None:
         channel = force_channel(predictor=predictor)
         self.encoder, self.decoder = Encoder(channel), Decoder(channel)
@@ -41,7 +45,7 @@ class Watched:
             link,
             least=0.05,
             sent=SentCommands(TICK, 1.0),
-            delay=0.0,
+            delay=delay,
             playout=0,
         )
 
@@ -116,24 +120,31 @@ def test_commands_that_jump_past_the_model_state_nothing() -> None:
     assert max(shown[PATIENT:]) <= 1.0
 
 
-def test_a_claim_of_the_model_counts_only_after_the_answer_of_the_robot_could_have_come() -> None:
-    """What the limiter is told of a hand that stays in the model: nothing, then a claim that grows, then a contact."""
+def told_limiter(watched: Watched) -> list[tuple[float, int]]:
+    """What its limiter is told from now on: when a contact was stated [s], and for how many ticks one is claimed."""
 
     class Told(ContactLimiter):
-        __slots__ = ("told",)
-
         def bound(self, *values: float | None, stated: float, claimed: float = 0.0) -> float:  # type: ignore[override]
             told.append((stated, round(claimed / TICK)))
             return super().bound(*values, stated=stated, claimed=claimed)  # type: ignore[arg-type]
 
     told: list[tuple[float, int]] = []
-    watched = Watched()
-    watched.go(OUTSIDE, ZERO, 500)
     watched.watch.limiter = Told(10.0, 1.0, 1.0)
+    return told
+
+
+@pytest.mark.parametrize("before", [INSIDE, OUTSIDE])
+def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_come(before: Vector) -> None:
+    """For a hand that stays in the model: nothing, then a claim that grows, then a contact."""
+    watched = Watched()
+    for _ in range(500):  # nothing is felt, and nothing asked
+        watched.tick += 1
+        watched.watch.follow(before, float(watched.tick))
+    told = told_limiter(watched)
     watched.go(INSIDE, PRESSED, 400)
     first = next(tick for tick, (_, claimed) in enumerate(told) if claimed)
     met = next(tick for tick, (stated, _) in enumerate(told) if stated < inf)
-    assert first == round((RTT + LOOK_S) / TICK)
+    assert first == round((LOOK_S if before == INSIDE else RTT + LOOK_S) / TICK)
     assert [claimed for _, claimed in told[first:met]] == list(range(1, met - first + 1))
     assert met - first == round((UNREACHED_S + LOOK_S) / TICK) - 1
     assert set(told[met:]) == {(UNREACHED_S, 0)}
@@ -142,11 +153,12 @@ def test_a_claim_of_the_model_counts_only_after_the_answer_of_the_robot_could_ha
     assert told[-1] == (inf, 0)
 
 
-def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:
-    watched = Watched("zoh", (0.0,))
-    shown = watched.go(INSIDE, PRESSED, PATIENT + round(GRACE / TICK))
-    assert min(shown[:50]) == norm(PRESSED)
-    assert max(shown[PATIENT:]) <= 1.0
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_a_force_without_a_model_ends_in_time_and_is_at_fault(delay: float) -> None:
+    watched, patient = Watched("zoh", (0.0,), delay=delay), PATIENT + round(delay / TICK)
+    shown = watched.go(INSIDE, PRESSED, patient + round(GRACE / TICK))
+    assert min(shown[: patient - 50]) == norm(PRESSED)
+    assert max(shown[patient:]) <= 1.0
     assert watched.watch.limiter.unfounded
     watched.watch.reset()
     assert watched.go(INSIDE, PRESSED, 1) == [norm(PRESSED)]

@@ -34,6 +34,7 @@ class Leading:
         button: int | None = None,
         contacts: Sequence[ContactLimiter] = (),
         pressed: Sequence[PressedAxes | None] = (),
+        delay: float = 0.0,
     ) -> None:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
@@ -47,6 +48,7 @@ class Leading:
             button=button,
             contacts=contacts,
             pressed=pressed,
+            delay=delay,
             least=(0.02, 0.02, 0.02),
         )
         self.now = 0.0
@@ -220,9 +222,9 @@ def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
         assert complaint in (sensor.complaint(ArmReading(0.0, angles, (0.0, 0.0, 0.0))) or "")
 
 
-def founded() -> Leading:
+def founded(delay: float = 0.0) -> Leading:
     """A leader whose torques end where the follower states none: of the joints, and of the gripper."""
-    leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)])
+    leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)], delay=delay)
     leading.link.rtt = RTT
     return leading.opened((0.0, 0.0), (0.0,))
 
@@ -241,13 +243,15 @@ def test_torque_that_the_follower_states_and_drag_are_displayed_for_ever(
     assert not leading.port.unfounded
 
 
-def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float) -> None:
     """What the gripper holds founds no torque of the joints."""
-    leading = founded()
+    leading = founded(delay)
     leading.control.answer = (0.6, 0.1, 0.4)
-    answer = round((RTT + PATIENCE) / TICK)
+    answer = round((RTT + delay + PATIENCE) / TICK)
     shown = [leading.tick((0.02, -0.02), (0.3,)) for _ in range(1000)]  # the least that states one, and no more
     assert max(abs(torques[0]) for torques in shown[answer:]) <= FREE * (1 + 1e-9)
+    assert shown[answer - 1][:2] == pytest.approx((FREE, FREE / 6.0), rel=0.05), "both as much shorter"
     assert {torques[2] for torques in shown[100:]} == {0.4}
     assert shown[-1][:2] == (0.0, 0.0)
     assert leading.port.unfounded
