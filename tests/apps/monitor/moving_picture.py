@@ -62,12 +62,14 @@ def rub(page: Browser, seconds: float) -> Iterator[float]:
 
     page.wait(press, "the handle to be held")
     began = monotonic()
-    while (t := monotonic() - began) < seconds:
-        down = ABOVE_PX + (DEEP_PX - ABOVE_PX) * min(1.0, t / 1.5)
-        mouse("mouseMoved", WIDE_PX * sin(2.0 * pi * t / ROUND_S), down + 5.0 * cos(2.0 * pi * t / ROUND_S))
-        yield t
-        sleep(0.01)
-    mouse("mouseReleased", pressed=False)
+    try:
+        while (t := monotonic() - began) < seconds:
+            down = ABOVE_PX + (DEEP_PX - ABOVE_PX) * min(1.0, t / 1.5)
+            mouse("mouseMoved", WIDE_PX * sin(2.0 * pi * t / ROUND_S), down + 5.0 * cos(2.0 * pi * t / ROUND_S))
+            yield t
+            sleep(0.01)
+    finally:
+        mouse("mouseReleased", pressed=False)
 
 
 def shot(page: Browser) -> Image.Image:
@@ -75,17 +77,21 @@ def shot(page: Browser) -> Image.Image:
 
 
 def still(page: Browser, out: Path) -> None:
-    *_, image = (shot(page) for t in rub(page, 6.0) if t > 5.5)
+    for t in rub(page, 6.0):
+        if t > 3.0:
+            image = shot(page)
     image.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 def moving(page: Browser, out: Path) -> None:
     images: list[Image.Image] = []
     last = 2.0  # the mouse is at the dome by then
-    for t in rub(page, 2.0 + 2.0 * FRAMES * EVERY_S):
-        if t - last > EVERY_S and len(images) < FRAMES:
+    for t in rub(page, 60.0):
+        if t - last > EVERY_S:
             last = t
             images.append(shot(page))
+        if len(images) == FRAMES:
+            break
     images = [image.resize((WIDTH, WIDTH * image.height // image.width)) for image in images]
     # The default method gives all its colours to shades of the background; curves and markers would be grey.
     palette = images[-1].quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
