@@ -19,7 +19,7 @@ LOSTS = 20
 """Exchanges that may be lost in a row: with a loss of 30 % each way, more are lost once in a million changes."""
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(seed: int) -> None:
     """With loss, a silence, and changes by users of both sides. In the end both use what was set last."""
     chance = Random(seed)
@@ -37,7 +37,7 @@ def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(seed: int) ->
     for at in (0.8, 1.3, 1.8, 2.6, 3.2):
         sides = chance.choice([("master",), ("slave",), ("master", "slave")])
         acts[at] = partial(ask, sides, chance.choice([0.05, 0.2, 0.3]), at)
-    ran = run(HAND, 7.0, link, "link.silence_ms=400", acts=acts)
+    ran = run(HAND, 5.0, link, "link.silence_ms=400", acts=acts)
     trip = rtt + 2.0 * jitter
     bound = LOSTS * max(PACE, PACE_SHARE * trip) + trip + LEAD_TICKS * TICK
     both = (ran.master["state"] == ENGAGED) & (ran.slave["state"] == ENGAGED)

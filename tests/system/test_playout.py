@@ -49,3 +49,13 @@ def test_what_is_decided_on_was_measured_that_long_ago() -> None:
     )
     assert len(decided) > 100
     assert (slave["coded"][decided] == slave["raw"][decided - 20]).all()
+
+
+def test_what_is_decoded_is_where_the_hand_was_that_long_ago() -> None:
+    ran = run(HAND, 1.0, "control.scheme=none", "link.emulate={delay_ms: 10}", "link.playout_ms=20")
+    moving = np.arange(500, 900)
+    errors = {
+        lag: float(np.abs(ran.slave["position"][moving] - ran.master["raw"][moving - lag]).max())
+        for lag in range(-30, 60)
+    }
+    assert min(errors, key=errors.__getitem__) == pytest.approx(30, abs=3)

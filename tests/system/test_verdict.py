@@ -155,7 +155,7 @@ def test_running_master_waits_longer_for_an_answer() -> None:
     assert verdict(summary).word == FAILURE
 
 
-@examples(100)
+@examples(40)
 @given(st.sets(st.sampled_from(sorted(CASES.keys() - {"no_call", "no_figures"})), min_size=1))
 def test_failures_come_first_and_decide_the_word(chosen: set[str]) -> None:
     found = verdict(with_changes({path: value for name in sorted(chosen) for path, value in CASES[name][1].items()}))

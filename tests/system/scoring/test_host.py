@@ -58,7 +58,7 @@ PAUSES = st.lists(st.tuples(st.floats(0.05, 0.2), st.floats(0.0, 0.05)), max_siz
 )
 
 
-@examples(100)
+@examples(40)
 @given(PAUSES, st.integers(1, 5), st.floats(0.0, INTERVAL))
 def test_long_stalls_of_the_host_explain_every_missed_tick(pauses: Pauses, pieces: int, phase: float) -> None:
     long = [(begin, end) for begin, end in pauses if end - begin >= INTERVAL + 0.5 * PERIOD]
@@ -66,7 +66,7 @@ def test_long_stalls_of_the_host_explain_every_missed_tick(pauses: Pauses, piece
     assert attributed(records, stalls(long, 1.5, phase), pieces) == records["ticks_missed"][-1]
 
 
-@examples(100)
+@examples(40)
 @given(PAUSES, PAUSES)
 def test_pauses_of_the_daemon_are_not_the_hosts(own: Pauses, of_host: Pauses) -> None:
     """At most an interval of the watcher is wrong for each stall; nothing where none touches a pause of the daemon."""
