@@ -30,6 +30,41 @@ def python(*arguments: object, **environment: str) -> Ended:
     return Ended(ended.returncode, ended.stdout, ended.stderr)
 
 
+# --- imports: they take most of the time to the first line of a command, or to its daemons
+
+IMPORTED = """
+import contextlib, io, json, os, subprocess, sys
+def tell(line=(), **_):
+    json.dump(sorted(sys.modules), sys.__stdout__)
+    sys.__stdout__.flush()
+    os._exit(0)
+subprocess.Popen = tell
+from weberlink.cli import main
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    main(sys.argv[1:])
+tell()
+"""
+"""Ends with the modules that are there when a command is done, or starts its first process."""
+SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
+LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "system.report", "system.daemon")}
+
+
+@pytest.mark.parametrize(
+    ("command", "there", "absent"),
+    [
+        ("--help", "weberlink.cli", {"pydantic", "yaml", "weberlink.system.configuration", "weberlink.protocol"}),
+        ("loopback", "weberlink.system.launcher", LATE | {"weberlink.system.recorder", "weberlink.system.journal"}),
+    ],
+)
+def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: str, absent: set[str]) -> None:
+    ended = python("-c", IMPORTED, command, FORCE_COLOR="1")  # a status line would be shown
+    assert (ended.status, ended.errors) == (0, "")
+    modules = set(json.loads(ended.output))
+    assert there in modules
+    assert not modules & (SLOW | absent)
+    assert not [name for name in modules if name.startswith(("weberlink.studies", "weberlink.apps"))]
+
+
 # --- packages
 
 HIDDEN = """

@@ -1,9 +1,17 @@
 """The evaluate command: arguments, processes, interruption, table and figures."""
 
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from tests.system.systems import CONFIGS
+from tests.wait import PATIENCE, until
 from weberlink.studies.evaluate.command import run
 from weberlink.studies.evaluate.traces import names
 
@@ -37,3 +45,39 @@ def test_stated_units_give_the_figures_of_si_units(tmp_path: Path) -> None:
     for a, b in zip(si, other, strict=True):
         assert b["packets_per_s"] == pytest.approx(a["packets_per_s"])
         assert b["error_rms_jnd"] == pytest.approx(a["error_rms_jnd"])
+
+
+MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
+"""Weber factors for minutes of work."""
+WORK = """
+import sys
+from pathlib import Path
+import weberlink.studies.evaluate.command as command
+from weberlink.cli import main
+run = command.run
+command.run = lambda *given, progress, **options: run(*given, progress=lambda *_: Path(sys.argv[1]).touch(), **options)
+main(sys.argv[2:])
+"""
+
+
+@pytest.mark.parametrize(("workers", "number"), [(2, signal.SIGINT), (1, signal.SIGTERM)])
+def test_ctrl_c_and_sigterm_keep_finished_rows(workers: int, number: signal.Signals, tmp_path: Path) -> None:
+    """The signal reaches every process of the group, as from a terminal or from systemd."""
+    first = tmp_path / "first"
+    options = ("--weber", MANY, "--workers", str(workers), "--json", "-")
+    command = [sys.executable, "-c", WORK, first, "study", "evaluate", CONFIGS / "traces" / "operator.npz", *options]
+    program = subprocess.Popen(
+        command, cwd=CONFIGS.parent, text=True, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        until(lambda: first.exists() or program.poll() is not None, "the first task")
+        os.killpg(program.pid, number)
+        output, errors = program.communicate(timeout=PATIENCE)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(program.pid, signal.SIGKILL)
+    report = json.loads(output)
+    assert (program.returncode, report["interrupted"]) == (130, True)
+    assert 0 < len(report["rows"]) < 5 * len(MANY.split(","))
+    assert errors.splitlines()[-1].startswith("weberlink: interrupted")
+    assert all(", after " in line for line in errors.splitlines()[:-1]), "nothing of the processes complains"
