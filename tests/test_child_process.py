@@ -1,8 +1,6 @@
 """Children of every kind are started in a folder of hostile modules: they do their work, and import none of them."""
 
-import asyncio
 import json
-import math
 import signal
 import subprocess
 import sys
@@ -18,19 +16,12 @@ from tests.system.systems import CONFIGS
 from tests.wait import until
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
-from weberlink.apps.doctor.trial import run_rights_trial
-from weberlink.apps.monitor.launcher import SessionLauncher, TryOrder
-from weberlink.apps.rules import install_line
 from weberlink.child_process import python
 from weberlink.hardware.fault import HardwareFault
 from weberlink.master.devices.touch.process import ServoProcess
 from weberlink.master.devices.touch.servo import ServoArguments
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathNews
-from weberlink.slave.robots.contract import RobotFault
-from weberlink_franka.driver import FrankaRobot
-from weberlink_franka.options import FrankaOptions
-from weberlink_studies.parallel import parallel_map
 
 NOWHERE = "ws://127.0.0.1:1/v1"
 ENDLESS = (str(CONFIGS / "loopback.yaml"), "--set", "realtime.lock_memory=false", "--set", "link.silence_ms=2000")
@@ -55,12 +46,6 @@ def executed(tmp_path: Path) -> Iterator[Path]:
     with chdir(folder):
         yield marker
     assert not marker.exists(), marker.read_text()
-
-
-def test_the_hostile_folder_is_one(executed: Path) -> None:
-    subprocess.run([sys.executable, "-c", "import json"], check=True)
-    assert executed.read_text() == "json "
-    executed.unlink()
 
 
 @pytest.mark.usefixtures("executed")
@@ -101,44 +86,6 @@ def test_servo_imports_nothing_from_the_working_directory() -> None:
         process.start()
 
 
-@pytest.mark.usefixtures("executed")
-def test_listener_imports_nothing_from_the_working_directory() -> None:
-    pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
-    pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
-    from tests.master.devices.ros2.publishing import listening  # noqa: PLC0415 - needs the extra
-    from tests.ros2.ports import endpoint  # noqa: PLC0415
-
-    with listening(endpoint()) as process:
-        assert process.failure is None
-
-
-@pytest.mark.usefixtures("executed")
-def test_controller_imports_nothing_from_the_working_directory() -> None:
-    robot = FrankaRobot(FrankaOptions(host="127.0.0.1", priority=0), None, 0.001)
-    with pytest.raises(RobotFault, match=r"pylibfranka|Connection"):
-        robot.open(0.0)
-    robot.close()
-
-
-@pytest.mark.usefixtures("executed")
-def test_trial_of_rights_imports_nothing_from_the_working_directory() -> None:
-    trial = run_rights_trial(priority=0, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
-    assert trial.failure is None and trial.memory_bytes > 0
-
-
-@pytest.mark.usefixtures("executed")
-def test_workers_import_nothing_from_the_working_directory() -> None:
-    assert parallel_map(math.sqrt, [1.0, 4.0], 2) == {0: 1.0, 1: 2.0}
-
-
-@pytest.mark.usefixtures("executed")
-def test_picture_maker_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
-    pytest.importorskip("cv2")
-    from tests.apps.monitor.test_camera import test_camera_that_cannot_be_opened_is_told as tell  # noqa: PLC0415 - needs an extra
-
-    tell(tmp_path)
-
-
 @pytest.mark.realtime
 @pytest.mark.usefixtures("executed")
 def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
@@ -156,21 +103,6 @@ def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: P
     assert (report["outcome"], report["recording"]["outcome"]) == ("interrupted", "complete")
 
 
-@pytest.mark.realtime
-@pytest.mark.usefixtures("executed")
-def test_session_of_a_page_imports_nothing_from_the_working_directory() -> None:
-    async def visit() -> SessionLauncher:
-        async def inherit(_former: str | None, _name: str) -> None: ...
-
-        order = TryOrder(ENDLESS[0], ("realtime.lock_memory=false",), duration_s=0.5)
-        launcher = SessionLauncher(order, lambda _line: None, lambda _message: None, inherit)
-        await launcher.run(asyncio.Event())
-        return launcher
-
-    last = asyncio.run(visit()).last
-    assert last is not None and last.report is not None and last.report["outcome"] == "completed"
-
-
 def test_only_one_place_makes_commands_of_the_interpreter() -> None:
     product = [ROOT / "plugins", *(ROOT / "src" / "weberlink").iterdir()]  # some are links, which rglob does not follow
     files = [path for part in product for path in ([part] if part.is_file() else part.rglob("*.py"))]
@@ -179,8 +111,3 @@ def test_only_one_place_makes_commands_of_the_interpreter() -> None:
     for name, how in RUN.items():
         lines = [line for line in found[name].read_text().splitlines() if "sys.executable" in line]
         assert lines and all(how in line for line in lines)
-
-
-def test_line_for_root_imports_nothing_from_the_working_directory() -> None:
-    line = install_line()
-    assert "-m" not in line.split() or "-P" in line.split()

@@ -42,12 +42,6 @@ def test_the_list_names_modules_that_there_are(recipe: ModuleType) -> None:
         assert str(recipe.SOURCE / left) not in recipe.modules()
 
 
-@pytest.mark.usefixtures("at_root")
-def test_nothing_is_compiled_unless_asked_for(recipe: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("WEBERLINK_COMPILE", raising=False)
-    assert recipe.extensions() == []
-
-
 @pytest.mark.skipif(not is_compiled(), reason="not the compiled build")
 @pytest.mark.usefixtures("at_root")
 def test_every_module_of_the_list_runs_compiled(recipe: ModuleType) -> None:

@@ -48,11 +48,3 @@ def test_it_is_the_installer_of_this_environment(wheel: Path, tmp_path: Path) ->
         [*words[: words.index("install")], "--version"], cwd=tmp_path, capture_output=True, text=True, check=True
     ).stdout
     assert told.startswith("uv ") or f" from {sys.prefix}/" in told
-
-
-def test_pip_below_the_present_folder_and_on_the_path_is_short(wheel: Path, tmp_path: Path) -> None:
-    beside = Path(sys.executable).parent
-    if not (beside / "pip").is_file():
-        pytest.skip("this environment has no pip beside its Python")
-    assert line(beside.parent, wheel, path="/usr/bin:/bin")[0] == f"{beside.name}/pip"
-    assert line(tmp_path, wheel, path=f"{beside}:/usr/bin")[0] == "pip"

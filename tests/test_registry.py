@@ -32,8 +32,6 @@ ENTRY_POINTS = """
 late = acme.parts:Late
 [weberlink.test_schemes]
 scheme = acme.parts:Helper
-[weberlink.test_others]
-nested = acme.parts:Late.act
 """
 
 
@@ -68,6 +66,13 @@ def test_error_of_a_part_names_kind_distribution_error_and_line(acme: Any) -> No
     assert fault_of(raised(lambda: table["late"]().act(lambda: {}["x"]))) is not None
 
 
+def test_a_part_derived_from_one_that_is_built_in_is_named_itself(acme: Any) -> None:
+    table: Registry[Any] = Registry("driver", {"plain": acme.Driver}, "weberlink.test_drivers")
+    table.load("plain")
+    told = fault_of(raised(lambda: table["late"]().act(acme.fail)))
+    assert told is not None and told.text.startswith("driver fault: late of acme-parts: ") and told.is_foreign
+
+
 def test_code_beside_a_part_counts_where_no_part_runs(acme: Any) -> None:
     table: Registry[Any] = Registry("scheme", {}, "weberlink.test_schemes")
     table.load("scheme")
@@ -88,11 +93,6 @@ def test_built_in_part_is_named_without_a_distribution() -> None:
 def test_other_errors_are_nobody_s_fault() -> None:
     assert fault_of(raised(lambda: 1 / 0)) is None
     assert fault_of(ValueError("never raised")) is None
-
-
-def test_attribute_of_an_entry_point_may_be_nested(acme: Any) -> None:
-    table: Registry[Any] = Registry("other", {}, "weberlink.test_others")
-    assert table["nested"] is acme.Late.act
 
 
 def test_part_error_has_what_the_module_raised_as_its_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

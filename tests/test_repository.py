@@ -5,7 +5,6 @@ import importlib
 import json
 import pkgutil
 import re
-import subprocess
 import tomllib
 from pathlib import Path
 
@@ -43,14 +42,6 @@ def test_make_targets_that_the_documents_name_are_there() -> None:
             assert target in targets, f"{document.name}: make {target}"
             named.append(target)
     assert {"demo", "docs", "soak"} <= set(named)
-
-
-@pytest.mark.parametrize(("given", "length"), [((), ""), (("DURATION=20",), "--duration 20")])
-def test_demo_has_a_length_only_if_it_is_given(given: tuple[str, ...], length: str) -> None:
-    command = ["make", "-n", "--no-print-directory", "demo", *given]  # this test may itself be run by make
-    made = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    _, _, options = made.stdout.splitlines()[-1].partition("weberlink try --scripted")
-    assert options.strip() == length
 
 
 def test_shipped_schema_is_that_of_the_code() -> None:
@@ -100,9 +91,3 @@ def test_every_module_imports_says_what_it_is_and_exports_what_it_has(package: s
         assert ast.get_docstring(ast.parse(source)) or not source.strip(), f"{name} has no docstring"
         for exported in getattr(module, "__all__", []):
             assert hasattr(module, exported), f"{name}.__all__ names {exported}"
-
-
-def test_nothing_names_a_path_outside_the_repository() -> None:
-    for path in [*ROOT.glob("*.md"), *ROOT.glob("configs/*.yaml"), ROOT / "Makefile"]:
-        found = re.findall(r"\.\./[\w/]+", path.read_text(encoding="utf-8"))
-        assert not found, f"{path.name} names {found}"

@@ -204,6 +204,13 @@ class ReceiveQueue:
         self.socket.close()
 
 
+def called_address(ancillary: list[tuple[int, int, bytes]]) -> str:
+    """The address of this host that was called."""
+    ((level, _, value),) = ancillary
+    is_ipv6 = level == socket.IPPROTO_IPV6
+    return socket.inet_ntop(socket.AF_INET6 if is_ipv6 else socket.AF_INET, value[:16] if is_ipv6 else value[8:12])
+
+
 def _ask_for_class(bound: socket.socket) -> bool:
     """Have the class of service delivered with each datagram; whether the system does."""
     is_ipv6 = bound.family == socket.AF_INET6

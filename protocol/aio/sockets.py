@@ -13,7 +13,7 @@ from contextlib import suppress
 
 from weberlink.protocol.aio.address import address_of, name_of
 from weberlink.protocol.aio.hand_over import PathFacts
-from weberlink.protocol.aio.queue import ReceiveQueue, Take
+from weberlink.protocol.aio.queue import ReceiveQueue, Take, called_address
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 
@@ -114,6 +114,7 @@ class GuardedSocket:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         self._open = self._queue(bound, None)
         self._peer: ReceiveQueue | None = None
+        self._own: tuple[Address, list[tuple[int, int, bytes]]] | None = None
 
     def guard(self, peer: Address) -> Address | None:
         """Receive from this address in a socket of its own; None if that fails, which leaves less protection.
@@ -122,12 +123,18 @@ class GuardedSocket:
             The address as it will be named as a source of datagrams.
         """
         self.unguard()
+        called = self._open.called
+        self._own = called if called is not None and called[0] == peer else None
         connected = socket.socket(self._bound.family, socket.SOCK_DGRAM)
         try:
             connected.setblocking(False)
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
             _stay_on_interface(connected, self._bound)
-            connected.bind(self._bound.getsockname())
+            own = self._bound.getsockname()
+            # A socket on all addresses would take one of the system's choice, at which nothing of the peer arrives.
+            if self._own is not None and "%" not in peer[0]:  # a link-local address needs its zone, which is not told
+                own = called_address(self._own[1]), *own[1:]
+            connected.bind(own)
             connected.connect(name_of(peer))
             reached = address_of(connected.getpeername())
         except OSError:
@@ -150,15 +157,13 @@ class GuardedSocket:
 
     def send(self, data: bytes, address: Address) -> None:
         name = name_of(address) if "%" in address[0] else address
-        called, self._open.called = self._open.called, None
-        try:
-            if called is not None and called[0] == address and self._peer is None:
-                # A caller knows the address that it called alone; a peer follows when the own address changes.
-                self._bound.sendmsg((data,), called[1], 0, name)
-                return
+        for called in (self._open.called, self._own):
+            if called is not None and called[0] == address:  # a peer knows the address that it called alone
+                with suppress(OSError):  # the host may have lost it since
+                    self._bound.sendmsg((data,), called[1], 0, name)
+                    return
+        with suppress(OSError):  # refused by the system (peer not there, buffer full, no route): a lost datagram
             self._bound.sendto(data, name)
-        except OSError:  # refused by the system (peer not there, buffer full, no route): a lost datagram
-            return
 
     def close(self) -> None:
         """Release both sockets; may be repeated, also from within `take`."""

@@ -127,11 +127,14 @@ class Registry(Mapping[str, T], Generic[T]):
         return name if installed is None or installed.dist is None else f"{name} of {installed.dist.name}"
 
     def runs(self, frame: "FrameType") -> str | None:
-        """The name of the loaded entry whose method a frame runs; None for another frame."""
+        """The name of the loaded entry whose method a frame runs, the most derived one; None for another frame."""
         part = frame.f_locals.get("self")
-        for name, entry in self._loaded.items():
-            if part is not None and (part is entry or (isinstance(entry, type) and isinstance(part, entry))):
-                return name
+        if part is None:
+            return None
+        for owner in (part, *type(part).__mro__):
+            for name, entry in self._loaded.items():
+                if entry is owner:
+                    return name
         return None
 
     def ships(self, frame: "FrameType") -> str | None:

@@ -25,14 +25,11 @@ class MailboxServer:
         host: IPv4 address to listen on.
         port: 0 for any free one.
         prefix: a command that runs the server, such as ("ip", "netns", "exec", NAME).
-        options: more options of `twist wormhole-mailbox`.
     """
 
-    def __init__(
-        self, host: str = "127.0.0.1", port: int = 0, prefix: tuple[str, ...] = (), options: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, host: str = "127.0.0.1", port: int = 0, prefix: tuple[str, ...] = ()) -> None:
         self.host, self.port = host, port
-        self._prefix, self._options = prefix, options
+        self._prefix = prefix
         self._process: subprocess.Popen[bytes] | None = None
 
     @property
@@ -51,7 +48,7 @@ class MailboxServer:
         self._log.write_bytes(b"")
         twist = (sys.executable, "-m", "twisted", f"--log-file={self._log}", "--log-format=text")
         self._process = subprocess.Popen(
-            [*self._prefix, *twist, "wormhole-mailbox", listen, database, *self._options],
+            [*self._prefix, *twist, "wormhole-mailbox", listen, database],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -71,11 +68,6 @@ class MailboxServer:
             self._process.terminate()
             self._process.communicate()
             self._process = None
-
-    def restart(self) -> None:
-        """End it and start it again at the same port."""
-        self.stop()
-        self.start()
 
     def __enter__(self) -> Self:
         self._folder = TemporaryDirectory(prefix="wl-mailbox-")

@@ -6,7 +6,6 @@ Connections of one path are those of one trial, in order: first the slave, which
 
 import asyncio
 import json
-import random
 import threading
 from collections import defaultdict
 from collections.abc import Callable
@@ -20,8 +19,6 @@ from websockets.exceptions import ConnectionClosed
 
 Message = dict[str, Any]
 ROLES = ("slave", "master")
-LATEST_S = 0.6
-"""How late a message may arrive by the rule \"shuffled\"."""
 
 
 class Trial:
@@ -30,8 +27,6 @@ class Trial:
     def __init__(self, words: list[str]) -> None:
         self.words = words
         self.sides: list[str] = []
-        self.mailboxes: dict[int, str] = {}
-        self.sent: list[Message] = []
         self.held: dict[str, list[Message]] = defaultdict(list)
         self.seen: list[str] = []
 
@@ -43,36 +38,15 @@ def changed(trial: Trial, message: Message) -> list[Message]:
     return [message | {"body": body.hex()}]
 
 
-def reflected(trial: Trial, message: Message) -> list[Message]:
-    """A host gets its own message as that of the other one."""
-    own = (m for m in trial.sent if m["phase"] == message["phase"] and m["side"] != message["side"])
-    return [message | {"body": found["body"]} for found in list(own)[:1]]
-
-
-def renumbered(trial: Trial, message: Message) -> list[Message]:
-    """A message arrives again under the number of the next one, which is dropped."""
-    return [message, message | {"phase": str(int(message["phase"]) + 1)}]
-
-
-RULES: dict[str, Callable[[Trial, Message], list[Message]]] = {
-    "drop": lambda trial, message: [],
-    "changed": changed,
-    "renumbered": renumbered,
-    "reflected": reflected,
-    "foreign": lambda trial, message: [message | {"side": "0123456789"}],
-}
+RULES: dict[str, Callable[[Trial, Message], list[Message]]] = {"drop": lambda trial, message: [], "changed": changed}
 """What arrives instead of a message of the phase and to the host that the path names ("both" for either)."""
 
 
 def arriving(trial: Trial, to: str, message: Message) -> list[Message]:
     rule, phase, whom = (*trial.words, "", "", "")[:3]
-    if rule == "twice":
-        return [message, message]
-    if rule not in RULES or whom not in (to, "both"):
-        return [message]
-    if rule == "renumbered" and message["phase"] == str(int(phase) + 1):
-        return []
-    return RULES[rule](trial, message) if message["phase"] == phase else [message]
+    if rule in RULES and whom in (to, "both") and message["phase"] == phase:
+        return RULES[rule](trial, message)
+    return [message]
 
 
 class MaliciousMailbox:
@@ -117,21 +91,15 @@ class MaliciousMailbox:
         assert client.request is not None
         path = client.request.path
         trial = self._trials.setdefault(path, Trial(path.strip("/").split("/")))
-        if trial.words[0] == "mute":
-            await client.wait_closed()
-        elif trial.words[0] == "unwelcome":
-            await client.send(json.dumps({"type": "welcome", "welcome": {"error": "no weberlink\x1b[2J here"}}))
-            await client.wait_closed()
-        else:
-            async with connect(self._real, close_timeout=0.1) as server:
-                bound = json.loads(await client.recv())  # the first message, which names the host's side
-                await server.send(json.dumps(bound))
-                if bound["side"] not in trial.sides:
-                    trial.sides.append(bound["side"])
-                up = asyncio.create_task(self._up(trial, client, server))
-                with suppress(ConnectionClosed):
-                    await self._down(trial, bound["side"], client, server)
-                up.cancel()
+        async with connect(self._real, close_timeout=0.1) as server:
+            bound = json.loads(await client.recv())  # the first message, which names the host's side
+            await server.send(json.dumps(bound))
+            if bound["side"] not in trial.sides:
+                trial.sides.append(bound["side"])
+            up = asyncio.create_task(self._up(trial, client, server))
+            with suppress(ConnectionClosed):
+                await self._down(trial, bound["side"], client, server)
+            up.cancel()
 
     async def _up(self, trial: Trial, client: ServerConnection, server: ClientConnection) -> None:
         """What a host sends; a third host of the rule "recorded" is given what the first one got."""
@@ -151,20 +119,7 @@ class MaliciousMailbox:
         async for text in server:
             message = json.loads(text)
             is_of_peer = message["type"] == "message" and message["side"] != own
-            if message["type"] == "claimed":
-                trial.mailboxes[order] = message["mailbox"]
-                if trial.words[0] == "crossed" and order in (2, 3):
-                    message["mailbox"] = trial.mailboxes[3 - order]
-            elif message["type"] == "message":
-                trial.held[to].append(message) if is_of_peer else trial.sent.append(message)
-            if trial.words[0] == "shuffled" and message["type"] == "message":
-                self._loop.create_task(self._late(client, message))
-                continue
+            if is_of_peer:
+                trial.held[to].append(message)
             for one in arriving(trial, to, message) if is_of_peer else [message]:
                 await client.send(json.dumps(one))
-
-    async def _late(self, client: ServerConnection, message: Message) -> None:
-        """Later messages may arrive before this one."""
-        await asyncio.sleep(random.uniform(0.0, LATEST_S))
-        with suppress(ConnectionClosed):
-            await client.send(json.dumps(message))

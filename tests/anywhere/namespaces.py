@@ -80,18 +80,6 @@ class Namespace:
     def nft(self, rules: str) -> None:
         run(*self.prefix, "nft", "-f", "-", stdin=rules)
 
-    def popen(self, *words: str) -> subprocess.Popen[bytes]:
-        """Start a command here."""
-        return subprocess.Popen([*self.prefix, *words], stdin=subprocess.DEVNULL)
-
-    def output(self, *words: str) -> str:
-        """What a command writes that runs here to its end.
-
-        Raises:
-            RuntimeError: it failed.
-        """
-        return run(*self.prefix, *words)
-
     @contextmanager
     def entered(self) -> Iterator[None]:
         """This thread is here until the block ends; sockets that it makes stay here."""

@@ -61,33 +61,12 @@ def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
     assert isinstance(waiter.receive(offered(caller, waiter, 5.0), 5.0 + delay, None), Called) == counts
 
 
-def test_offer_to_a_slave_that_started_again_does_not_count() -> None:
-    caller, waiter = ends()
-    assert ends()[1].receive(offered(caller, waiter), 0.0, None) is None
-
-
-def test_answer_to_another_call_does_not_count() -> None:
-    first, waiter = ends()
-    second, _ = ends()
-    called(first, waiter)
-    answer = waiter.reply(called(second, waiter), Answer(PATHS))
-    assert first.receive(answer) is None
-    assert second.receive(answer) == Answer(PATHS)
-
-
 def test_message_reflected_to_its_sender_does_not_count() -> None:
     caller, waiter = ends()
     assert OutgoingCall(Sealing(KEY, "master"), lambda _: caller.attempt).receive(caller.first()) is None
     ready = waiter.receive(caller.first(), 0.0, None)
     assert isinstance(ready, Message)
     assert waiter.receive(Message("call", ready.body), 0.0, None) is None
-
-
-def test_repeated_call_does_not_disturb_the_first() -> None:
-    caller, waiter = ends()
-    offer = offered(caller, waiter)
-    assert waiter.receive(caller.first(), 0.0, None) is None
-    assert isinstance(waiter.receive(offer, 0.0, None), Called)
 
 
 def test_calls_are_remembered_within_bounds() -> None:
@@ -105,34 +84,6 @@ def test_anything_is_ignored(phase: str, body: str) -> None:
     caller, waiter = ends()
     assert waiter.receive(Message(phase, body), 0.0, None) is None
     assert caller.receive(Message(phase, body)) is None
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        [],
-        [1],
-        [b"a", None],
-        [b"a", b"n", 1, []],
-        [b"a", b"n", True, [["u", "p"]]],
-        [b"a", b"n", True, [["u", "p", [1]]]],
-    ],
-)
-@pytest.mark.parametrize("phase", ["call", "offer"])
-def test_what_another_version_of_the_peer_seals_is_ignored(phase: str, content: list[object]) -> None:
-    _, waiter = ends()
-    body = Sealing(KEY, "master").seal(phase, content)
-    assert waiter.receive(Message(phase, body), 0.0, None) is None
-
-
-def test_names_at_the_server_differ_for_each_pair_and_stay() -> None:
-    keys = [os.urandom(32) for _ in range(100)]
-    masters = [Sealing(key, "master") for key in keys]
-    names = {name for each in masters for name in (each.mailbox, each.side, each.other_side)}
-    assert len(names) == 300
-    for key, master in zip(keys, masters, strict=True):
-        slave = Sealing(key, "slave")
-        assert (slave.mailbox, slave.side, slave.other_side) == (master.mailbox, master.other_side, master.side)
 
 
 # --- a hostile server

@@ -39,8 +39,3 @@ def test_file_holds_a_secret_or_name_and_password(tmp_path: Path) -> None:
 def test_other_files_are_refused(read: Callable[[Path], object], content: str, mode: int, tmp_path: Path) -> None:
     with pytest.raises(KeyFileError, match=r"turn\.secret"):
         read(file_of(tmp_path, content, mode))
-
-
-def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match=r"turn\.secret"):
-        read_secret(tmp_path / "turn.secret")

@@ -3,7 +3,6 @@
 import asyncio
 from functools import partial
 from socket import AF_INET
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,13 +10,7 @@ from aioice import stun
 
 from tests.anywhere.meetings import in_loop
 from weberlink.anywhere import ice
-from weberlink.anywhere.calling import SESSION_S, Calling
-from weberlink.anywhere.order import FinderOrder
-from weberlink.anywhere.peers import Peer
-from weberlink.anywhere.signalling import Answer, Description
 from weberlink.anywhere.sockets import Binding, SocketLoop
-from weberlink.protocol.aio.hand_over import ENGAGED, SessionState
-from weberlink.protocol.keys import KEY_BYTES
 
 TWO_WAYS = {"127.0.0.1": "lo", "::1": "lo"}
 LOST = 3
@@ -58,43 +51,3 @@ async def test_lost_answers_leave_both_ends_on_one_pair(losing: int) -> None:
     finally:
         for end in ends:
             await end.close()
-
-
-class StandIn:
-    """Plays mailbox and paths to a caller: every call is answered, and every attempt succeeds."""
-
-    def __init__(self) -> None:
-        self.calls = 0
-        self.sessions: dict[str, str] = {}
-        self.servers = SimpleNamespace(asked="")
-        self.held = 1
-
-    async def call(self, offered: list[Description], take_over: bool, timeout: float) -> Answer:
-        self.calls += 1
-        return Answer(tuple(offered))
-
-    async def prepare(self, count: int, *, controlling: bool, patience: float) -> list[Any]:
-        return [SimpleNamespace(description=Description("u", "p", ()))] * count
-
-    async def use(self, *_: object) -> None: ...
-
-    async def drop(self, _: object) -> None: ...
-
-    def count(self, _: str) -> int:
-        return self.held
-
-
-@pytest.mark.realtime
-@in_socket_loop
-async def test_path_without_session_is_followed_by_another_call() -> None:
-    stand_in: Any = StandIn()
-    peer = Peer("robot", "robot", "anna", "slave", bytes(KEY_BYTES))
-    calling = Calling(FinderOrder("master", ("robot",), "", ""), peer, stand_in, stand_in)
-    task = asyncio.create_task(calling.run())
-    await asyncio.sleep(0.5 * SESSION_S)
-    assert stand_in.calls == 1
-    await asyncio.sleep(SESSION_S)
-    assert stand_in.calls == 2
-    calling.hear(SessionState("robot", ENGAGED))
-    await asyncio.sleep(0)
-    task.cancel()

@@ -1,7 +1,5 @@
 """What two hosts tell each other once a code has given them a secret."""
 
-import json
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,10 +31,7 @@ names = st.builds(Names, *[st.text('ab,"[]\\é', max_size=3)] * 2)
 def test_a_key_is_of_both_names_in_their_order(one: Names, other: Names) -> None:
     assert len(pair_key(SECRET, one)) == KEY_BYTES
     assert (pair_key(SECRET, one) == pair_key(SECRET, other)) is (one == other)
-
-
-def test_a_key_is_of_its_secret() -> None:
-    assert pair_key(SECRET, NAMES) != pair_key(SECRET[::-1], NAMES)
+    assert pair_key(SECRET, one) != pair_key(SECRET[::-1], one)
 
 
 @pytest.mark.parametrize(
@@ -54,20 +49,6 @@ def test_a_confirmation_of_something_else_does_not_count(secret: bytes, names_: 
     assert not is_confirmed(confirmation(secret, names_, side), SECRET, NAMES, "slave")
 
 
-@pytest.mark.parametrize("tag", [None, 3, "", "é", b"", ["a"]])
-def test_what_is_no_tag_confirms_nothing(tag: object) -> None:
-    assert not is_confirmed(tag, SECRET, NAMES, "slave")
-
-
-def test_a_confirmation_is_not_the_key() -> None:
-    tags = {confirmation(SECRET, NAMES, side) for side in ("master", "slave")}
-    assert len(tags | {pair_key(SECRET, NAMES).hex()}) == 3
-
-
-def test_a_hello_gives_the_name_of_the_other_side() -> None:
-    assert name_in(read(hello("slave", "robot:47000"), HELLO), "master") == "robot:47000"
-
-
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
@@ -76,14 +57,12 @@ def test_a_hello_gives_the_name_of_the_other_side() -> None:
         ({"version": VERSION, "side": "slave", "name": ""}, "1 to 64 printable"),
         ({"version": VERSION, "side": "slave", "name": "a" * 65}, "1 to 64 printable"),
         ({"version": VERSION, "side": "slave", "name": "rob\x1b[2Jot"}, "1 to 64 printable"),
-        ({"version": VERSION, "side": "slave", "name": 7}, "1 to 64 printable"),
         ({"version": VERSION, "side": "slave"}, "1 to 64 printable"),
-        ({"version": VERSION, "name": "robot"}, "the same side"),
         (["slave", "robot"], "another version"),
-        (None, "another version"),
     ],
 )
 def test_a_hello_that_cannot_be_used_is_refused(content: object, reason: str) -> None:
+    assert name_in(read(hello("slave", "robot:47000"), HELLO), "master") == "robot:47000"
     with pytest.raises(PairingError, match=reason):
         name_in(content, "master")
 
@@ -94,21 +73,9 @@ def test_what_is_no_such_message_is_refused(text: bytes) -> None:
         read(text, CONFIRM)
 
 
-@given(st.binary())
-def test_any_bytes_are_a_message_or_refused(text: bytes) -> None:
-    try:
-        read(text, HELLO)
-    except PairingError as error:
-        assert str(error).isprintable()
-
-
 @given(st.text())
 def test_a_refusal_arrives_as_one_printable_line(reason: str) -> None:
     with pytest.raises(RefusedThereError) as caught:
         read(message(REFUSED, reason), CONFIRM)
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 400
-
-
-def test_messages_are_json_of_one_key() -> None:
-    assert json.loads(hello("master", "a")) == {HELLO: {"version": VERSION, "side": "master", "name": "a"}}

@@ -20,20 +20,17 @@ def test_the_text_of_the_qr_code_is_a_code(mailbox: str | None) -> None:
     assert read(str(Invitation(CODE, MAILBOX)), mailbox) == Invitation(CODE, MAILBOX)
 
 
-def test_a_code_of_another_mailbox_is_refused() -> None:
-    with pytest.raises(ValueError, match="and the file names"):
-        read(f"weberlink:{CODE}@ws://other.example/v1", MAILBOX)
-
-
-def test_a_code_needs_a_mailbox() -> None:
-    with pytest.raises(ValueError, match="names no mailbox"):
-        read(CODE, None)
-
-
-@pytest.mark.parametrize("typed", ["", "7", "7-", "confidence-ribcage", "7-ribcage", "x-confidence-ribcage", "7-a-b-9"])
-def test_what_is_no_code_is_refused(typed: str) -> None:
-    with pytest.raises(ValueError, match="is no code"):
-        read(typed, MAILBOX)
+@pytest.mark.parametrize(
+    ("typed", "mailbox", "reason"),
+    [
+        *((typed, MAILBOX, "is no code") for typed in ("", "7-", "confidence-ribcage", "7-ribcage", "7-a-b-9")),
+        (f"weberlink:{CODE}@ws://other.example/v1", MAILBOX, "and the file names"),
+        (CODE, None, "names no mailbox"),
+    ],
+)
+def test_what_is_no_code_of_this_mailbox_is_refused(typed: str, mailbox: str | None, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        read(typed, mailbox)
 
 
 @given(st.text())

@@ -116,29 +116,3 @@ def test_two_servers_tell_whether_the_mapping_is_one(mapping: Behaviour) -> None
     assert found is not None
     assert found.needs_relay is (mapping is not Behaviour.INDEPENDENT)
     assert found.filtering == ANY
-
-
-def test_one_server_leaves_the_mapping_open() -> None:
-    found = talk(EmulatedNat(Behaviour.ADDRESS, Behaviour.ADDRESS, [ADDRESSES[0]]), ADDRESSES[:1])
-    assert found is not None
-    assert found.needs_relay is None
-
-
-def test_same_address_outside_is_no_nat() -> None:
-    nat = EmulatedNat(Behaviour.INDEPENDENT, Behaviour.ADDRESS, [ADDRESSES[0]])
-    found = talk(nat, ADDRESSES[:1], local=("198.51.100.7", 20_000))
-    assert found is not None
-    assert not found.is_translated
-    assert found.needs_relay is False
-
-
-def test_server_that_ignores_the_other_end_tells_no_filter() -> None:
-    def reply(question: Question) -> Reply:
-        return Reply(LOCAL, question.server, OTHER)
-
-    talking = examine(LOCAL, [FIRST])
-    question = next(talking)
-    with pytest.raises(StopIteration) as end:
-        while True:
-            question = talking.send(reply(question))
-    assert end.value.value.filtering == ANY

@@ -1,7 +1,5 @@
 """Kinds of NAT of Linux routers, as doctor names them and as turnutils_natdiscovery of coturn does."""
 
-import re
-import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,11 +13,6 @@ from weberlink.anywhere.stun import WayOut, find_way_out
 pytestmark = needs_testbed
 INDEPENDENT, BOTH = Behaviour.INDEPENDENT, Behaviour.ADDRESS_AND_PORT
 KINDS = {NONE: (INDEPENDENT, INDEPENDENT), CONE: (INDEPENDENT, BOTH), SYMMETRIC: (BOTH, BOTH)}
-WORDS = {
-    "Endpoint Independent": Behaviour.INDEPENDENT,
-    "Address Dependent": Behaviour.ADDRESS,
-    "Address and Port Dependent": Behaviour.ADDRESS_AND_PORT,
-}
 
 
 @pytest.fixture(scope="module")
@@ -52,16 +45,3 @@ def test_kind_of_nat_and_blocked_udp_are_named(homes: dict[str, Home]) -> None:
 
 def test_server_that_is_down_is_no_blocked_udp(homes: dict[str, Home]) -> None:
     assert asked(homes[NONE], TURN_PORT + 7) == WayOut(None)
-
-
-@pytest.mark.hunt
-def test_kinds_of_nat_are_those_of_another_program(homes: dict[str, Home]) -> None:
-    judge = shutil.which("turnutils_natdiscovery")
-    if judge is None:
-        pytest.skip("turnutils_natdiscovery is not installed (package coturn)")
-    for kind, expected in KINDS.items():
-        said = homes[kind].space.output(judge, "-m", "-f", "-p", str(TURN_PORT), SERVER)
-        words = {what: name for name, what in re.findall(r"NAT with ([\w ]+) (Mapping|Filtering)!", said)}
-        assert {what: WORDS[name] for what, name in words.items()} == dict(
-            zip(("Mapping", "Filtering"), expected, strict=True)
-        )

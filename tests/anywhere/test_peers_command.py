@@ -1,10 +1,6 @@
 """`weberlink peer`: who is known, who waits, and what is wrong with the rest."""
 
-import asyncio
 import json
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -14,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.anywhere.mailbox_server import MailboxServer, mailbox
-from tests.anywhere.meetings import Host, Pair, running
+from tests.anywhere.meetings import Pair
 from weberlink.anywhere.peers import PeerStore
 from weberlink.apps.peers import ASK_LIMIT_S
 from weberlink.cli import app
@@ -22,7 +18,6 @@ from weberlink.system.order import MISCONFIGURED
 
 __all__ = ["mailbox"]
 NOWHERE = "ws://127.0.0.1:1/v1"
-LONG = "the arm on the left bench of the laboratory downstairs"
 
 
 @pytest.fixture
@@ -34,80 +29,33 @@ def peers(store: PeerStore, *arguments: str) -> Result:
     return CliRunner().invoke(app, ["peer", *arguments, "--store", str(store.folder)])
 
 
-@contextmanager
-def waiting_beside(pairs: list[Pair], serves: str | None) -> Iterator[None]:
-    """A slave that waits in another thread."""
-    began, ended = threading.Event(), threading.Event()
-
-    async def wait() -> None:
-        host = Host(pairs)
-        host.waiter.serves = serves
-        async with running(host.waiter.serve(host.answer)):
-            began.set()
-            while not ended.is_set():
-                await asyncio.sleep(0.02)
-
-    thread = threading.Thread(target=lambda: asyncio.run(wait()))
-    thread.start()
-    began.wait()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-
-
 def states(document: dict[str, Any]) -> dict[str, tuple[str, str | None]]:
     return {each["label"]: (each["state"], each["serves"]) for each in document["peers"]}
 
 
 @pytest.mark.realtime
 def test_all_are_asked_at_once_and_each_state_is_told(mailbox: MailboxServer, store: PeerStore, tmp_path: Path) -> None:
-    arm, lab, mine, far, *away = [Pair(mailbox.url) for _ in range(10)]
-    for pair, label in ((arm, "arm"), (lab, LONG), (mine, "mine")):
-        store.add(replace(pair.slave, label=label))
+    far, *away = [Pair(mailbox.url) for _ in range(7)]
     store.add(replace(far.slave, label="far", mailbox=NOWHERE))
     store.add(replace(far.slave, label="unserved", mailbox=""))
     store.add(replace(far.master, label="anna"))
     for number, pair in enumerate(away):
         store.add(replace(pair.slave, label=f"away {number}"))
     (store.folder / "broken.json").touch(0o600)
-    out = tmp_path / "out.json"
-    with waiting_beside([arm], None), waiting_beside([lab], "bob"), waiting_beside([mine], "anna"):
-        began = monotonic()
-        result = peers(store, "--json", str(out))
-        took = monotonic() - began
+    out, began = tmp_path / "out.json", monotonic()
+    result = peers(store, "--json", str(out))
+    assert monotonic() - began < 2 * ASK_LIMIT_S, "not one after the other"
     assert (result.exit_code, result.stderr) == (0, "")
-    assert took < 2 * ASK_LIMIT_S, "not one after the other"
     assert states(json.loads(out.read_text())) == {
         "anna": ("-", None),
-        "arm": ("here", None),
         **{f"away {number}": ("away", None) for number in range(len(away))},
         "broken": ("unusable", None),
         "far": ("unknown", None),
-        LONG: ("here", "bob"),
-        "mine": ("here", "anna"),
         "unserved": ("unknown", None),
     }
-    table, notes = result.stdout.split("broken: ", 1)
-    assert all(len(line) <= 80 for line in table.splitlines())
-    for shown in ("here, serves bob", "here, serves this host", "away", "unusable"):
-        assert shown in table
-    assert "is not the file of a peer; remove it, and pair again" in notes
-    assert f"far: the mailbox server {NOWHERE} cannot be reached: Connection refused" in notes
-    assert "unserved: no mailbox server is known for it" in notes
-    keys = [pair.master.key.hex() for pair in (arm, lab, mine, far, *away)]
+    assert f"far: the mailbox server {NOWHERE} cannot be reached: Connection refused" in result.stdout
+    keys = [pair.master.key.hex() for pair in (far, *away)]
     assert not any(key in text for key in keys for text in (result.stdout, out.read_text()))
-
-
-def test_offline_nobody_is_asked(store: PeerStore) -> None:
-    store.add(Pair(NOWHERE).slave)
-    result = peers(store, "--offline", "--json", "-")
-    assert states(json.loads(result.stdout)) == {"robot": ("-", None)}
-
-
-def test_nobody_known_says_how_to_pair(store: PeerStore) -> None:
-    assert peers(store).stdout == "no peer is known yet; pair with --invite and --join\n"
 
 
 def test_one_peer_is_renamed_shown_and_removed(store: PeerStore) -> None:

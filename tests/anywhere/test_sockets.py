@@ -75,18 +75,6 @@ async def test_datagram_of_session_waits_for_hand_over() -> None:
     transport.close()
 
 
-@in_socket_loop
-async def test_wait_for_hand_over_ends_and_happens_once() -> None:
-    transport, heard = await opened()
-    times = []
-    transport.held = lambda: times.append(asyncio.get_running_loop().time())
-    send(transport, OF_SESSION, STUN, OF_SESSION, STUN)
-    await heard.wait(4)
-    assert heard.data == [OF_SESSION, STUN, OF_SESSION, STUN]
-    assert len(times) == 1
-    transport.close()
-
-
 @pytest.mark.parametrize(
     ("host", "level", "option"),
     [
@@ -121,10 +109,3 @@ async def test_socket_for_server_hears_only_the_server() -> None:
         await heard.wait(1)
         assert heard.data == [IN_CHANNEL]
         transport.close()
-
-
-@in_socket_loop
-async def test_sockets_without_binding_are_those_of_asyncio() -> None:
-    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(Heard, local_addr=("127.0.0.1", 0))
-    assert not isinstance(transport, OwnSocket)
-    transport.close()

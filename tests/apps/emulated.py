@@ -30,7 +30,7 @@ class Emulated:
         )
 
     def __enter__(self) -> Self:
-        found = re.search(r" is at (\S+); configure it as", self._line())
+        found = re.search(r" is at (\S+); configure it as", self.line())
         assert found is not None
         self.port = found[1]
         return self
@@ -39,7 +39,7 @@ class Emulated:
         self._process.kill()
         self._process.communicate(timeout=PATIENCE)
 
-    def _line(self) -> str:
+    def line(self) -> str:
         assert self._process.stdout is not None
         return self._process.stdout.readline()
 
@@ -53,7 +53,7 @@ class Emulated:
 
     def status(self) -> dict[str, Any]:
         self.say("status")
-        while not (line := self._line()).startswith("{"):
+        while not (line := self.line()).startswith("{"):
             assert line, "the emulator has ended"
         return document(line)
 

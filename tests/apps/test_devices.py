@@ -1,27 +1,17 @@
 """`weberlink device list`: drivers, plugged devices, suggested fixes, and the udev rules."""
 
-import grp
-import io
-import json
-import os
 import re
-import shutil
 import stat
-import subprocess
-from collections.abc import Callable
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
-from tests.apps.packages import add_drivers
 from tests.program import document, weberlink
-from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
-from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
+from weberlink.apps.devices import DeviceAccess, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.installation import install_line
@@ -34,7 +24,6 @@ from weberlink.slave.robots import followers
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
 OPEN = DeviceAccess(accessible=lambda path: True, rules=())
 """A host without rules where everything may be opened."""
-root = pytest.mark.skipif(os.getuid() != 0, reason="gives a file to another group, which takes root")
 
 
 def driver(*found: str | PluggedDevice, **attributes: Any) -> Any:
@@ -47,50 +36,14 @@ def surveyed(access: DeviceAccess = OPEN, **drivers: Any) -> Survey:
     return survey(access, {"master": [Registry("device", drivers)]})
 
 
-def status(access: DeviceAccess = OPEN, **drivers: Any) -> DriverStatus:
-    (only,) = surveyed(access, **drivers).drivers
-    return only
-
-
-def shown(found: Survey) -> list[str]:
-    """Lines on a terminal of 80 columns."""
-    stream = io.StringIO()
-    found.show(Console(file=stream, width=80))
-    return stream.getvalue().splitlines()
-
-
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
     ended = weberlink("device", "list", "--json", "-")
     found = {(each["side"], each["driver"]): each for each in document(ended.output)["drivers"]}
     assert {name for side, name in found if side == "master"} == {*devices.drivers(), *leaders.drivers()}
     assert {name for side, name in found if side == "slave"} == {*robots.drivers(), *followers.drivers()}
-    for virtual in (("master", "operator"), ("master", "replay"), ("slave", "point"), ("slave", "simulated")):
+    for virtual in (("master", "operator"), ("slave", "point")):
         assert (found[virtual]["kind"], found[virtual]["state"]) == ("virtual", "ready")
-    table = weberlink("device", "list")
-    assert (table.status, table.errors, len(table.output.splitlines()) > len(found)) == (0, "", True)
-
-
-def test_document_has_the_content_of_the_table() -> None:
-    port = PluggedDevice("/dev/ttyACM0", "Paddle", "17")
-    found = surveyed(paddle=driver(port), broken="weberlink.missing:Driver")
-    told = json.loads(json.dumps(found.document))
-    broken, paddle = told["drivers"]
-    assert (broken["driver"], broken["state"], broken["kind"]) == ("broken", "broken", None)
-    assert (paddle["driver"], paddle["state"], paddle["kind"], paddle["advice"]) == ("paddle", "ready", "hardware", [])
-    assert paddle["plugged"] == [{"path": "/dev/ttyACM0", "name": "Paddle", "serial_number": "17", "problem": None}]
-    assert (told["rules_installed"], told["advice"]) == (False, [{"line": broken["advice"][0], "drivers": ["broken"]}])
-    assert "weberlink.missing" in broken["advice"][0]
-
-
-def test_table_fits_80_columns_and_fixes_are_unbroken() -> None:
-    long = PluggedDevice("/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "A" * 40)
-    boot = PluggedDevice("/dev/" + "x" * 100, problem="press the button")
-    found = surveyed(polhem_serial=driver("/dev/ttyACM0", long), **{"n" * 46: driver()}, paddle=driver(boot))
-    *table, first, second = shown(found)
-    assert max(map(len, table)) <= 80
-    assert "A" * 40 in "".join("".join(table).split()).replace("ready", "")
-    assert first.startswith("paddle: ") or second.startswith("paddle: ")
-    assert f"paddle: {boot.path}: press the button" in (first, second)
+    assert weberlink("device", "list").status == 0
 
 
 def fails(cls: Any) -> list[PluggedDevice]:
@@ -102,15 +55,12 @@ def fails(cls: Any) -> list[PluggedDevice]:
     [
         (type("Driver", (), {"NEEDS": ("no_such_package", "x")}), "extra missing", install_line("x")),
         (type("Driver", (), {"NEEDS": ("json", "x"), "COMPUTED": True}), "ready", None),
-        (type("Driver", (), {"NEEDS": ("json", "x")}), "cannot be listed", None),
         (driver(), "nothing plugged in", None),
         (driver("/dev/p"), "ready", None),
         (driver("/dev/p", "/dev/q"), "ready", "port: /dev/p or port: /dev/q"),
-        (driver("/dev/p", "/dev/q", CHOSEN_BY="serial_number"), "ready", "serial_number"),
         (driver(plugged=classmethod(lambda cls: None)), "cannot be listed", None),
         (driver(plugged=classmethod(fails)), "broken", "no bus"),
         (driver(PluggedDevice("/dev/p", problem="in boot mode")), "not usable", "/dev/p: in boot mode"),
-        (driver(PluggedDevice("/dev/p", problem="in boot mode"), "/dev/q"), "ready", "/dev/p: in boot mode"),
     ],
 )
 def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None) -> None:
@@ -119,62 +69,7 @@ def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None
     assert [advice in line for line in states["paddle"].advice] == [True] * (advice is not None)
 
 
-def test_identical_devices_are_listed_by_stable_names(tmp_path: Path) -> None:
-    first, second, links = tmp_path / "ttyACM0", tmp_path / "ttyACM1", tmp_path / "by-id"
-    links.mkdir()
-    for port in (first, second):
-        port.touch()
-    (links / "usb-Paddle_17").symlink_to(second)
-    access = DeviceAccess(accessible=lambda path: True, rules=(), links=links)
-    (line,) = status(access, paddle=driver(str(first), str(second))).advice
-    assert line.endswith(f"port: {first} or port: {links / 'usb-Paddle_17'}")
-
-
-# --- drivers of other packages
-
-
-def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    node = tmp_path / "node"
-    node.touch()
-    plugged = f"[__import__('weberlink.hardware.discovery', fromlist='x').PluggedDevice({str(node)!r})]"
-    modules = {
-        "others_good": f"class Good: plugged = classmethod(lambda cls: {plugged})\nclass Bare: pass",
-        "others_bad": "import others_missing",
-    }
-    entry_points = """
-[weberlink.devices]
-others_good = others_good:Good
-others_bare = others_good:Bare
-others_bad = others_bad:Bad
-operator = others_bad:Bad
-[weberlink.robots]
-others_none = others_good:None_
-others_odd = others_good
-"""
-    add_drivers(install(tmp_path, "others-things", modules, entry_points), monkeypatch)
-    found = survey(refused(tmp_path, None))
-    others = {each.driver: each for each in found.drivers if each.package == "others-things"}
-    states = {"good": "no permission", "bare": "cannot be listed", "bad": "broken", "none": "broken", "odd": "broken"}
-    assert {name: each.state for name, each in others.items()} == {f"others_{name}": of for name, of in states.items()}
-    assert "others_missing" in others["others_bad"].advice[0]
-    assert "others-things" in others["others_good"].advice[0], "our rules are not advised"
-
-
 # --- permissions
-
-
-@pytest.fixture
-def node(tmp_path: Path) -> Path:
-    path = tmp_path / "ttyACM0"
-    path.touch(0o600)
-    return path
-
-
-def refused(folder: Path, text: str | None = RULES, groups: frozenset[int] = frozenset()) -> DeviceAccess:
-    """A host on which this user may open nothing, with these rules installed."""
-    if text is not None:
-        (folder / UDEV_RULES).write_text(text, encoding="utf-8")
-    return DeviceAccess(accessible=lambda path: False, rules=(folder,), groups=groups)
 
 
 @pytest.mark.parametrize(
@@ -186,46 +81,16 @@ def refused(folder: Path, text: str | None = RULES, groups: frozenset[int] = fro
     ],
     ids=["no rules", "rules of another version", "rules"],
 )
-def test_no_permission_comes_with_its_fix(
-    text: str | None, state: str, advice: str, node: Path, tmp_path: Path
-) -> None:
-    found = surveyed(refused(tmp_path, text), paddle=driver(str(node)), other=driver(str(node)))
+def test_no_permission_comes_with_its_fix(text: str | None, state: str, advice: str, tmp_path: Path) -> None:
+    node = tmp_path / "ttyACM0"
+    node.touch(0o600)
+    if text is not None:
+        (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
+    access = DeviceAccess(accessible=lambda path: False, rules=(tmp_path,))
+    found = surveyed(access, paddle=driver(str(node)), other=driver(str(node)))
     assert [each.state for each in found.drivers] == [state] * 2
     (line,) = found.advice
     assert advice in line
-    assert shown(found)[-1] == f"other, paddle: {line}"
-
-
-@root
-def test_missing_group_is_named_only_if_it_helps(node: Path, tmp_path: Path) -> None:
-    group = next(group for group in grp.getgrall() if group.gr_gid != 0)
-    for gid, mode, groups, helps in (
-        (group.gr_gid, 0o660, (), True),
-        (group.gr_gid, 0o640, (), False),
-        (group.gr_gid, 0o600, (), False),
-        (group.gr_gid, 0o660, (group.gr_gid,), False),
-        (0, 0o660, (), False),  # nobody joins root
-    ):
-        os.chown(node, 0, gid)
-        node.chmod(mode)
-        (line,) = status(refused(tmp_path, groups=frozenset(groups)), paddle=driver(str(node))).advice
-        assert (f"usermod -aG {group.gr_name}" in line) is helps
-    member = next((each for each in grp.getgrall() if each.gr_mem and each.gr_gid != 0), None)
-    if member is not None:
-        os.chown(node, 0, member.gr_gid)
-        assert "log out" in str(rules.group_line(str(node), (), user=member.gr_mem[0]))
-
-
-@pytest.mark.parametrize(("text", "end"), [("", "device rules"), (RULES, "latency_timer")])
-def test_slow_latency_timer_comes_with_a_fix(text: str, end: str, tmp_path: Path) -> None:
-    timer = tmp_path / "ttyUSB0" / "device" / "latency_timer"
-    timer.parent.mkdir(parents=True)
-    (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
-    access = DeviceAccess(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
-    for delay_ms, is_slow in ((16, True), (2, True), (1, False)):
-        timer.write_text(f"{delay_ms}\n")
-        found = status(access, arm=driver("/dev/ttyUSB0", CHOSEN_BY="x"))
-        assert (found.state, [line.endswith(end) for line in found.advice]) == ("ready", [True] * is_slow)
 
 
 # --- the rules
@@ -253,37 +118,6 @@ def test_rules_cover_every_built_in_driver_and_no_other_device() -> None:
         assert not granted(RULES, usb)
 
 
-def test_rules_are_lists_of_keys_that_udev_knows() -> None:
-    keys = (
-        r"(?:ACTION|KERNEL|SUBSYSTEM|TEST|ENV\{\w+\}|ATTRS?\{[\w/]+\})(?:==|!=)|"
-        r"(?:ENV\{\w+\}|ATTR\{[\w/]+\}|GROUP|MODE|GOTO|LABEL)=|TAG\+="
-    )
-    rule = re.compile(rf'(?:{keys})"[^"]*"(?:, (?:{keys})"[^"]*")*')
-    lines = [line for line in RULES.splitlines() if line and not line.startswith("#")]
-    assert [line for line in lines if not rule.fullmatch(line)] == []
-    assert re.findall(r'GOTO="(\w+)"', RULES) == re.findall(r'LABEL="(\w+)"', RULES) != []
-    assert int(UDEV_RULES[:2]) < 73, "73-seat-late.rules reads the tag"
-
-
-def test_udevadm_accepts_the_rules() -> None:
-    udevadm = shutil.which("udevadm")
-    if udevadm is None or subprocess.run([udevadm, "verify", "--help"], capture_output=True, check=False).returncode:
-        pytest.skip("no udevadm here that can verify rules")
-    done = subprocess.run(
-        [udevadm, "verify", "--resolve-names=never", str(CONFIGS / UDEV_RULES)], capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_device_page_lists_every_driver_with_valid_links() -> None:
-    page = CONFIGS.parent / "docs" / "devices" / "README.md"
-    text = page.read_text(encoding="utf-8")
-    rows = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
-    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
-    assert sorted(listed) == sorted([*devices.BUILT_IN, *robots.BUILT_IN])
-    assert [link for link in re.findall(r"\]\(([^)]+)\)", text) if not (page.parent / link).is_file()] == []
-
-
 @pytest.mark.parametrize(("udev", "part"), [(0, "applied"), (1, "unplug"), (None, "cannot be run")])
 def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, part: str, tmp_path: Path) -> None:
     program, log, folder = tmp_path / "udevadm", tmp_path / "log", tmp_path / "etc" / "rules.d"
@@ -303,27 +137,7 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         assert all(f"--subsystem-match={name}" in trigger for name in ("hidraw", "tty", "usb"))
 
 
-def unwritable(folder: Path) -> Path:
-    (folder / "file").touch()
-    return folder / "file" / "rules.d"
-
-
-def of_root(folder: Path) -> Path:
-    (folder / "rules.d").mkdir(mode=0o555)
-    return folder / "rules.d"
-
-
-@pytest.mark.parametrize(("make", "part"), [(unwritable, "Not a directory"), (of_root, "sudo ")])
-def test_folder_that_cannot_be_written_is_one_line(make: Callable[[Path], Path], part: str, tmp_path: Path) -> None:
-    """As another user, where the test has the right to become one."""
-    folder, user = make(tmp_path), os.geteuid()
-    if user == 0 and make is of_root:
-        os.seteuid(65534)
-    try:
-        with pytest.raises(RulesError) as caught:
-            rules.install(folder, "true")
-    finally:
-        os.seteuid(user)
-    assert part in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert list(tmp_path.rglob(UDEV_RULES)) == []
+def test_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RulesError, match=r"^[^\n]*Not a directory[^\n]*$"):
+        rules.install(tmp_path / "file" / "rules.d", "true")

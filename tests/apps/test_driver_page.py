@@ -1,8 +1,6 @@
 """The driver of docs/how-to/driver.md: its code is installed as another package, and run."""
 
-import os
 import re
-import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -16,11 +14,8 @@ import pytest
 from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
-from tests.program import PATIENT, Program, document
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
-from tests.wait import until
-from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
 
@@ -138,57 +133,3 @@ def test_open_driver_fulfils_the_contract(check: Callable[[Bench], None], bench:
 @pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
 def test_fault_ends_the_session_without_force(fault: str, bench: Bench) -> None:
     contract.test_fault_ends_session_with_reason_without_force("paddle", fault, bench)
-
-
-def test_driver_is_listed_with_its_package(driver: Any) -> None:
-    (row,) = (row for row in survey().drivers if row.driver == "paddle")
-    assert (row.side, row.package, row.kind) == ("master", "paddle-for-weberlink", "hardware")
-    assert row.state in ("ready", "nothing plugged in", "no permission")  # whatever hangs on this machine
-
-
-# --- the programs
-
-
-@pytest.fixture
-def file(folder: Path, wire: PtyDevice) -> Path:
-    path = folder / "paddle.yaml"
-    path.write_text(block("yaml").replace("/dev/ttyACM0", str(wire.path)), encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def on_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The package of the page for child processes."""
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")])))
-
-
-@pytest.mark.usefixtures("on_path")
-def test_file_of_the_page_is_checked(file: Path) -> None:
-    with Program("check", file) as program:
-        status, output, errors = program.finish()
-    assert (status, errors, "device paddle" in output) == (0, "", True)
-    with Program("check", file, "--set", "master.device.prot=x") as program:
-        assert program.finish() == (2, "", f"weberlink: {file}: master.device.prot: unknown key; did you mean port?\n")
-
-
-@pytest.mark.realtime
-@pytest.mark.usefixtures("on_path")
-def test_session_of_the_page_feels_the_wall(folder: Path, file: Path, wire: PtyDevice) -> None:
-    """The driver waits longer for an answer than that of the page: here a thread of the test gives it."""
-    module = folder / "paddle.py"
-    module.write_text(module.read_text().replace("self.ask(command, 0.01)", "self.ask(command, 1.0)"))
-    felt: list[float] = []
-    emulator: Any = wire.emulator
-    receive = emulator.receive
-
-    def listen(data: bytes, now: float) -> None:
-        receive(data, now)
-        felt.append(emulator.force_n(now))
-
-    emulator.receive = listen
-    with Program("loopback", file, "--json", "-", "--set", "master.limits.device_ms=2000", *PATIENT) as program:
-        until(lambda: max(felt, default=0.0) > 1.0, "the wall, 2 cm deep at most and of 300 N/m")
-        program.send(signal.SIGINT)
-        status, output, errors = program.finish()
-    assert (status, document(output)["outcome"], felt[-1]) == (0, "interrupted", 0.0)
-    assert all(line.startswith("weberlink: note: ") for line in errors.splitlines())

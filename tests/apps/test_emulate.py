@@ -2,93 +2,28 @@
 
 import io
 import json
-import os
 import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import pytest
 
-from tests.program import ROOT
+from tests.apps.emulated import Emulated
 from tests.wait import PATIENCE, until
 from weberlink.apps.emulate import names, run
-from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
+from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.umockdev import ADVICE, SYSTEM_PYTHON, WRAPPER, missing
 from weberlink.master import emulators as devices
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 
 TABLES: dict[str, Any] = dict.fromkeys(devices.EMULATORS, devices) | dict.fromkeys(robots.EMULATORS, robots)
-REASON = missing()
-HOST = """
-import sys
-from time import monotonic
-from weberlink.hardware.discovery import UsbId, hid_devices
-from weberlink.hardware.hid_port import HidPort
-from weberlink.master.devices.polhem.hid_protocol import decode_sensors, encode_command
-
-(found,) = hid_devices([UsbId(0x1234, 6)])
-port = HidPort(found.path)
-port.read_all(monotonic() + 20.0)
-places = set()
-for number in range(200):
-    port.write(encode_command((number, 0, 0), 14))
-    places.add(decode_sensors(port.read_all(monotonic() + 20.0)[-1]).counts)
-print(found.serial_number, len(places) > 1, flush=True)
-sys.stdin.readline()
-"""
-
-
-class Emulation:
-    """The command in a process; what it says is on standard error where it runs a command."""
-
-    def __init__(self, process: "subprocess.Popen[str]", has_command: bool) -> None:
-        self.process = process
-        self._out = process.stderr if has_command else process.stdout
-
-    def line(self) -> str:
-        assert self._out is not None
-        return self._out.readline().rstrip("\n")
-
-    def command_line(self) -> str:
-        assert self.process.stdout is not None
-        return self.process.stdout.readline()
-
-    def type(self, *lines: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write("".join(f"{line}\n" for line in lines))
-        self.process.stdin.flush()
-
-    def status(self) -> dict[str, Any]:
-        self.type("status")
-        status: dict[str, Any] = json.loads(self.line())
-        return status
-
-    def end(self) -> int:
-        return self.process.wait(PATIENCE)
-
-
-@contextmanager
-def emulate(folder: Path, *arguments: object) -> Iterator[Emulation]:
-    pipe, has_command = subprocess.PIPE, "--" in arguments
-    process = subprocess.Popen(
-        [sys.executable, "-m", "weberlink", "device", "emulate", *map(str, arguments)],
-        cwd=folder, stdin=pipe, stdout=pipe, stderr=pipe if has_command else None, text=True,
-    )  # fmt: skip
-    try:
-        yield Emulation(process, has_command)
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def ask(port: SerialPort, current: int) -> SerialStatus:
@@ -102,119 +37,52 @@ def ask(port: SerialPort, current: int) -> SerialStatus:
 
 
 def test_serial_device_with_fault_commands_until_ctrl_c(tmp_path: Path) -> None:
-    path = tmp_path / "weberlink-polhem_serial"
-    with emulate(tmp_path, "polhem_serial", "--set", "model=woodenhaptics", "--set", "handle.seed=4") as emulation:
-        assert f"at {path}; configure it as master.device: {{driver: polhem_serial, port: {path}}}" in emulation.line()
+    with Emulated("polhem_serial", tmp_path, "model=woodenhaptics", "handle.seed=4") as emulated:
+        path = Path(emulated.port)
         port = SerialPort(str(path))
-        answer, status = ask(port, 250), emulation.status()
+        answer, status = ask(port, 250), emulated.status()
         assert (answer.model, answer.error) == (3, 0)
         assert (status["plugged"], status["messages"], status["largest_current_ma"]) == (True, 1, 250.0)
         for wrong in ("garbel 3", "late soon"):
-            emulation.type(wrong)
-            assert emulation.line().startswith(f"{wrong.split()[0]}: ")
-        emulation.type("garble 3", "late 0.5", "silent")
-        assert emulation.status()["faults"] == {"garble": 3, "late_s": 0.5, "silent": True}
-        emulation.type("ok", "wrong_model 1")
-        assert emulation.status()["faults"] == {"garble": 0, "late_s": 0.0, "silent": False}
+            emulated.say(wrong)
+            assert emulated.line().startswith(f"{wrong.split()[0]}: ")
+        emulated.say("garble 3\nlate 0.5\nsilent")
+        assert emulated.status()["faults"] == {"garble": 3, "late_s": 0.5, "silent": True}
+        emulated.say("ok\nwrong_model 1")
+        assert emulated.status()["faults"] == {"garble": 0, "late_s": 0.0, "silent": False}
         assert until(lambda: ask(port, 0).model == 1, "the other model")
-        emulation.type("unplug")
-        assert (emulation.status()["plugged"], path.is_symlink()) == (False, False)
+        emulated.say("unplug")
+        assert (emulated.status()["plugged"], path.is_symlink()) == (False, False)
         with pytest.raises(HardwareFault, match="unplugged"):
             ask(port, 0)
         port.close()
-        emulation.type("plug", "plug")
-        assert emulation.status()["plugged"] is True
+        emulated.say("plug\nplug")
+        assert emulated.status()["plugged"] is True
         port = SerialPort(str(path))
         assert ask(port, 0).error == 0
         port.close()
-        emulation.process.send_signal(signal.SIGINT)
-        assert (emulation.end(), path.is_symlink()) == (0, False)
+        emulated.send(signal.SIGINT)
+        until(lambda: not path.is_symlink(), "the port to go")
 
 
-def test_command_ends_the_emulation_and_fifo_gives_faults(tmp_path: Path) -> None:
-    fifo, port = tmp_path / "faults", tmp_path / "here"
-    port.symlink_to("/dev/pts/999999")  # of an emulation that was killed
-    script = 'ls "$0" && read answer && test "$answer" = enough && exit 7'
-    options = ("--link", "here", "--faults", fifo, "--", "sh", "-c", script, "{port}")
-    with emulate(tmp_path, "polhem_serial", *options) as emulation:
-        assert str(port) in emulation.line()
-        assert emulation.command_line() == f"{port}\n"
-        fifo.write_text("help\nstatus\n")
-        said = [emulation.line()]
-        while not said[-1].startswith("{"):
-            said.append(emulation.line())
-        assert {line.split()[0] for line in said[:-1]} >= {"garble", "unplug", "stuck_encoder", "help"}
-        assert json.loads(said[-1])["name"] == "polhem_serial"
-        emulation.type("enough")  # standard input is the command's
-        assert emulation.end() == 7
-    assert (port.is_symlink(), fifo.exists()) == (False, False)
-
-
-def test_stop_signal_goes_to_the_command(tmp_path: Path) -> None:
-    with emulate(tmp_path, "haply_2diy", "--", "sh", "-c", "echo up; exec sleep 60") as emulation:
-        assert emulation.command_line() == "up\n"
-        emulation.process.send_signal(signal.SIGTERM)
-        assert emulation.end() == 128 + signal.SIGTERM
+def test_command_ends_the_emulation_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "here").symlink_to("/dev/pts/999999")  # of an emulation that was killed
+    script = 'ls "$0" && read answer && test "$answer" = enough && exit 7'  # standard input is the command's
+    command = [sys.executable, "-m", "weberlink", "device", "emulate", "polhem_serial", "--link", "here"]
+    ended = subprocess.run(
+        [*command, "--", "sh", "-c", script, "{port}"],
+        cwd=tmp_path, input="enough\n", capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout) == (7, f"{tmp_path / 'here'}\n")
+    assert re.search(r" is at \S+; configure it as master.device: {driver: polhem_serial, port:", ended.stderr)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(REASON is not None, reason=str(REASON))
-def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
-    fifo = tmp_path / "faults"
-    os.mkfifo(fifo)
-    options = ("--set", "frame_s=0", "--set", "serial_number='77'", "--faults", fifo, "--", sys.executable, "-c", HOST)
-    with emulate(tmp_path, "polhem_hid", *options) as emulation:
-        assert emulation.line().endswith("master.device: {driver: polhem_hid, port: /dev/hidraw0}")
-        assert emulation.command_line() == "77 True\n"
-        fifo.write_text("status\n")
-        status = json.loads(emulation.line())
-        assert (status["messages"], status["errors"], status["largest_current_ma"]) == (200, 0, 199.0)
-        emulation.type("")
-        assert emulation.end() == 0
-    assert fifo.exists(), "it was there before"
-
-
-def empty(_: Path) -> None: ...
-
-
-def of_another_processor(path: Path) -> None:
-    path.write_bytes(b"\x7fELF")
-    path.chmod(0o755)
-
-
-@pytest.mark.parametrize(
-    ("name", "command", "wrapper", "part"),
-    [
-        ("polhem_serial", "nowhere", None, "nowhere: cannot be run"),
-        ("polhem_hid", "true", empty, ADVICE.rpartition(": ")[2]),
-        pytest.param(
-            *("polhem_hid", "true", of_another_processor, "Exec format error"),
-            marks=pytest.mark.skipif(not Path(SYSTEM_PYTHON).exists(), reason="the system has no Python of its own"),
-        ),
-    ],
-)
-def test_what_cannot_be_run_is_one_line_and_leaves_nothing(
-    name: str, command: str, wrapper: Callable[[Path], None] | None, part: str,
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-) -> None:  # fmt: skip
+def test_what_cannot_be_run_is_one_line_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    if wrapper is not None:
-        wrapper(tmp_path / WRAPPER)
-        monkeypatch.setenv("PATH", str(tmp_path))
-    before = list(tmp_path.iterdir())
-    with pytest.raises(ConfigurationError) as caught:
-        run(name, None, [], [command], out=io.StringIO(), source=None)
-    (line,) = str(caught.value).splitlines()
-    assert part in line
-    assert list(tmp_path.iterdir()) == before
-
-
-def test_a_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
-    leave = "import os, sys; from weberlink.cli import main; os.rmdir(os.getcwd()); sys.exit(main())"
-    (tmp_path / "gone").mkdir()
-    command = [sys.executable, "-c", leave, "device", "emulate", "polhem_serial"]
-    ended = subprocess.run(command, cwd=tmp_path / "gone", capture_output=True, text=True, check=False)
-    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1), ended.stderr
+    with pytest.raises(ConfigurationError, match="nowhere: cannot be run"):
+        run("polhem_serial", None, [], ["nowhere"], out=io.StringIO(), source=None)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", sorted(TABLES))
@@ -232,15 +100,3 @@ def test_every_emulator_has_help_faults_and_status(name: str) -> None:
     status = lines.status()
     json.dumps(status, allow_nan=False)
     assert (out.getvalue(), status["name"], len(status) > 6, name in names()) == ("", name, True, True)
-
-
-def test_emulator_page_lists_all_devices_and_common_faults() -> None:
-    page = (ROOT / "docs" / "emulators.md").read_text(encoding="utf-8")
-    (words,) = re.findall(r"^\| word \|.*\n\|[-|]+\|\n((?:\|.*\n)+)", page, re.M)
-    common = {word for row in words.splitlines() for word in re.findall(r"`(\w+)`", row.split("|")[1])}
-    assert common == set(WIRE_FAULTS)
-    listed = re.findall(r"^\| `(\w+)` \| .* \| (serial|HID|evdev|WebSocket) \|$", page, re.M)
-    assert {name: wire.lower() for name, wire in listed} == {
-        name: TABLES[name].load(name).transport for name in names()
-    }
-    assert ADVICE.rpartition(": ")[2] in page

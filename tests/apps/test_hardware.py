@@ -1,20 +1,14 @@
 """Live sessions of real drivers with emulated hardware: only processes have ports, kernels and signals between them."""
 
-import os
-import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.apps.emulated import Emulated, norm
-from tests.program import Program, document, faults_of
+from tests.program import Program, document
 from tests.system.systems import CONFIGS
 from tests.wait import until
-from weberlink.master.devices.inverse3.device import Inverse3Device
-from weberlink.master.devices.inverse3.options import Inverse3Options
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
-from weberlink.protocol.keys import generate
 
 pytestmark = pytest.mark.realtime
 __all__ = ["Emulated", "norm"]
@@ -30,18 +24,6 @@ PATIENT = (
 CHECKED = PolhemSerialDevice.fingerprint(PolhemSerialDevice.Options(model="vintage_phantom"))
 POINT = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
 STILL = [0.0, 0.0, 0.0]
-INVERSE3 = f"""
-axes: xyz
-link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session, silence_ms: 500}}
-master:
-  device: {{driver: inverse3, reply_ms: 100, grip: wireless_verse_grip,
-    signs_checked: {Inverse3Device.fingerprint(Inverse3Options())}}}
-  limits: {{device_ms: 1000}}
-slave:
-  robot: {{driver: point, workspace_m: 0.3}}
-  scene: [{{shape: plane, point_m: [0, 0, 0], stiffness_n_m: 200}}]
-  limits: {{robot_ms: 500}}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -85,57 +67,3 @@ def test_phantom_feels_what_the_arm_touches_until_the_arm_fails(hardware: tuple[
     assert summary["force"]["packets"] > 0 < summary["position"]["packets"]
     until(lambda: phantom.status()["force"] == STILL, "no force")
     assert phantom.status()["largest_current_ma"] <= 2000.0
-
-
-@pytest.mark.parametrize(
-    "number",
-    [signal.SIGINT, *(pytest.param(each, marks=pytest.mark.hunt) for each in (signal.SIGKILL, signal.SIGSTOP))],
-)
-def test_wall_is_felt_through_a_service_until_it_or_the_session_ends(number: signal.Signals, tmp_path: Path) -> None:
-    file = tmp_path / "inverse3.yaml"
-    file.write_text(INVERSE3, encoding="utf-8")
-    with Emulated("inverse3", tmp_path, PRESS) as service:
-        with Program("loopback", file, "--set", f"master.device.port={service.port}", "--json", "-") as program:
-            program.engaged("master")
-            until(lambda: service.status()["force"][2] > 1.0, "a push up out of the floor")
-            (program if number is signal.SIGINT else service).send(number)
-            status, output, errors = program.finish()
-        summary = document(output)
-        assert status == (0 if number is signal.SIGINT else 1), errors
-        if number is signal.SIGINT:
-            assert faults_of(summary) == {"master": {}, "slave": {}}
-            assert service.status()["force"] == STILL
-        else:
-            assert "inverse3" in summary["outcome"]
-
-
-@pytest.mark.hunt
-@pytest.mark.realtime(alone=True)
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_stopped_master_leaves_no_force_in_contact(number: signal.Signals, tmp_path: Path) -> None:
-    file = tmp_path / "inverse3.yaml"
-    file.write_text(INVERSE3, encoding="utf-8")
-    with (
-        Emulated("inverse3", tmp_path, PRESS) as service,
-        Program("loopback", file, "--set", f"master.device.port={service.port}") as program,
-    ):
-        master = program.engaged("master").pid
-        until(lambda: service.status()["force"][2] > 1.0, "a push")
-        os.kill(master, number)
-        until(lambda: service.status()["force"] == STILL, "no force")
-        if number is signal.SIGSTOP:
-            os.kill(master, signal.SIGCONT)
-
-
-@pytest.mark.hunt
-def test_signal_during_homing_exits_0(hardware: tuple[Emulated, Emulated], tmp_path: Path) -> None:
-    phantom, _ = hardware
-    generate(tmp_path / "key")
-    link = ("link.slave=127.0.0.1:47999", "link.security=psk", f"link.key_file={tmp_path / 'key'}")
-    overrides = (f"master.device.port={phantom.port}", "master.device.homing=button", *link)
-    asked = phantom.status()["messages"]
-    with Program("master", FILE, *(f"--set={each}" for each in overrides), "--json", "-") as program:
-        until(lambda: phantom.status()["messages"] > asked, "the driver to wait for the button")
-        program.send(signal.SIGINT)
-        status, output, _ = program.finish()
-    assert (status, document(output)["outcome"]) == (0, "interrupted")

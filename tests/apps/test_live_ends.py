@@ -27,33 +27,19 @@ def expected(place: int, tick: int) -> list[float]:
 
 
 @pytest.mark.parametrize(("side", "position", "command", "effort"), [("master", 0, 1, 3), ("slave", 0, 3, 1)])
-def test_sample_has_each_axis_and_the_gripper_last(
+def test_sample_has_each_axis_the_gripper_last_and_the_newest_ticks_in_order(
     tmp_path: Path, rings: ArmRings, side: str, position: int, command: int, effort: int
 ) -> None:
-    end = find_end(side, where=tmp_path)
+    end = find_end(side, ticks=4, where=tmp_path)
     assert (end.names, end.is_arm, end.has_gripper) == (("pan", "lift", "gripper"), True, True)
-    rings.write(1)
-    rings.write(2)
-    sample = end.sample()
-    assert sample.position.tolist() == expected(position, 2)
-    assert sample.command.tolist() == expected(command, 2)
-    assert sample.effort.tolist() == expected(effort, 2)
-    assert end.sample().position.tolist() == expected(position, 2), "the newest, also where there is no newer one"
-    end.close()
-
-
-def test_window_holds_the_newest_ticks_in_order(tmp_path: Path, rings: ArmRings) -> None:
-    end = find_end("slave", ticks=4, where=tmp_path)
-    steps = (
-        (range(2), [0, 0, 0, 1]),
-        (range(2, 4), [0, 1, 2, 3]),
-        (range(4, 5), [1, 2, 3, 4]),
-        (range(5, 41), [37, 38, 39, 40]),
-    )
+    steps = ((range(2), [0, 0, 0, 1]), (range(2, 5), [1, 2, 3, 4]), (range(5, 41), [37, 38, 39, 40]))
     for ticks, window in steps:
         for tick in ticks:
             rings.write(tick)
-        assert end.sample().efforts.tolist() == [expected(1, tick) for tick in window]
+        sample = end.sample()
+        assert sample.efforts.tolist() == [expected(effort, tick) for tick in window]
+    assert sample.position.tolist() == expected(position, 40) == end.sample().position.tolist()
+    assert (sample.command.tolist(), sample.effort.tolist()) == (expected(command, 40), expected(effort, 40))
     end.close()
 
 
@@ -73,13 +59,9 @@ def test_end_that_has_nothing_new_is_refused(tmp_path: Path, rings: ArmRings) ->
 
 def test_session_is_chosen_where_there_are_several(tmp_path: Path, rings: ArmRings) -> None:
     with arm_rings(tmp_path, "78"):
-        with pytest.raises(
-            NoSessionError, match="2 sessions have a master on this host; choose by session one of 77, 78"
-        ):
+        with pytest.raises(NoSessionError, match=r"2 sessions have a master on this host; .* one of 77, 78"):
             find_end("master", where=tmp_path)
-        end = find_end("master", "78", where=tmp_path)
-        assert end.session == "78"
-        end.close()
+        find_end("master", "78", where=tmp_path).close()
     rings.end("master")
     with pytest.raises(NoSessionError, match="no master runs on this host"):
         find_end("master", where=tmp_path)
@@ -93,52 +75,30 @@ def units(folder: Path, use_degrees: bool = True) -> AxisUnits:
         end.close()
 
 
-def test_features_are_flat_and_named_as_by_lerobot(tmp_path: Path, rings: ArmRings) -> None:
-    axes = units(tmp_path)
-    assert axes.positions == ["pan.pos", "lift.pos", "gripper.pos"]
-    assert axes.efforts == ["pan.torque", "lift.torque", "gripper.torque"]
-    assert axes.window_names(2) == [
-        *("pan.torque.0", "lift.torque.0", "gripper.torque.0"),
-        *("pan.torque.1", "lift.torque.1", "gripper.torque.1"),
-    ]
-
-
-def test_units_are_those_of_lerobot(tmp_path: Path, rings: ArmRings) -> None:
-    angles = np.array([0.5, -1.0, 0.125])
-    assert units(tmp_path).features(angles) == pytest.approx(
-        {"pan.pos": degrees(0.5), "lift.pos": degrees(-1.0), "gripper.pos": 25.0}
-    )
-    shares = units(tmp_path, use_degrees=False)
-    assert shares.features(angles) == pytest.approx({"pan.pos": 50.0, "lift.pos": -50.0, "gripper.pos": 25.0})
-    assert shares.features(np.array([7.0, -7.0, -7.0])) == {"pan.pos": 100.0, "lift.pos": -100.0, "gripper.pos": 0.0}
-
-
-@pytest.mark.parametrize("use_degrees", [True, False])
-def test_action_of_the_features_gives_the_angles(tmp_path: Path, rings: ArmRings, use_degrees: bool) -> None:
-    axes, angles = units(tmp_path, use_degrees), (0.3, -0.7, 0.4)
-    assert axes.values(axes.features(np.array(angles))) == pytest.approx(angles)
+@pytest.mark.parametrize(
+    ("use_degrees", "angles", "shown"),
+    [
+        (True, (0.5, -1.0, 0.125), (degrees(0.5), degrees(-1.0), 25.0)),
+        (False, (0.5, -1.0, 0.125), (50.0, -50.0, 25.0)),
+        (False, (7.0, -7.0, -7.0), (100.0, -100.0, 0.0)),
+    ],
+)
+def test_names_and_units_are_those_of_lerobot(
+    tmp_path: Path, rings: ArmRings, use_degrees: bool, angles: tuple[float, ...], shown: tuple[float, ...]
+) -> None:
+    axes = units(tmp_path, use_degrees)
+    features = dict(zip(("pan.pos", "lift.pos", "gripper.pos"), shown, strict=True))
+    assert axes.features(np.array(angles)) == pytest.approx(features)
+    assert abs(angles[0]) > 1.0 or axes.values(features) == pytest.approx(angles)
+    assert axes.window_names(1) == ["pan.torque.0", "lift.torque.0", "gripper.torque.0"]
     with pytest.raises(ValueError, match=r"the action lacks lift\.pos, gripper\.pos; it has pan\.pos"):
         axes.values({"pan.pos": 0.0})
 
 
-def test_shares_are_of_the_followers_range_at_both_ends(tmp_path: Path, rings: ArmRings) -> None:
-    end = find_end("master", where=tmp_path)
-    shares = AxisUnits(end, use_degrees=False)
-    assert shares.features(np.array([0.5, -1.0, 0.125])) == {"pan.pos": 50.0, "lift.pos": -50.0, "gripper.pos": 25.0}
-    end.close()
-
-
-def test_gripper_of_unknown_range_is_refused(tmp_path: Path) -> None:
-    with arm_rings(tmp_path, ranges={}), pytest.raises(ValueError, match="does not tell the range of gripper"):
-        units(tmp_path)
-
-
-def test_joints_in_degrees_need_no_range(tmp_path: Path) -> None:
+def test_unknown_range_is_needed_for_shares_only(tmp_path: Path) -> None:
     codec = {"joints": {"names": ("pan", "lift")}, "gripper": None}
     with arm_rings(tmp_path, system=SYSTEM | {"codec": codec}, ranges={}):
-        assert units(tmp_path).features(np.array([1.0, 0.0])) == pytest.approx(
-            {"pan.pos": degrees(1.0), "lift.pos": 0.0}
-        )
+        assert units(tmp_path).features(np.array([1.0, 0.0])) == {"pan.pos": degrees(1.0), "lift.pos": 0.0}
         with pytest.raises(ValueError, match="does not tell the range of pan"):
             units(tmp_path, use_degrees=False)
 
@@ -157,7 +117,6 @@ def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: Arm
     memory = TargetMemory()  # of this process, whose rings these are
     memory.open(3)
     lead = RemoteLead(where=tmp_path)
-    assert lead.is_alive
     assert lead.send((radians(20.0), -3.0, 0.25)).tolist() == [radians(20.0), -1.0, 0.25]
     newest = memory.newest()
     assert newest is not None
@@ -169,8 +128,6 @@ def test_lead_writes_angles_within_the_leaders_limits(tmp_path: Path, rings: Arm
     assert newest is not None
     assert not newest.leads
     memory.close()
-    with pytest.raises(NoSessionError, match="the master of session 77 has ended"):
-        RemoteLead(where=tmp_path)
 
 
 @pytest.mark.parametrize(

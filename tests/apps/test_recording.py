@@ -11,21 +11,15 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from tests.apps import arm_sessions
-from tests.program import ENGAGED, Program, document, free_port, weberlink
+from tests.program import ENGAGED, Program, document, weberlink
 from tests.system.systems import CONFIGS
 from tests.wait import until
-from weberlink.codec.replay import code
-from weberlink.master.trace import read_motion, read_trace
-from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
-from weberlink.system.report import status_line
 from weberlink.system.scoring.recorded import ADDED, put_together
 from weberlink.telemetry.record import COUNTERS, FIELDS
 from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
-from weberlink_studies.evaluate.replay import signal_of
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 HALF_STEP_N = 0.5e-3 * 3**0.5
@@ -85,14 +79,10 @@ def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, An
 
 def test_the_same_seed_gives_the_same_file_with_the_whole_configuration(touch: Recording, tmp_path: Path) -> None:
     assert load_text(touch, tmp_path) == load(LOOPBACK).system
-    path, other = tmp_path / "again.mcap", tmp_path / "other.mcap"
+    path = tmp_path / "again.mcap"
     said("simulate", LOOPBACK, "--duration", 1, "--record", path)
     for side, records in read_recording(path).records.items():
         assert records[:900].tobytes() == touch.records[side][:900].tobytes()
-    said("simulate", LOOPBACK, "--duration", 0.2, "--record", other, "--set", "codec.force.bank=[plane, zoh]")
-    changed = read_recording(other)
-    assert changed.facts["bank"] == "plane zoh"
-    assert load_text(changed, tmp_path) == load(LOOPBACK, ["codec.force.bank=[plane, zoh]"]).system
 
 
 def load_text(recording: Recording, folder: Path) -> object:
@@ -114,45 +104,14 @@ def test_raw_sent_predicted_and_reconstructed_force_fit_together(touch: Recordin
     assert reconstructed[sent].mean() < error[sent].mean()
 
 
-def test_coding_again_sends_at_the_same_ticks(touch: Recording) -> None:
-    engaged = touch.records["slave"][touch.records["slave"]["state"] == ENGAGED]
-    trace = read_trace(touch.path)
-    assert (trace.force_n == engaged["raw"]).all()
-    channel = channels(load(LOOPBACK).system)[1]
-    again = [tick.update is not None for tick in code(channel, signal_of(trace).samples)]
-    assert again == (engaged["sent"] == 1).tolist()
-
-
-def test_a_replayed_hand_makes_the_same_motion(touch: Recording, tmp_path: Path) -> None:
-    motion, again = read_motion(touch.path), tmp_path / "again.mcap"
-    changes = (f"trace={touch.path}", "center_m=null", "approach_s=1", "workspace_m=0.16", "tremor_m=0")
-    sets = [f"--set=master.device.{change}" for change in changes]
-    replay = ("simulate", CONFIGS / "replay.yaml", *sets, "--set=slave.scene=[]", "--duration", 3, "--record", again)
-    assert weberlink(*replay).status == 0
-    followed = read_recording(again).records["master"]["raw"][1000:3000]
-    assert np.abs(followed - motion.position_m[:2000]).max() < 0.01
-    assert np.ptp(motion.position_m[:2000], axis=0).max() > 0.02
-
-
 # --- files that are not whole, or not of a recorder
-
-
-def test_a_full_disk_ends_the_recording_alone(small_disk: Path) -> None:
-    path = small_disk / "r.mcap"
-    ended = weberlink("simulate", LOOPBACK, "--duration", 8, "--record", path, "--json", "-")
-    summary, recording = document(ended.output), read_recording(path)
-    assert (ended.status, summary["outcome"], recording.complete) == (1, "completed", False)
-    assert "No space left" in summary["recording"]["outcome"]
-    assert 0 < len(recording.records["slave"]) < summary["ticks"]["slave"]["count"]
 
 
 @pytest.mark.parametrize(
     ("change", "field"),
     [
         (lambda records: records["raw"].__setitem__((5, 0), np.nan), "position or force"),
-        (lambda records: records["at"].__setitem__(5, np.nan), "time"),
         (lambda records: records["at"].__setitem__(-1, 1e15), "time"),
-        (lambda records: records["selected"].__setitem__(5, 99), "predictor"),
         (lambda records: records["fault"].__setitem__(5, 99), "fault"),
     ],
 )
@@ -168,34 +127,12 @@ def test_what_no_recorder_writes_is_said_in_one_line(
     assert field in complaint(path)
 
 
-@pytest.mark.parametrize("command", [("record", "info"), ("record", "export", "--to", "csv"), ("study", "evaluate")])
-def test_a_pipe_is_refused_without_waiting(command: tuple[str, ...], tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.mcap")
-    complaint(tmp_path / "pipe.mcap", *command)
-
-
 def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
     taken = tmp_path / "taken.mcap"
     taken.write_text("mine")
     for command in ("loopback", "simulate"):
         complaint(taken, command, LOOPBACK, "--duration", 0.1, "--record")
         assert taken.read_text() == "mine"
-
-
-def test_recording_of_arms_is_no_trace(tmp_path: Path) -> None:
-    path = arm_sessions.recording(tmp_path / "arms.mcap", {"slave": arm_sessions.records("slave", 300)})
-    complaint(path, "study", "evaluate", "--predictor", "zoh")
-
-
-def test_a_recording_that_lost_records_is_not_whole(touch: Recording, tmp_path: Path) -> None:
-    path = tmp_path / "lossy.mcap"
-    with RecordingWriter.create(path, touch.facts) as writer:
-        writer.add_side(touch.origins["slave"])
-        writer.write("slave", touch.records["slave"][500:])
-        writer.note_lost("slave", 500)
-    found = info(path)
-    assert (found["outcome"], found["files"][0]["complete"]) == ("not whole", False)
-    assert found["files"][0]["lost"]["slave"] == 500
 
 
 def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: Path) -> None:
@@ -219,25 +156,14 @@ def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: P
         writer.finish()
     assert not set(ADDED) & set(read_recording(path).records["slave"].dtype.names)
     now, then = info(touch.path), info(path)
-    assert {key: then[key] for key in now if key not in ("files", "ways")} == {
-        key: now[key] for key in now if key not in ("files", "ways")
-    }
-    assert then["ways"]["to_slave"] == now["ways"]["to_slave"], "from fields that were always there"
+    for key in ("duration_s", "force", "position", "link", "energy"):
+        assert then[key] == now[key], key
     assert then["ways"]["jitter_us"] == {"p50": None, "p99": None}
-    for to in ("csv", "ros", "lerobot"):
-        said("record", "export", path, "--to", to)
+    said("record", "export", path, "--to", "ros")
     again = read_recording(tmp_path / "touch-ros.mcap").records["slave"]
     for name in again.dtype.names:
         expected = touch.records["slave"][name] if ADDED.get(name, 0.0) == 0.0 else np.full(len(again), np.nan)
         np.testing.assert_array_equal(again[name], expected)
-
-
-def test_the_status_line_says_when_the_recorder_is_gone() -> None:
-    figures = dict.fromkeys(("packets_per_s", "reduction", "error_rms"))
-    summary = {"duration_s": 1.0, "force": figures, "link": {"rtt_us": {"p50": None}}}
-    for running, is_told in ((None, False), (True, False), (False, True)):
-        recording = {} if running is None else {"recording": {"running": running}}
-        assert ("NOT RECORDING" in status_line({}, summary | recording)) is is_told
 
 
 # --- files of two hosts
@@ -279,70 +205,22 @@ def test_sessions_of_two_masters_are_told_apart(touch: Recording) -> None:
         put_together([only(touch, "master", later=50.0), whole_day])
 
 
-@pytest.mark.realtime
-def test_two_hosts_files_make_one_session(tmp_path: Path) -> None:
-    """Only two daemons have two clocks; on one host the true offset is 0, so the join can be checked against it."""
-    port = free_port()
-    address = [f"--set=link.{end}=127.0.0.1:{port}" for end in ("listen", "slave")]
-    files = {side: tmp_path / f"{side}.mcap" for side in ("master", "slave")}
-    with (
-        Program("slave", LOOPBACK, *address, "--record", files["slave"]) as slave,
-        Program("master", LOOPBACK, *address, "--duration", 1.5, "--record", files["master"]) as master,
-    ):
-        assert master.finish(1.5)[0] == 0
-        slave.send(signal.SIGTERM)
-        slave.finish()
-    assert info(files["master"])["force"]["error_rms"] is None
-    assert info(*files.values())["force"]["error_rms"] > 0.0
-    apart = [read_recording(path) for path in files.values()]
-    joined, own = put_together(apart), apart[1].records["slave"]
-    moved = np.abs(joined.slave["at"] - own["at"][np.isin(own["tick"], joined.slave["tick"])])
-    engaged = moved[joined.slave["state"] == ENGAGED]
-    assert len(engaged) > 100
-    assert (np.median(engaged) < 0.01, engaged.max() < 0.1) == (True, True), (
-        "10 ms: far above any stall, below any epoch"
-    )
-
-
 # --- what becomes of the file when a process dies
 
 
-def has_ended(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
-
-
 @pytest.mark.realtime
-@pytest.mark.parametrize(
-    "victim",
-    ["daemon", pytest.param("command", marks=pytest.mark.hunt), pytest.param("recorder", marks=pytest.mark.hunt)],
-)
-def test_a_kill_leaves_what_was_recorded(victim: str, tmp_path: Path) -> None:
+def test_a_kill_of_a_daemon_leaves_what_was_recorded(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with Program("loopback", "--record", path, "--json", "-") as program:
         telemetry = {side: program.engaged(side) for side in ("master", "slave")}
-        recorder = program.recorder()
         until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
-        os.kill(
-            {"daemon": telemetry["slave"].pid, "command": program.pid, "recorder": recorder}[victim], signal.SIGKILL
-        )
-        if victim == "recorder":
-            until(lambda: has_ended(recorder), "the recorder to end")
-            at = int(telemetry["slave"].last["tick"])
-            until(lambda: telemetry["slave"].last["tick"] > at + 100, "the session to go on")
-            program.send(signal.SIGTERM)
-        if victim != "command":
-            status, output, _ = program.finish()
-            summary = document(output)
-            assert (status, summary["recording"]["outcome"] == "complete") == (1, victim == "daemon")
-        until(lambda: has_ended(recorder), "the recorder to end")
+        os.kill(telemetry["slave"].pid, signal.SIGKILL)
+        status, output, _ = program.finish()
+        assert (status, document(output)["recording"]["outcome"]) == (1, "complete")
         last = {side: each.records[-1] for side, each in telemetry.items()}
     recording = read_recording(path)
-    assert recording.complete is (victim != "recorder")
+    assert recording.complete
     for side, record in last.items():
         records = recording.records[side]
         assert (np.diff(records["tick"]) >= 1).all()
-        assert (records[-1].tobytes() == record.tobytes()) is recording.complete
-        assert len(records) > 100
+        assert records[-1].tobytes() == record.tobytes()

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from tests.program import weberlink
 from tests.system.systems import CONFIGS, UNUSABLE
-from weberlink.apps.shipped import HOME, OTHERS, copy, listing, needed_by
+from weberlink.apps.shipped import copy
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
 SCHEMA = "weberlink.schema.json"
@@ -36,16 +35,6 @@ def of_configuration(found: Configuration) -> list[Path]:
     return [path for settings in (found.system, *options) for path in paths_in(settings)]
 
 
-def test_every_file_is_in_the_list() -> None:
-    named = {name for name, _ in listing().rows}
-    top = {path.relative_to(CONFIGS).parts[0] for path in SHIPPED}
-    assert named == {Path(name).stem if name.endswith(".yaml") else name for name in top if "." in name} | {
-        f"{name}/" for name in top if "." not in name
-    }
-    assert set(OTHERS) <= named
-    assert all(about for _, about in listing().rows)
-
-
 def test_the_wheel_has_every_file() -> None:
     project = tomllib.loads((CONFIGS.parent / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = project["tool"]["setuptools"]["package-data"]["weberlink.configs"]
@@ -68,24 +57,6 @@ def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
             assert copied.read_bytes() == original.read_bytes()
 
 
-def test_some_files_name_others() -> None:
-    """Else the test above would say nothing."""
-    assert HOME / "traces" / "operator.npz" in needed_by(CONFIGS / "replay.yaml")
-    assert HOME / "mujoco" / "peg_at_wall.xml" in needed_by(CONFIGS / "mujoco-peg.yaml")
-    assert needed_by(CONFIGS / "arms" / "koch_leader.xml") == [HOME / "arms" / "koch_links.xml"]
-
-
-@pytest.mark.parametrize("name", sorted({path.parent.name for path in SHIPPED if path.parent != CONFIGS}))
-def test_folder_is_copied_whole(name: str, tmp_path: Path) -> None:
-    copy(f"{name}/", tmp_path)
-    copied = {path.relative_to(tmp_path): path for path in tmp_path.rglob("*") if path.is_file()}
-    originals = {path.relative_to(CONFIGS): path for path in SHIPPED if path.parent.name == name}
-    assert copied.keys() == originals.keys()
-    for place, path in copied.items():
-        assert path.read_bytes() == originals[place].read_bytes()
-        assert path.stat().st_mode & 0o111 == originals[place].stat().st_mode & 0o111
-
-
 def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> None:
     assert copy("replay", tmp_path) != []
     assert copy("replay", tmp_path) == [], "what is there already stays"
@@ -95,22 +66,3 @@ def test_nothing_is_overwritten_and_nothing_written_in_vain(tmp_path: Path) -> N
         copy("replay", tmp_path)
     assert not (tmp_path / "replay.yaml").exists()
     assert (tmp_path / "traces" / "operator.npz").read_text(encoding="utf-8") == "mine"
-
-
-def test_command_lists_and_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    listed = weberlink("configs")
-    assert (listed.status, max(map(len, listed.output.splitlines())) <= 80) == (0, True)
-    for name in ("delay", "configs/lan.yaml"):
-        copied = weberlink("configs", name)
-        assert (copied.status, copied.errors) == (0, "")
-    assert {path.name for path in tmp_path.iterdir()} == {"delay.yaml", "lan.yaml", SCHEMA}
-    printed = weberlink("configs", "delay", "--out", "-").output
-    assert printed == (CONFIGS / "delay.yaml").read_text(encoding="utf-8")
-
-
-def test_missing_file_of_a_shipped_name_says_where_that_is(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"no such file; weberlink configs delay"):
-        load(tmp_path / "configs" / "delay.yaml")
-    with pytest.raises(ConfigurationError, match=r"no such file$"):
-        load(tmp_path / "mine.yaml")

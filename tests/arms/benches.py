@@ -51,27 +51,16 @@ def _so101_follower(options: Any, connect: Any, time: VirtualTime, gravity: Grav
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of arm.
+    """A kind of arm."""
 
-    Args:
-        emulator: its class.
-        emulated: options of it, for an arm that rests.
-        options: class of those of the driver.
-        exchange: makes it.
-        rest: the command that is safe at any time.
-        torque: that it displays or measures well [N m]; on axes 0, 2 and the last.
-        within: how well.
-        gravity: that the exchange takes for the weight.
-    """
-
-    emulator: Callable[[Any], Any]
-    emulated: dict[str, Any]
-    options: Any
-    exchange: Callable[..., Any]
-    rest: Joints | None
-    torque: float = 0.0
-    within: float = 0.0
-    gravity: Gravity = no_gravity
+    emulator: Callable[[Any], Any]  # its class
+    emulated: dict[str, Any]  # options of it, for an arm that rests
+    options: Any  # class of those of the driver
+    exchange: Callable[..., Any]  # makes it
+    rest: Joints | None  # the command that is safe at any time
+    torque: float = 0.0  # that it displays well [N m], on axes 0, 2 and the last
+    within: float = 0.0  # how well
+    gravity: Gravity = no_gravity  # that the exchange takes for the weight
 
     @property
     def leads(self) -> bool:
@@ -99,14 +88,7 @@ FOLLOWERS = [name for name, family in FAMILIES.items() if not family.leads]
 
 
 class ArmBench:
-    """An arm, its exchange and their time.
-
-    Args:
-        name: of the family.
-        options: of the driver.
-        carried: taken for the weight, instead of what the family takes.
-        emulated: options of the emulator.
-    """
+    """An arm, its exchange and their time; `carried` is taken for the weight, instead of what the family takes."""
 
     def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
         family = self.family = FAMILIES[name]

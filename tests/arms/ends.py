@@ -49,13 +49,7 @@ class Hand:
 
 
 class Servos:
-    """A follower arm: each axis is pulled to its command by a spring, and to `sag` by its weight, without inertia.
-
-    Args:
-        walls: an axis stops there from above [rad]; the wall pushes it up.
-        angles: at the beginning [rad].
-        sag: how far the weight pulls each axis down from the command in free space [rad].
-    """
+    """A follower arm without inertia: springs pull to the command less the `sag`, walls stop from above [rad]."""
 
     def __init__(
         self, spec: ArmSpec = SPEC, *, walls: Joints | None = None, angles: Joints | None = None, sag: float = 0.0

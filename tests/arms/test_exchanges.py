@@ -118,6 +118,8 @@ def test_a_leader_is_left_without_torque(name: str) -> None:
     assert bench.port.closed
     if name == "so101_leader":
         assert (set(bench.register("p_gain")), set(bench.register("torque_limit"))) == ({32}, {1000})
+    else:
+        assert bench.register("bus_watchdog") == [0] * 6
 
 
 @every_follower

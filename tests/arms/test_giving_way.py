@@ -11,13 +11,7 @@ STIFFNESS_NM_RAD = 5.0
 
 
 class Axis:
-    """An axis without friction.
-
-    Args:
-        wall: stiffness of a wall at 0 toward larger angles [N m/rad]; 0 for none.
-        weight: that the motor carries [N m].
-        modelled: whether the driver knows it.
-    """
+    """An axis without friction, with a wall at 0 [N m/rad] and a weight [N m] that the driver may know."""
 
     def __init__(self, wall: float, weight: float, modelled: bool) -> None:
         self.wall, self.weight = wall, weight
@@ -49,6 +43,9 @@ def test_push_on_a_wall_ends(goal: float, wall: float, weight: float, modelled: 
     before = axis.push
     give_way((goal,), here, axis.go)
     assert len(axis.goals) <= 1 + STEPS
+    mirrored = Axis(wall, weight, modelled)
+    give_way((-goal,), (-mirrored.go((goal,))[0],), lambda goals: (-mirrored.go((-goals[0],))[0],))
+    assert mirrored.goals == axis.goals, "in either direction"
     assert axis.push <= 0.1 * before + STIFFNESS_NM_RAD * LEAST_RAD + max(0.0, 0.0 if modelled else -weight)
 
 

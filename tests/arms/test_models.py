@@ -28,22 +28,14 @@ shares = st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6)
 
 @dataclass(frozen=True)
 class Source:
-    """What the file of the source says, read again.
+    """What the file of the source says, read again."""
 
-    Args:
-        names: Of the joints.
-        lower, upper: Range [rad].
-        mass: Of all links that move [kg].
-        torque: Largest at each axis [N m].
-        armature: At each axis [kg m^2].
-    """
-
-    names: tuple[str, ...]
-    lower: Joints
+    names: tuple[str, ...]  # of the joints
+    lower: Joints  # range [rad]
     upper: Joints
-    mass: float
-    torque: Joints
-    armature: Joints
+    mass: float  # of all links that move [kg]
+    torque: Joints  # largest at each axis [N m]
+    armature: Joints  # at each axis [kg m^2]
 
 
 KOCH = ((-2.2, -1.57, -1.57, -2.0, -3.14, 0.0), (2.2, 0.6, 1.45, 2.0, 3.14, 1.632))

@@ -41,6 +41,20 @@ def down(lift: float, elbow: float, gripper: float) -> Joints:
     return (0.0, lift, elbow, pi / 2 - lift - elbow, 0.0, gripper)
 
 
+def test_it_reaches_free_angles_and_feels_nothing() -> None:
+    made = arm(stiffness_nm_rad=100.0)
+    goal = tuple(0.9 * at + 0.1 * to for at, to in zip(made.latest(0.0).angles, made.spec.upper, strict=True))
+    reading = hold(made, goal, 800)
+    assert reading.angles == pytest.approx(goal, abs=FRICTION / 100.0 + 1e-3)
+    assert reading.torques == pytest.approx((0.0,) * made.spec.axes, abs=2e-3)
+
+
+def test_a_long_silence_is_skipped() -> None:
+    made = arm(stiffness_nm_rad=1.0)
+    made.follow((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    assert made.latest(3600.0).angles[0] < 0.2
+
+
 def test_an_end_stop_is_felt() -> None:
     made = arm(home_rad=(1.9, 0.0, 0.0, 0.0, 0.0, 0.0), torque_nm=2.0)
     made._simulation._upper[:] = 9.0  # commands are limited to the range, so that only a push goes beyond it
@@ -90,8 +104,7 @@ def test_no_gain_goal_or_contact_makes_it_diverge(
     assert max(map(abs, speeds)) < 0.12 * torque / 1e-4  # all the time with the torque on the least inertia
 
 
-@pytest.mark.parametrize("name", ["so101", "koch_follower", "koch_leader"])
-@pytest.mark.parametrize("stiffness", [1.0, 30.0, 100.0])
+@pytest.mark.parametrize(("name", "stiffness"), [("so101", 30.0), ("koch_follower", 1.0), ("koch_leader", 100.0)])
 def test_energy_only_falls_without_supply(name: str, stiffness: float) -> None:
     """Springs without damping pull the arm into a hard table: backward Euler and contacts may only take energy."""
     made = arm(model=name, stiffness_nm_rad=stiffness, damping_ratio=0.0, torque_nm=1e9, objects=[HARD])

@@ -1,11 +1,10 @@
 """The vendors' own SDKs beside our requests, byte for byte, and on emulated arms behind a pseudo terminal."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
+from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +12,6 @@ from tests.wait import until
 from weberlink.arms.dynamixel import packet as dynamixel
 from weberlink.arms.dynamixel import registers
 from weberlink.arms.dynamixel.packet import encode_packet
-from weberlink.arms.emulators.dynamixel.joint_arm import KochLeaderEmulator, KochLeaderEmulatorOptions
 from weberlink.arms.emulators.feetech import FeetechEmulator
 from weberlink.arms.feetech import packet as feetech
 from weberlink.hardware.emulator import PtyDevice
@@ -99,35 +97,6 @@ def test_requests_are_those_of_robotis(register: registers.Register, values: tup
         dynamixel.sync_read(register.address, register.size, [id_ for id_, _ in pairs]),
     ]
     assert tape.written == b"".join(map(encode_packet, ours))
-
-
-def insist(ask: Callable[[], tuple[int, ...]]) -> tuple[int, ...]:
-    """The first answer that came in time: the SDK waits for some 30 ms, and this host may pause for longer."""
-    return until(lambda: ((said := ask())[-2] == COMM_SUCCESS and said) or (), "an answer")
-
-
-@pytest.mark.realtime
-def test_robotis_sdk_drives_the_emulated_leader(tmp_path: Path) -> None:
-    emulator = KochLeaderEmulator(KochLeaderEmulatorOptions(hand_n_m_rad=0.0, current_noise_ma=0.0))
-    with PtyDevice(emulator, tmp_path / "port"):
-        opened = PortHandler(str(tmp_path / "port"))
-        assert opened.openPort()
-        assert opened.setBaudRate(1_000_000)
-        for id_ in range(1, 7):
-            assert insist(lambda id_=id_: SDK.ping(opened, id_)) == (1190, COMM_SUCCESS, 0)  # type: ignore[misc]
-        for address, value in ((11, 0), (9, 0), (64, 1), (98, 5)):
-            said = insist(lambda at=address, value=value: SDK.write1ByteTxRx(opened, 1, at, value))  # type: ignore[misc]
-            assert said[1] == 0
-        goals = GroupSyncWrite(opened, SDK, 102, 2)
-        goals.addParam(1, [100, 0])
-        assert goals.txPacket() == COMM_SUCCESS
-        until(lambda: emulator.angles[0] > 0.0, "the motor to turn")
-        until(lambda: emulator.watchdog_trips == 1 and emulator.currents[0] == 0.0, "the bus watchdog")
-        assert insist(lambda: SDK.write2ByteTxRx(opened, 1, 102, 5))[1] == dynamixel.DATA_RANGE_ERROR
-        # With stuffing, which the SDK for Python (4.1.0) undoes in what it receives alone.
-        emulator.servos[2].registers["goal_position"] = 0x00FDFFFF
-        assert insist(lambda: SDK.read4ByteTxRx(opened, 3, 116)) == (0x00FDFFFF, COMM_SUCCESS, 0)
-        opened.closePort()
 
 
 @pytest.mark.realtime

@@ -14,23 +14,14 @@ from weberlink.arms.feetech.packet import Frame, FrameReader
 
 
 class Wire(NamedTuple):
-    """A protocol, in one direction.
-
-    Args:
-        encode: a frame.
-        reader: of a stream.
-        frame: of an id, a code and parameters.
-        bad: attribute of the reader that counts wrong checksums.
-        claim: the beginning of a frame with this length field.
-        lengths: the least and the largest that a reader waits for.
-    """
+    """A protocol, in one direction."""
 
     encode: Callable[[Any], bytes]
-    reader: Callable[[], Any]
-    frame: Callable[..., Any]
-    bad: str
-    claim: Callable[[int], bytes]
-    lengths: tuple[int, int]
+    reader: Callable[[], Any]  # of a stream
+    frame: Callable[..., Any]  # of an id, a code and parameters
+    bad: str  # attribute of the reader that counts wrong checksums
+    claim: Callable[[int], bytes]  # the beginning of a frame with this length field
+    lengths: tuple[int, int]  # the least and the largest that a reader waits for
 
 
 def _of_dynamixel(length: int) -> bytes:

@@ -22,13 +22,7 @@ class KilledError(BaseException):
 
 
 class VirtualPort:
-    """As `hardware.serial_port.SerialPort`; silence and garbled answers are those of the emulator's `faults`.
-
-    Args:
-        emulator: the arm.
-        time: passes while something is awaited.
-        latency: of the adapter [s].
-    """
+    """As `hardware.serial_port.SerialPort`; silence and garbled answers are those of the emulator's `faults`."""
 
     path = "/dev/virtual"
 

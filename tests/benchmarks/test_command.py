@@ -1,22 +1,12 @@
 """The commands as their user runs them."""
 
-import json
-import signal
 import socket
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks import programs
 from benchmarks.__main__ import app
-from benchmarks.arrangement import ROOT
-from benchmarks.percentiles import NAMES
-from tests.program import Program, document
-from tests.wait import until
-from weberlink.system.configuration import SIDES
-
-SOURCE = Path(ROOT) / "src"
+from tests.program import Program
 
 
 @pytest.mark.parametrize(
@@ -34,12 +24,6 @@ def test_a_wrong_argument_is_one_line_that_names_it(arguments: tuple[str, ...], 
     assert field in ended.stderr
 
 
-def test_a_folder_without_the_program_is_one_line(tmp_path: Path) -> None:
-    with Program(tmp_path, SOURCE, "--pairs", 1, module="benchmarks.pairs") as program:
-        status, said, complaints = program.finish()
-    assert (status, said, complaints.count("\n"), str(tmp_path) in complaints) == (1, "", 1, True)
-
-
 @pytest.mark.realtime
 def test_a_failed_measurement_has_status_1() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -49,59 +33,3 @@ def test_a_failed_measurement_has_status_1() -> None:
         with Program("--quick", *options, module="benchmarks") as program:
             status, said, complaints = program.finish()
     assert (status, said, address in complaints, "Traceback" in complaints) == (1, "", True, False)
-
-
-@pytest.mark.hunt  # a limit is measured before
-@pytest.mark.realtime
-def test_ctrl_c_ends_with_the_parts_so_far() -> None:
-    with Program("--quick", "--json", "-", module="benchmarks") as program:
-        until(lambda: any(b"loopback" in command for command in program.children().values()), "a daemon")
-        program.send(signal.SIGINT)
-        status, said, complaints = program.finish()
-    assert (status, document(said)["kind"], complaints.count("\n")) == (130, "weberlink bench partial", 1)
-
-
-@pytest.mark.hunt  # half a minute alone on the machine
-@pytest.mark.realtime(alone=True)
-def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
-    out = tmp_path / "bench.json"
-    with Program("--quick", "--json", out, "--plots", tmp_path / "figures", module="benchmarks") as program:
-        status, said, complaints = program.finish(60.0)
-    assert (status, complaints) == (0, "")
-    found = document(out.read_text(encoding="utf-8"))
-    assert found["quick"] is True
-    for rate in found["lateness"]:
-        assert rate["limit"]["name"] == (programs.cyclictest_version() or "timerfd in Python")
-        for daemon in (rate["daemons"][each] for each in SIDES):
-            assert daemon["ticks"] + daemon["missed"] > 0.5 * rate["rate_hz"] * found["duration_s"]
-            assert daemon["lateness_us"]["p50"] <= daemon["lateness_us"]["p99_9"] <= daemon["lateness_us"]["max"]
-            assert daemon["cpu_share"] > 0.0
-    for way in ("position", "force", "round_trip"):
-        assert all(found["latency"]["weberlink_us"][way][name] > 0.0 for name in NAMES)
-    for step in ("send", "receive"):
-        assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
-    assert found["start_up"]["loopback"]["median_s"] > found["start_up"]["interpreter"]["median_s"]
-    assert max(map(len, said.splitlines())) <= 80
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png"}
-
-
-@pytest.mark.hunt  # half a minute alone on the machine
-@pytest.mark.realtime(alone=True)
-def test_the_program_of_each_folder_is_measured(tmp_path: Path) -> None:
-    """The second folder holds a slower copy: it sleeps before it does anything."""
-    slow, package = tmp_path / "slow" / "weberlink", SOURCE / "weberlink"
-    slow.mkdir(parents=True)
-    for entry in package.iterdir():
-        if entry.name != "__init__.py":
-            (slow / entry.name).symlink_to(entry.resolve())
-    text = (package / "__init__.py").read_text(encoding="utf-8")
-    (slow / "__init__.py").write_text(f"{text}\nimport time\n\ntime.sleep(1.0)\n", encoding="utf-8")
-    out = tmp_path / "pairs.json"
-    options = ("--pairs", 1, "--duration", 1, "--json", out)
-    with Program(SOURCE, slow.parent, *options, module="benchmarks.pairs") as program:
-        status, _, complaints = program.finish(60.0)
-    assert (status, complaints) == (0, "")
-    found = {row["name"]: row for row in json.loads(out.read_text(encoding="utf-8"))["compared"]}
-    assert found["start [s]"]["b"] > found["start [s]"]["a"] + 1.0
-    for name in ("master CPU [%]", "slave CPU [%]", "master work p50 [us]", "slave work p50 [us]", "codec [samples/s]"):
-        assert min(found[name]["a"], found[name]["b"]) > 0.0

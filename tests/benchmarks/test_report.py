@@ -1,27 +1,16 @@
 """The report of known findings, its targets and its figure."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import replace
-from io import StringIO
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
-from benchmarks.codec_speed import CodecSpeed
+from benchmarks.arrangement import RATES_HZ
 from benchmarks.latency import Latency, Trips
 from benchmarks.lateness import Lateness, LatenessLimit
 from benchmarks.live_side import LiveSide, Resources
 from benchmarks.report import targets
-from benchmarks.start_up import StartUp
-from benchmarks.study import Findings, assemble
-from benchmarks.update_cost import UpdateCost
 from tests.records import ticks
-from weberlink_studies.result import StudyResult
 
 
 def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSide:
@@ -58,70 +47,6 @@ def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool =
     return Latency(coded, plain, sealed, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
 
 
-def bench(found: Mapping[float, Lateness] | None = None, ways: Latency | None = None) -> StudyResult:
-    cost = {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)}
-    findings = Findings(
-        rates=found or rates(),
-        latency=ways or latency(),
-        update_cost=UpdateCost({"send": cost, "receive": cost}),
-        codec=CodecSpeed(2e5, np.full(10, 5.0)),
-        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
-        rights=Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3)),
-        host={"findings": {"preemption": "kernel 6.1.0"}, "load_average": [0.01, 0.02, 0.03]},
-        run_time_s=120.0,
-        steal_share=0.015,
-    )
-    return assemble(Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: []), findings)
-
-
-def printed(result: StudyResult) -> list[str]:
-    screen = StringIO()
-    Console(width=80, file=screen).print(result.table)
-    lines = screen.getvalue().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert "…" not in screen.getvalue()
-    return lines
-
-
-def row(lines: list[str], name: str) -> list[str]:
-    """The words of a row, after its name."""
-    (line,) = [line for line in lines if line.startswith(name)]
-    return line.removeprefix(name).split()
-
-
-def test_every_figure_stands_beside_its_limit() -> None:
-    lines = printed(bench())
-    assert row(lines, "1 kHz slave") == [*["30.0"] * 5, "0.000", "%"]
-    assert row(lines, "1 kHz cyclictest 2.40") == [*["20.0"] * 5, "0.000", "%"]
-    assert row(lines, "4 kHz both, x limit") == ["0.75", "1.5", "1.5", "1.5", "1.5"]
-    for name, value in (("plain", "2.4"), ("sealed", "1.2")):
-        assert row(lines, f"force, x {name}") == [value] * 5
-    assert row(lines, "round trip, x sockperf") == ["5.5"] * 5
-    assert row(lines, "receive, caches cold") == ["88.0"] * 5
-
-
-def test_a_slow_machine_fits_80_columns_and_missed_targets_are_marked() -> None:
-    late = rates(1000.0, 4000.0, late_us=123_456.0, missed=500)
-    printed(bench(late, latency(1_234_567.0, 1_234_567.0)))
-    lines = printed(bench(rates(1000.0, 4000.0, late_us=20.0, missed=900), latency(fast=False)))
-    assert row(lines, "missed_share_1khz")[-1] == "MISSED"
-    assert row(lines, "lateness_p99_ratio_1khz")[-1] == row(lines, "one_way_p50_ratio")[-1] == "met"
-    assert not [line for line in lines if "sockperf" in line]
-    unknown = {one.name for one in targets(late, latency()) if one.met is None}
-    assert unknown == {"missed_share_2khz", "lateness_p99_ratio_2khz"}
-
-
-def test_the_document_is_json_and_keeps_its_units() -> None:
-    document: dict[str, Any] = json.loads(json.dumps(bench().document, allow_nan=False))
-    assert document["kind"] == "weberlink bench"
-    assert [rate["rate_hz"] for rate in document["lateness"]] == [1000.0, 2000.0, 4000.0]
-    daemon = document["lateness"][0]["daemons"]["slave"]
-    assert daemon["lateness_us"] == {"p50": 30.0, "p90": 30.0, "p99": 30.0, "p99_9": 30.0, "max": 30.0}
-    assert daemon["ratio"]["p99_9"] == pytest.approx(1.5)
-    assert document["start_up"]["loopback"]["ratio_to_interpreter"] == pytest.approx(40.0)
-    assert {"machine", "commit"} <= document["environment"].keys()
-
-
 def judged(found: dict[float, Lateness], ways: Latency) -> dict[str, tuple[float | None, bool | None]]:
     return {target.name: (target.value, target.met) for target in targets(found, ways)}
 
@@ -142,8 +67,3 @@ def test_targets_beyond_the_bound_are_missed() -> None:
     for each in late[1000.0].sides.values():
         each.records["work_us"] = 55.1
     assert {met for _, met in judged(late, latency(131.0, 90.0)).values()} == {False}
-
-
-def test_the_figure_is_drawn(tmp_path: Path) -> None:
-    bench().draw(tmp_path / "figures")
-    assert (tmp_path / "figures" / "lateness.png").read_bytes().startswith(b"\x89PNG")

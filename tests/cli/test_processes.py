@@ -30,103 +30,6 @@ def python(*arguments: object, **environment: str) -> Ended:
     return Ended(ended.returncode, ended.stdout, ended.stderr)
 
 
-def paths(folder: Path) -> str:
-    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
-
-
-# --- packages
-
-HIDDEN = """
-import json, sys
-sys.modules.update(dict.fromkeys(["aiohttp", "matplotlib", "mcap", "mujoco", "scipy"]))
-from tests.program import weberlink
-json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
-"""
-EVALUATE = ["study", "evaluate", TRACE, "--predictor", "zoh", "--workers", "1"]
-WITHOUT = [
-    # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
-    (["try"], 2, install_line("monitor")),
-    ([*EVALUATE, "--plots", "plots"], 2, install_line("studies")),
-    (EVALUATE, 0, ""),
-    (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
-    (["loopback", "--record", "a.mcap"], 2, install_line("recording")),
-    (["record", "info", "none.mcap"], 2, "none.mcap"),
-    (["record", "export", "none.mcap", "--to", "csv"], 2, "none.mcap"),
-    (["study", "evaluate", "none.mcap"], 2, "none.mcap"),
-    (["study", "ratings", "none"], 2, "none"),
-]
-
-
-def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
-    lines = [[str(word) for word in line] for line, _, _ in WITHOUT]
-    ended = python("-c", HIDDEN, json.dumps(lines))
-    assert ended.status == 0, ended.errors
-    for (line, status, part), found in zip(WITHOUT, json.loads(ended.output), strict=True):
-        assert (found[0], len(found[2].splitlines())) == (status, int(status != 0)), (line, found)
-        assert part in found[2]
-
-
-ENTRY_POINTS = """
-[weberlink.devices]
-slow = slow_import:Slow
-[weberlink.commands]
-rate = slow_command:rate
-"""
-IMPORTS = """
-import os
-class Now:
-    # Python 3.11 makes a RuntimeError of what is raised here.
-    def __set_name__(self, owner, name):
-        os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-        for _ in range(1000):
-            pass
-class Slow:
-    now = Now()
-"""
-COMMAND = """
-import os, typer
-from weberlink.cli.arguments import File
-from weberlink.system.configuration import load
-def end():
-    os.kill(os.getpid(), int(os.environ["SIGNAL"]))
-    return int
-def rate(file: File, many: "end()" = 1) -> None:
-    typer.echo(f"{load(file).system.rate_hz:g} Hz")
-"""
-"""Its annotation is read when the program puts its commands together."""
-
-
-def extended(folder: Path, number: int, command: str, *arguments: object) -> Ended:
-    """A program with a command and a device of another distribution."""
-    install(folder, "slow", {"slow_import": IMPORTS, "slow_command": command}, ENTRY_POINTS)
-    return python("-m", "weberlink", *arguments, SIGNAL=str(number), PYTHONPATH=paths(folder))
-
-
-def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
-    assert extended(tmp_path, 0, COMMAND, "rate", LOOPBACK) == (0, "1000 Hz\n", "")
-
-
-@pytest.mark.parametrize(
-    ("command", "number"),
-    [
-        ("check", signal.SIGINT),
-        ("simulate", signal.SIGTERM),
-        ("loopback", signal.SIGINT),
-        ("master", signal.SIGTERM),
-    ],
-)
-def test_signal_while_a_driver_is_imported_is_one_line(command: str, number: signal.Signals, tmp_path: Path) -> None:
-    driver = ("--set", "master.device.driver=slow", "--set", "link.security=session")
-    ended = extended(tmp_path, number, "rate = None", command, LOOPBACK, *driver)
-    assert (ended.status, ended.output) == (130, "")
-    assert [line.split()[1] for line in ended.errors.splitlines() if "rate" not in line] == ["interrupted;"]
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_before_a_command_begins_ends_in_silence(number: signal.Signals, tmp_path: Path) -> None:
-    assert extended(tmp_path, number, COMMAND, "--version") == (-number, "", "")
-
-
 # --- imports: they take most of the time to the first line of a command, or to its daemons
 
 IMPORTED = """
@@ -143,7 +46,6 @@ tell()
 """
 """Ends with the modules that are there when a command is done, or starts its first process."""
 SLOW = {"numpy", "scipy", "matplotlib", "uvloop", "asyncio", "rich", "aiohttp", "mcap"}
-"""Packages that take long to import."""
 LATE = {f"weberlink.{name}" for name in ("telemetry.reader", "system.scoring", "system.report", "system.daemon")}
 
 
@@ -163,13 +65,48 @@ def test_a_command_imports_what_it_needs_when_it_needs_it(command: str, there: s
     assert not [name for name in modules if name.startswith(("weberlink_studies", "weberlink.apps"))]
 
 
-def test_completion_knows_commands() -> None:
-    asked = {"_WEBERLINK_COMPLETE": "complete_bash", "COMP_WORDS": "weberlink lo", "COMP_CWORD": "1"}
-    ended = python("-c", "from weberlink.cli import main; main()", **asked)
-    assert (ended.output.split(), ended.errors) == (["loopback"], "")
+# --- packages
+
+HIDDEN = """
+import json, sys
+sys.modules.update(dict.fromkeys(["aiohttp", "matplotlib", "mcap", "mujoco", "scipy"]))
+from tests.program import weberlink
+json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
+"""
+EVALUATE = ["study", "evaluate", TRACE, "--predictor", "zoh", "--workers", "1"]
+WITHOUT = [
+    # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
+    (["try"], 2, install_line("monitor")),
+    ([*EVALUATE, "--plots", "plots"], 2, install_line("studies")),
+    (EVALUATE, 0, ""),
+    (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
+    (["loopback", "--record", "a.mcap"], 2, install_line("recording")),
+    (["record", "info", "none.mcap"], 2, "none.mcap"),
+]
 
 
-# --- live: how a session ends that does not begin, or is ended
+def test_a_missing_package_is_one_line_with_what_installs_it() -> None:
+    lines = [[str(word) for word in line] for line, _, _ in WITHOUT]
+    ended = python("-c", HIDDEN, json.dumps(lines))
+    assert ended.status == 0, ended.errors
+    for (line, status, part), found in zip(WITHOUT, json.loads(ended.output), strict=True):
+        assert (found[0], len(found[2].splitlines())) == (status, int(status != 0)), (line, found)
+        assert part in found[2]
+
+
+COMMAND = """
+import typer
+from weberlink.cli.arguments import File
+from weberlink.system.configuration import load
+def rate(file: File) -> None:
+    typer.echo(f"{load(file).system.rate_hz:g} Hz")
+"""
+
+
+def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
+    install(tmp_path, "rates", {"rates": COMMAND}, "[weberlink.commands]\nrate = rates:rate\n")
+    paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    assert python("-m", "weberlink", "rate", LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
 
 
 def told(ended: Ended) -> str:
@@ -196,14 +133,6 @@ def test_a_master_of_another_file_or_key_is_told_which(tmp_path: Path) -> None:
         for key, further, part in (("a", ["codec.force.weber=0.2"], "codec.force.weber"), ("b", [], "keys")):
             with Program("master", LAN, *arguments(key, *further), "--duration", 3) as master:
                 assert part in told(Ended(*master.finish(3.0)))
-
-
-@pytest.mark.realtime
-def test_device_that_is_not_plugged_in_is_told() -> None:
-    robot = "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}"
-    port = "master.device.port=/dev/ttyACM77"
-    with Program("loopback", CONFIGS / "phantom-arm.yaml", "--set", port, "--set", robot) as program:
-        assert "/dev/ttyACM77" in told(Ended(*program.finish()))
 
 
 @pytest.mark.realtime

@@ -99,8 +99,8 @@ def test_a_stiffness_beyond_the_limits_is_held(stiffness: float, accepted: bool)
 # Least squares.
 
 
-def estimated(stream: Stream) -> Affine | None:
-    channel = force_channel(predictor="affine")
+def estimated(stream: Stream, period: float = 1e-3) -> Affine | None:
+    channel = force_channel(predictor="affine", tick_period=period)
     history = History(channel.tick_period)
     for tick, (force, position) in enumerate(stream):
         history.add(tick, force, position, 0.1)
@@ -141,11 +141,14 @@ def test_with_a_hand_at_rest_noise_is_no_stiffness() -> None:
     assert max(norm(row) for row in model.stiffness) < 60.0
 
 
-def test_a_drift_in_time_alone_is_the_slope() -> None:
-    model = estimated([((0.0, 0.0, 1.0 + 0.01 * tick), ZERO) for tick in range(40)])
+@pytest.mark.parametrize("per_tick", [1, 4])
+def test_a_drift_in_time_alone_is_the_slope(per_tick: int) -> None:
+    """Also in ticks of which it takes every so-manieth."""
+    drift = [((0.0, 0.0, 1.0 + 0.01 * tick / per_tick), ZERO) for tick in range(40 * per_tick)]
+    model = estimated(drift, 1e-3 / per_tick)
     assert model is not None
     # The ridge on time is 0.2, beside a mean square of time of about 1/3: the slope shrinks by about a third.
-    assert 0.5 * 0.01 < model.slope[2] < 0.01
+    assert 0.5 * 0.01 < model.slope[2] * per_tick < 0.01
     assert model.stiffness == (ZERO, ZERO, ZERO)
     assert estimated([(ZERO, ZERO)] * 2) is None
     assert estimated([(ZERO, ZERO)] * 3) is not None

@@ -19,15 +19,6 @@ def channel_of(
     return joint_channel(predictor=predictor, bounds=BOUNDS[:axes], weber=weber, step=STEP, rate=rate)
 
 
-def test_one_moving_axis_sends_all_axes() -> None:
-    encoder = BundleEncoder(channel_of(5, "zoh"))
-    encoder.encode(0, (0.1, 0.2, 0.3, 0.4, 0.5))
-    assert encoder.encode(1, (0.1, 0.2, 0.3, 0.4, 0.5)) is None
-    update = encoder.encode(2, (0.1, 0.2, 0.3, 0.41, 0.5))
-    assert update is not None
-    assert update.newest == (100, 200, 300, 410, 500)
-
-
 def test_axes_of_other_thresholds_do_not_move_the_decision() -> None:
     encoder = BundleEncoder(channel_of(6, "zoh"))
     start = (0.0,) * 6
@@ -69,30 +60,6 @@ def test_rest_is_displayed_and_not_sent() -> None:
     assert encoder.encode(1, (0.0, 0.0, 0.0, 0.2)) is not None
 
 
-def test_a_sample_of_other_length_is_an_error() -> None:
-    with pytest.raises(ValueError, match="3 axes, expected 4"):
-        BundleEncoder(channel_of(4)).encode(0, (0.0, 0.0, 0.0))
-
-
-def test_a_retuned_factor_holds_from_the_next_sample() -> None:
-    encoder = BundleEncoder(channel_of(4, "zoh", weber=0.0))
-    encoder.encode(0, (1.0, 1.0, 1.0, 1.0))
-    encoder.retune(0.3, [0])
-    assert encoder.encode(1, (1.2, 1.0, 1.0, 1.2)) is None
-    encoder.retune(0.1)
-    assert encoder.encode(2, (1.2, 1.0, 1.0, 1.2)) is not None
-    with pytest.raises(ValueError, match="selectors"):
-        encoder.retune(0.1, [1])
-    with pytest.raises(ValueError, match="weber"):
-        encoder.retune(-0.1)
-
-
-@pytest.mark.parametrize("predictor", ["plane", "path", "hybrid", "nothing"])
-def test_a_predictor_that_does_not_suit_is_refused(predictor: str) -> None:
-    with pytest.raises(ValueError, match=predictor):
-        joint_channel(predictor=predictor, bounds=(0.1,) * 4, step=STEP)
-
-
 def test_parts_that_do_not_fit_are_refused() -> None:
     part = channel_of(3).parts[0]
     for parts, count in (((), 0), ((part,), 4), ((part, part), 5)):
@@ -102,3 +69,13 @@ def test_parts_that_do_not_fit_are_refused() -> None:
         BundleChannel((force_channel(predictor="zoh"),), 3)
     with pytest.raises(ValueError, match="rest has 2 axes"):
         joint_channel(bounds=(0.1,) * 4, step=STEP, rest=(0.0, 0.0))
+    for predictor in ("plane", "path", "hybrid", "nothing"):
+        with pytest.raises(ValueError, match=predictor):
+            channel_of(4, predictor)
+    encoder = BundleEncoder(channel_of(4))
+    with pytest.raises(ValueError, match="3 axes, expected 4"):
+        encoder.encode(0, (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="selectors"):
+        encoder.retune(0.1, [1])
+    with pytest.raises(ValueError, match="weber"):
+        encoder.retune(-0.1)

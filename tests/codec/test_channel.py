@@ -5,7 +5,7 @@ from operator import eq
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.codec.law import ESTIMATED
@@ -127,6 +127,8 @@ def test_rounded_is_the_value_of_the_levels(value: tuple[float, float, float], a
 
 
 @given(value=st.tuples(anything, anything, anything), axes=axes_sets)
+@example((-1.0, 0.0, -32.0), "xz")
+@example((32.0, -32.0, -1.0), "xyz")
 def test_confine_keeps_exactly_what_the_wire_can_say(value: tuple[float, float, float], axes: str) -> None:
     for quantizer in (Quantizer(1e-3, axes), Quantizer(1e200, axes, largest_level=inf)):
         assert quantizer.in_range(value) == all(map(eq, quantizer.confine(value), value))

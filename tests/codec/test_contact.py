@@ -65,9 +65,7 @@ def touched(stiffness: float, curvature: float = 0.0, friction: float = 0.0) -> 
     return follow(contact(GodObject(stiffness, curvature, friction), ticks=3000))
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "off", "off_if_frictional"), [(200.0, 0.07, 0.18), (500.0, 0.02, 0.04), (1500.0, 0.01, 0.02)]
-)
+@pytest.mark.parametrize(("stiffness", "off", "off_if_frictional"), [(200.0, 0.07, 0.18), (1500.0, 0.01, 0.02)])
 @pytest.mark.parametrize("curvature", [0.0, 20.0, -20.0])
 def test_stiffness_and_curvature(stiffness: float, off: float, off_if_frictional: float, curvature: float) -> None:
     smooth, rough = touched(stiffness, curvature), touched(stiffness, curvature, MU)
@@ -78,7 +76,7 @@ def test_stiffness_and_curvature(stiffness: float, off: float, off_if_frictional
         assert smooth.curvature.value == pytest.approx(curvature, rel=0.08)
         bent = 0.15 if stiffness > 200.0 else 0.25
         assert rough.frictional_curvature.value == pytest.approx(curvature, rel=bent)
-    elif stiffness == 500.0:
+    elif stiffness > 200.0:
         for found in (smooth, rough):
             assert abs(found.curvature.value) < 1.5
             assert abs(found.frictional_curvature.value) < 1.5
@@ -87,12 +85,10 @@ def test_stiffness_and_curvature(stiffness: float, off: float, off_if_frictional
 @pytest.mark.parametrize(("curvature", "off"), [(0.0, 0.01), (20.0, 0.045), (-20.0, 0.05)])
 def test_friction(curvature: float, off: float) -> None:
     """On a curved surface the averaged normal lags behind, by about two degrees."""
-    for stiffness in (500.0, 1500.0):
-        found = touched(stiffness, curvature, MU)
-        assert found.friction == pytest.approx(MU, abs=off)
-        if curvature == 0.0:
-            assert dot(found.normal, NORMAL) > 0.9995
-    assert touched(500.0, curvature).friction < 0.03
+    found = touched(1500.0, curvature, MU)
+    assert found.friction == pytest.approx(MU, abs=off)
+    assert curvature != 0.0 or dot(found.normal, NORMAL) > 0.9995
+    assert touched(1500.0, curvature).friction < 0.03
 
 
 def test_a_press_that_sticks_gives_a_lower_bound_of_the_friction() -> None:

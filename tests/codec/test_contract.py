@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.codec.law import KINDS, Kind, Law, ends
-from tests.codec.signals import rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Update
 from weberlink.codec.deadband import (
@@ -21,7 +20,6 @@ from weberlink.codec.deadband import (
     PositionDeadband,
     VelocityDeadband,
 )
-from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
@@ -294,46 +292,3 @@ def test_refuses_invalid_selectors_and_stays_as_it_was(kind: Kind, selectors: An
         encoder.retune(ForceDeadband(0.5, 5.0), [len(channel.bank)] if selectors == "len" else selectors)
     for tick, sample in enumerate(kind.stream(4, ticks=30)):
         assert encoder.encode(tick, *sample) == other.encode(tick, *sample)
-
-
-@pytest.mark.parametrize("bank", [("zoh", "linear", "plane", "sphere"), tuple(PREDICTORS)], ids=["hybrid", "adaptive"])
-def test_a_predictor_that_is_deselected_is_left_at_the_next_sample(bank: tuple[str, ...]) -> None:
-    for only in range(len(bank)):
-        law, left = Law(Kind("force", "hybrid" if len(bank) == 4 else "adaptive").channel(bank=bank)), 0
-        for tick, sample in enumerate(rubbing_stream(4, ticks=250)):
-            if tick == 100:
-                left = law.decoder.selected
-                law.retune(ForceDeadband(0.05, 0.02), [only])
-            if tick == 150:
-                law.tick(tick, ((nan, 0.0, 0.0), sample[1]))  # one that is no sample does not count
-                continue
-            if tick == 175:
-                law.retune(ForceDeadband(0.10, 0.02), [each for each in range(len(bank)) if each != only])
-            found = law.tick(tick, sample)
-            assert found is not None
-            if tick == 175 or (tick == 100 and left != only):
-                assert found.update is not None
-            if found.update is not None and tick >= 100:
-                assert (found.update.selector == only) == (tick < 175)
-
-
-@pytest.mark.parametrize("retunings", [[[1], [0]], [[0, 1]], [[1, 0, 0]]])
-def test_nothing_is_sent_for_a_model_that_may_stay(retunings: list[list[int]]) -> None:
-    law = Law(Kind("force", "hybrid").channel())
-    law.tick(0, ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    for selectors in retunings:
-        law.retune(ForceDeadband(0.10, 0.02), selectors)
-    found = law.tick(1, ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    assert found is not None
-    assert found.update is None
-
-
-def test_a_reset_keeps_the_tuning() -> None:
-    encoder, _ = ends(Kind("force", "hybrid").channel())
-    encoder.retune(ForceDeadband(0.30, 0.5), [3, 2])
-    for _ in range(2):
-        assert encoder.encode(0, (0.0, 0.0, 0.4)) is None
-        update = encoder.encode(1, (0.0, 0.0, 1.0))
-        assert update is not None
-        assert update.selector == 2
-        encoder.reset()

@@ -4,7 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from weberlink.codec import Decoder, Update, force_channel, position_channel
+from weberlink.codec import Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.parameters import pack
 from weberlink.codec.predictors.model import UNFITTED, Hold, ModelKind
 from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
@@ -14,6 +14,7 @@ from weberlink.update import ModelParameters, PreviousSample
 
 def test_before_the_first_update_a_force_is_zero_and_a_position_unknown() -> None:
     assert Decoder(force_channel()).value(5.5) == ZERO
+    assert Encoder(force_channel()).coded == Encoder(position_channel()).coded == ZERO
     decoder = Decoder(position_channel())
     assert (decoder.value(5.5), decoder.model, decoder.surface, decoder.record) == (None, None, None, UNFITTED)
 

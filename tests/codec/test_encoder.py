@@ -6,8 +6,8 @@ import pytest
 
 from tests.codec.law import coded
 from tests.codec.signals import contact_stream, rubbing_stream
-from weberlink.codec import Encoder, force_channel, position_channel
-from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, PositionDeadband
+from weberlink.codec import Encoder, force_channel
+from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband
 from weberlink.codec.predictors import PREDICTORS, FitLimits, Predictor
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import Line
@@ -76,13 +76,6 @@ def test_no_model_begins_outside_the_deadband(
         assert {update.payload is None for update in updates} == {True, False}
 
 
-def test_a_sensor_at_rest_sends_nothing_above_the_floor_and_every_tick_without_one() -> None:
-    noise = [(0.0, 0.0, 0.004 * (-1) ** tick) for tick in range(100)]
-    for floor, expected in ((0.02, 0), (0.0, 100)):
-        encoder = Encoder(force_channel(predictor="zoh", floor=floor))
-        assert sum(encoder.encode(tick, force) is not None for tick, force in enumerate(noise)) == expected
-
-
 def test_hybrid_picks_the_predictor_that_was_closest_before_the_update() -> None:
     channel = force_channel(bank=["zoh", "linear"], weber=0.05)
     encoder = Encoder(channel)
@@ -108,18 +101,3 @@ def test_the_coding_loop_yields_what_a_daemon_would_display() -> None:
     late = list(code(channel, stream, delay_ticks=20))
     assert [tick.update for tick in late] == [tick.update for tick in ticks]
     assert [tick.displayed for tick in late[:20]] == [ZERO] * 20
-
-
-def test_a_new_bound_holds_from_the_next_sample_on() -> None:
-    encoder = Encoder(force_channel(predictor="zoh", weber=0.10, floor=0.0))
-    assert encoder.encode(0, (0.0, 0.0, 1.0)) is not None
-    assert encoder.encode(1, (0.0, 0.0, 1.05)) is None
-    encoder.retune(ForceDeadband(0.02), [0])
-    assert encoder.bound == pytest.approx(0.105)
-    assert encoder.encode(2, (0.0, 0.0, 1.05)) is not None
-    assert encoder.bound == pytest.approx(0.021)
-    encoder = Encoder(position_channel(bound=1e-2))
-    encoder.encode(0, ZERO)
-    assert encoder.encode(1, (0.0, 0.0, 1e-3)) is None
-    encoder.retune(PositionDeadband(0.0, 1e-4), [0])
-    assert encoder.encode(2, (0.0, 0.0, 1e-3)) is not None

@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import FITTED, sends
+from tests.codec.law import FITTED
 from tests.codec.signals import contact_stream
 from tests.examples import examples
-from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.codec.lookahead import Taken, Window
 from weberlink.codec.predictors.chords import MARGIN, Chords
-from weberlink.codec.replay import code
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 
 seeds = st.integers(0, 2**32 - 1)
@@ -39,30 +38,6 @@ def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(pr
     assert found[0] is None
     assert found[1:] == expected[:-1]
     assert sum(update is not None for update in expected) > 5
-
-
-@pytest.mark.parametrize(("predictor", "axes"), [("path", "z"), ("adaptive", "xyz")])
-def test_more_future_needs_fewer_updates(predictor: str, axes: str) -> None:
-    counts = [
-        sum(
-            sends(force_channel(predictor=predictor, axes=axes, lookahead=lookahead), contact_stream(seed, axes=axes))
-            for seed in (2, 5)
-        )
-        for lookahead in (0, 20)
-    ]
-    assert counts[1] < 0.9 * counts[0]
-
-
-def test_an_update_in_the_known_signal_is_the_exception() -> None:
-    """A ramp, a step and a stop: parts of one path, known in advance."""
-    ticks = [min(1.0, 0.02 * max(0, tick - 100)) + (2.0 if tick >= 130 else 0.0) for tick in range(400)]
-    updates = [
-        coded.update.tick
-        for coded in code(force_channel(predictor="path", lookahead=20), [(up(force), ZERO) for force in ticks])
-        if coded.update is not None
-    ]
-    assert 1 < len(updates) < 12
-    assert all(late - early > 20 for early, late in pairwise(updates))
 
 
 @pytest.mark.parametrize("lookahead", [0, 5, 20])
@@ -94,26 +69,6 @@ def test_every_sample_is_decided_once_in_its_tick_or_never(missed: set[int], spo
             decided.append((tick, update.tick))
     taken = set(range(300)) - missed - spoilt
     assert decided == [(tick, tick - late) for tick in range(300) if tick - late in taken and tick not in missed]
-
-
-def test_after_a_restart_the_next_sample_is_sent_and_none_waits_anew() -> None:
-    encoder = Encoder(force_channel(predictor="path", lookahead=5))
-    found: list[Update | None] = [encoder.encode(tick, up(1.0)) for tick in range(20)]
-    assert [update.tick for update in found if update is not None] == [0]
-    encoder.restart()
-    update = encoder.encode(20, up(1.0))
-    assert update is not None
-    assert update.tick == 15
-
-
-def test_after_a_reset_the_old_samples_are_gone() -> None:
-    encoder = Encoder(force_channel(predictor="path", lookahead=5))
-    for tick in range(20):
-        encoder.encode(tick, up(1.0))
-    encoder.reset()
-    assert encoder.predicted is None
-    updates = [encoder.encode(tick, up(2.0)) for tick in range(20, 30)]
-    assert [update.tick for update in updates if update is not None] == [20]
 
 
 def test_ticks_that_begin_anew_clear_the_window() -> None:

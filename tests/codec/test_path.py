@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.codec.law import make_channel
-from tests.codec.signals import GodObject, contact
 from tests.examples import examples
-from weberlink.codec import Channel, Encoder, force_channel
+from weberlink.codec import Channel, force_channel
 from weberlink.codec.parameters import pack
-from weberlink.codec.predictors import PREDICTORS, FitLimits
+from weberlink.codec.predictors import FitLimits
 from weberlink.codec.predictors.model import Hold, ModelKind
 from weberlink.codec.predictors.path import ELASTIC, HORIZONS, Path, horizons_of
 from weberlink.codec.sample import Sample
@@ -42,7 +41,7 @@ def test_it_is_straight_between_its_knots_and_held_after_the_last() -> None:
 def test_elastic_adds_the_motion_of_the_hand() -> None:
     model = Path(NEWEST, (4,), ((0.1, 0.0, 0.0),), stiffness=(-100.0, -400.0))
     assert model.at(10, NEWEST.position) == NEWEST.value
-    assert model.at(14, add(NEWEST.position, (1e-3, 0.0, -1e-3))) == pytest.approx((0.0, 0.0, 2.5))
+    assert model.at(14, add(NEWEST.position, (1e-3, 2e-3, -1e-3))) == pytest.approx((0.0, -0.2, 2.5))
     assert model.surface() is None
 
 
@@ -156,21 +155,6 @@ def test_a_stiffness_that_is_none_or_beyond_the_limits_is_held(along: float, nor
     assert unpacked(channel, NEWEST._replace(value=ZERO), packed.data) is None
     if found is not None:
         assert found.stiffness == pytest.approx((along, normal), rel=2.0**-7)
-
-
-def test_a_model_travels_without_a_change() -> None:
-    """What the sender rounds is what the receiver reads, so that shadow and mirror are one."""
-    for name, position in CHANNELS:
-        channel = make_channel(name, position=position)
-        encoder, sent = Encoder(channel), 0
-        for tick, (force, place) in enumerate(contact(GodObject(700.0, 20.0, 0.2), ticks=1500)):
-            update = encoder.encode(tick, place if position else force, place)
-            if update is not None and isinstance(model := encoder.mirror.model, Path):
-                packed = PREDICTORS[name].packed(model, model.newest, channel.grid)
-                assert update.payload == packed
-                assert unpacked(channel, model.newest, packed.data) == model
-                sent += 1
-        assert sent > 5
 
 
 # What they save.

@@ -6,10 +6,8 @@ from random import Random
 
 import pytest
 
-from tests.codec.law import Kind, ends
-from tests.codec.signals import Stream, rubbing_stream
+from tests.codec.signals import Stream
 from weberlink.codec import Encoder, force_channel
-from weberlink.codec.predictors import ADAPTIVE
 from weberlink.codec.rate import WIDEST, TokenBucket, UpdateRate
 from weberlink.geometry.vector import ZERO
 
@@ -64,34 +62,6 @@ def test_the_deadband_grows_and_shrinks_without_a_jump() -> None:
     assert last < 5050
     assert added[-1] == 1.0
     assert not encoder.widened
-
-
-def test_a_contact_in_noise_is_sent_at_once() -> None:
-    encoder = Encoder(force_channel(predictor="zoh", rate=RATE))
-    for tick, (value, place) in enumerate(noise(3)):
-        encoder.encode(tick, value, place)
-    assert encoder.widened
-    assert encoder.encode(5000, (0.0, 0.0, 2.0)) is not None
-    assert encoder.encode(5001, (0.0, 0.0, 5.0)) is not None
-
-
-@pytest.mark.parametrize("predictor", ["hybrid", "surface", ADAPTIVE])
-def test_a_signal_below_the_rate_is_coded_as_without(predictor: str) -> None:
-    free, bounded = Encoder(force_channel(predictor=predictor)), Encoder(force_channel(predictor=predictor, rate=RATE))
-    for tick, (value, place) in enumerate(rubbing_stream(5, ticks=2000)):
-        assert bounded.encode(tick, value, place) == free.encode(tick, value, place)
-        assert (bounded.bound, bounded.widened) == (free.bound, False)
-
-
-def test_a_bounded_rate_widens_every_axis_of_a_bundle() -> None:
-    (encoder, _), random = ends(Kind("joints", "zoh").channel(rate=UpdateRate(0.05, 20.0))), Random(3)
-    sent = widened = 0
-    for tick in range(2000):
-        sent += encoder.encode(tick, tuple(random.gauss(0.0, 0.3) for _ in range(5))) is not None
-        widened += encoder.widened
-        assert encoder.bound >= 1.0
-    assert 50 < sent <= 2000 * 0.05 + 20.0
-    assert widened > 1000
 
 
 def test_a_reset_returns_no_tokens_and_forced_updates_are_paid_back() -> None:

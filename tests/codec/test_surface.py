@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from tests.codec.signals import GodObject
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel
-from weberlink.codec.predictors.model import ModelKind
 from weberlink.codec.predictors.surface import SURFACE, SurfacePatch
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
@@ -96,23 +95,6 @@ def test_it_pulls_as_a_god_object_does(path: list[Vector], normal: Vector, curva
         assert np.linalg.norm(expected - force) <= 1e-9
 
 
-@given(path=paths, normal=normals, curvature=curvatures)
-def test_the_force_is_within_the_cone_and_repeatable(path: list[Vector], normal: Vector, curvature: float) -> None:
-    surface, held = SurfacePatch(normal, ZERO, 0, S, curvature, MU), ZERO
-    for tick, probe in enumerate(path):
-        bare = surface.at(tick, probe)
-        force, held = surface.advance(tick, probe, held)
-        again, same = surface.advance(tick, probe, held)
-        assert distance(again, force) <= 1e-12
-        assert distance(same, held) <= 1e-15
-        aside = subtract(force, bare)
-        assert norm(aside) <= MU * norm(bare) * (1.0 + 1e-9) + 1e-12
-        assert abs(dot(aside, bare)) <= 1e-9
-        if norm(bare) > 0.0 and curvature == 0.0:
-            # It pulls to the god-object.
-            assert distance(force, scale(subtract(held, probe), S)) <= 1e-9
-
-
 # Motion.
 
 
@@ -193,24 +175,3 @@ def test_with_friction_it_passes_through_its_own_sample(force: Vector, position:
     elif inside < 0.5 * dot(said.normal, newest.value):
         shown = said.advance(4, newest.position, said.point)[0]
         assert distance(shown, newest.value) <= 0.1 * norm(newest.value)
-
-
-@pytest.mark.parametrize(
-    ("axes", "normal"), [("z", (0.0, 0.0, -1.0)), ("xz", (0.6, 0.0, 0.8)), ("xyz", (0.0, 0.6, 0.8))]
-)
-def test_fewer_axes_say_the_same_wall(axes: str, normal: Vector) -> None:
-    channel = force_channel(predictor="surface", axes=axes)
-    position = scale(normal, -2e-3)
-    decoder, _ = sent(SurfacePatch(normal, ZERO, 5, S), scale(normal, 1.0), position, channel)
-    for depth in (1e-3, 2e-3, 3e-3):
-        shown = decoder.value(6, scale(normal, -depth))
-        assert shown is not None
-        assert distance(shown, scale(normal, S * depth)) <= 0.02 * S * depth
-    assert decoder.value(6, scale(normal, 1e-3)) == ZERO
-
-
-@pytest.mark.parametrize("curvature", [0.0, 20.0, -20.0])
-def test_it_moves_as_a_whole(curvature: float) -> None:
-    still, rising = (SurfacePatch(UP, ZERO, 0, S, curvature, velocity=velocity) for velocity in (0.0, 1e-5))
-    assert rising.at(100, (0.003, -0.002, -0.001)) == pytest.approx(still.at(0, (0.003, -0.002, -0.002)))
-    assert rising.surface().record().kind is (ModelKind.SPHERE if curvature else ModelKind.PLANE)

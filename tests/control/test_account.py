@@ -1,6 +1,6 @@
 """The account of a display: its bound, whatever is asked for, and how the force behaves within it."""
 
-from math import inf, sqrt
+from math import inf
 from random import Random
 
 import pytest
@@ -33,29 +33,6 @@ def test_no_force_that_is_asked_for_gives_more_than_the_bound(seed: int, stiffne
         asked = random.uniform(0.0, 30.0)
         force = asked * account.share(asked, stiffness, TICK)
         way = fastest * TICK * random.uniform(-0.1, 1.0)
-
-
-def pushed_out(stiffness: float, depth: float) -> float:
-    """Energy that the hand gets from a wall that appears at a depth [m] and pushes it out slowly [J]."""
-    account, out = Account(ACCOUNT), 0.0
-    account.share(0.0, stiffness, TICK)
-    held, before = 0.0, depth
-    for step in range(4000):
-        now = max(0.0, depth * (1.0 - step / 4000))
-        given = held * (before - now)
-        out += given
-        account.book(given, (before - now) ** 2, TICK)
-        held, before = stiffness * now * account.share(stiffness * now, stiffness, TICK), now
-    return out
-
-
-def test_a_wall_within_the_allowance_is_displayed_whole() -> None:
-    depth = sqrt(2.0 * 0.5 * ACCOUNT.allowance / STIFFNESS)
-    assert pushed_out(STIFFNESS, depth) == pytest.approx(0.5 * ACCOUNT.allowance, rel=0.05)
-
-
-def test_a_wall_beyond_it_is_displayed_in_part() -> None:
-    assert pushed_out(STIFFNESS, 0.03) == pytest.approx(ACCOUNT.allowance + 4.0 * ACCOUNT.refill, rel=0.1)
 
 
 def test_what_the_hand_presses_in_is_displayed_at_once() -> None:

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.control.teleoperation import ACCOUNT, TICK, Quality
-from tests.control.vectors import forces, positions, vectors
 from tests.control.walls import Ball, Wall
 from tests.examples import examples
 from weberlink.control.contract import CREDIT_STEP, MasterControl, SchemeParameters, SlaveControl, WallModel
@@ -49,37 +48,23 @@ class SlaveTick(NamedTuple):
     force: Vector
 
 
-def master_ticks(
-    position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]
-) -> st.SearchStrategy[list[MasterTick]]:
-    return st.lists(
-        st.builds(
-            MasterTick,
-            st.one_of(st.none(), st.tuples(surfaces, force, position)),
-            position,
-            st.floats(0.0, 0.5),
-            st.integers(0, 10**6),
-            qualities,
-            force,
-            st.floats(0.0, 1.0),
-            st.booleans(),
-        ),
-        max_size=12,
-    )
+def vectors(most: float) -> st.SearchStrategy[Vector]:
+    """Components from -most to most."""
+    return st.tuples(*[st.floats(-most, most)] * 3)
 
 
-def slave_ticks(
-    position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]
-) -> st.SearchStrategy[list[SlaveTick]]:
-    return st.lists(
-        st.builds(SlaveTick, position, st.floats(0.0, 0.5), st.integers(0, 10**6), qualities, position, force),
-        max_size=12,
-    )
+def inputs(position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]) -> dict[str, st.SearchStrategy[Any]]:
+    """Ticks of each end."""
+    elapsed, credit = st.floats(0.0, 0.5), st.integers(0, 10**6)
+    news = st.one_of(st.none(), st.tuples(surfaces, force, position))
+    share, refuted = st.floats(0.0, 1.0), st.booleans()
+    master = st.builds(MasterTick, news, position, elapsed, credit, qualities, force, share, refuted)
+    slave = st.builds(SlaveTick, position, elapsed, credit, qualities, position, force)
+    return {"master": st.lists(master, max_size=12), "slave": st.lists(slave, max_size=12)}
 
 
-ordinary_master, ordinary_slave = master_ticks(positions, forces), slave_ticks(positions, forces)
-wild = st.one_of(vectors(1e30), vectors(1.0), vectors(1e-300))
-wild_master, wild_slave = master_ticks(wild, wild), slave_ticks(wild, wild)
+ORDINARY = inputs(vectors(0.1), vectors(30.0))
+WILD = inputs(*[st.one_of(vectors(1e30), vectors(1.0), vectors(1e-300))] * 2)
 
 
 def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
@@ -122,57 +107,49 @@ def check(control: MasterControl | SlaveControl, credit: int) -> None:
     assert control.credit >= credit >= 0
 
 
-class End(NamedTuple):
-    """One end of a scheme: how to build and run it, and its inputs."""
-
-    build: Callable[[str, SchemeParameters], Any]
-    run: Callable[[Any, Any], list[object]]
-    wild: st.SearchStrategy[Any]
-    ordinary: st.SearchStrategy[Any]
-
-
-ENDS = {
-    "master": End(build_master_control, run_master, wild_master, ordinary_master),
-    "slave": End(build_slave_control, run_slave, wild_slave, ordinary_slave),
+BUILD: dict[str, Callable[[str, SchemeParameters], Any]] = {
+    "master": build_master_control,
+    "slave": build_slave_control,
 }
-ends = pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+RUN: dict[str, Callable[[Any, Any], list[object]]] = {"master": run_master, "slave": run_slave}
+ends = pytest.mark.parametrize("end", BUILD)
 
 
 @every
 @ends
 @given(data=st.data())
 @examples(15)
-def test_nothing_finite_upsets_a_side(name: str, end: End, data: st.DataObject) -> None:
-    end.run(end.build(name, SETTINGS), data.draw(end.wild))
+def test_nothing_finite_upsets_a_side(name: str, end: str, data: st.DataObject) -> None:
+    RUN[end](BUILD[end](name, SETTINGS), data.draw(WILD[end]))
 
 
 @every
 @ends
 @given(data=st.data())
 @examples(10)
-def test_a_reset_side_is_as_a_new_one(name: str, end: End, data: st.DataObject) -> None:
-    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
-    control = end.build(name, SETTINGS)
-    end.run(control, before)
+def test_a_reset_side_is_as_a_new_one(name: str, end: str, data: st.DataObject) -> None:
+    before, after = data.draw(ORDINARY[end]), data.draw(ORDINARY[end])
+    control = BUILD[end](name, SETTINGS)
+    RUN[end](control, before)
     control.reset()
-    assert end.run(control, after) == end.run(end.build(name, SETTINGS), after)
+    assert RUN[end](control, after) == RUN[end](BUILD[end](name, SETTINGS), after)
 
 
 @every
 @ends
 @given(data=st.data())
 @examples(10)
-def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: End, data: st.DataObject) -> None:
-    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
-    control = end.build(name, SETTINGS)
-    end.run(control, before)
+def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: str, data: st.DataObject) -> None:
+    before, after = data.draw(ORDINARY[end]), data.draw(ORDINARY[end])
+    control = BUILD[end](name, SETTINGS)
+    RUN[end](control, before)
     credit = control.credit
     control.resume(before[-1].peer_credit if before else 0)
     assert control.energy <= 0.0
     assert control.credit == credit
-    if end.build is build_master_control:
+    if end == "master":
         assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
-    end.run(control, after)
+    RUN[end](control, after)
 
 
 @every

@@ -1,9 +1,5 @@
 """The registry of control schemes: what each entry builds and imports."""
 
-import json
-import subprocess
-import sys
-
 import pytest
 
 from tests.control.teleoperation import ACCOUNT, Quality
@@ -13,15 +9,6 @@ from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import SCHEMES, build_master_control
 
 PARAMETERS = SchemeParameters(1e-3, 2500.0, ACCOUNT)
-BOUNDED = {"account", "bounded", "sent", "wall"}
-PARTS = {"none": {"direct"}, "bounded": BOUNDED}
-BUILD = """
-import json, sys
-from weberlink.control.contract import AccountParameters, SchemeParameters
-from weberlink.control.table import build_{side}_control
-build_{side}_control("{name}", SchemeParameters(1e-3, 2500.0, AccountParameters(0.02, 0.01, 1.0, 80.0)))
-json.dump([name.rpartition(".")[2] for name in sys.modules if name.startswith("weberlink.control.")], sys.stdout)
-"""
 
 
 @pytest.mark.parametrize("name", [name for name, scheme in SCHEMES.items() if not scheme.reads_position])
@@ -36,11 +23,3 @@ def test_a_scheme_that_does_not_read_positions_does_the_same_without_them(name: 
             displayed += [end.command(hand), end.render(force)]
             end.displayed(displayed[-1])
         assert displayed[:2] == displayed[2:]
-
-
-@pytest.mark.parametrize("side", ["master", "slave"])
-@pytest.mark.parametrize("name", SCHEMES)
-def test_only_what_a_scheme_needs_is_imported(name: str, side: str) -> None:
-    command = [sys.executable, "-c", BUILD.format(side=side, name=name)]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    assert set(json.loads(ended.stdout)) == PARTS[name] | {"contract", "table"}

@@ -82,17 +82,29 @@ def test_the_command_yields_slowly_within_the_contact_and_comes_back_faster() ->
     assert back[-1] == pytest.approx(0.0, abs=2e-4)
 
 
-def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered() -> None:
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_robot_presses_a_new_contact_gently_until_it_can_be_answered(axis: int) -> None:
+    """Then it regains its command slowly, beside the motion of the command itself; the hand goes on at 200 ms."""
+
+    def along(value: float) -> Vector:
+        return tuple(value if each == axis else 0.0 for each in range(3))  # type: ignore[return-value]
+
     slave, quality = BoundedSlave(SETTINGS), Quality(0.1, 0.0)
     here, forces = ZERO, []
-    for tick in range(400):
-        here = slave.follow(at(-0.0002 * min(tick, 60)), here, TICK, 0, quality)
-        force = max(0.0, -STIFFNESS * here[2])
-        slave.observe(here, at(force))
+    for tick in range(500):
+        goal = along(-0.0002 * min(tick, 60) - 0.0001 * min(max(tick - 200, 0), 60))
+        here = slave.follow(goal, here, TICK, 0, quality)
+        force = max(0.0, -STIFFNESS * here[axis])
+        slave.observe(here, along(force))
         forces.append(force)
-    unanswered = 1.5 * 0.1 + LATE
-    assert max(forces[: round(unanswered / TICK)]) == pytest.approx(PRESS / sqrt(unanswered), abs=0.15)
-    assert forces[-1] == pytest.approx(6.0, abs=0.01)
+    unanswered = round((1.5 * 0.1 + LATE) / TICK)
+    assert max(forces[:unanswered]) == pytest.approx(PRESS / sqrt(unanswered * TICK), abs=0.15)
+    rises = [STIFFNESS * TICK * (LEAVE + (0.1 if 200 < tick <= 260 else 0.0)) for tick in range(unanswered + 2, 300)]
+    found = [after - before for before, after in pairwise(forces[unanswered + 1 : 300])]
+    assert found == pytest.approx(rises)
+    assert forces[-1] == pytest.approx(9.0)
+    # It has its command again, and is held back no more.
+    assert [slave.follow(along(-0.03), here, TICK, 0, quality) for _ in range(2)] == [along(-0.03)] * 2
 
 
 # What is known of a contact: 500 N/m at height 0, the newest sample 2 N at 4 mm.
@@ -268,7 +280,7 @@ def oblique(order: tuple[int, int, int]) -> tuple[list[Vector], list[Vector]]:
     goals: list[Vector] = []
     here = axes((0.001, 0.002, 0.003))
     for tick in range(600):
-        depth = 0.004 * sin(0.02 * tick)
+        depth = 0.02 * sin(0.02 * tick)  # hard enough for the robot to hold back a new contact
         along = 0.002 * sin(0.013 * tick)
         hand = axes((-0.48 * depth + 0.8 * along, -0.6 * depth, -0.64 * depth - 0.6 * along))
         push = STIFFNESS * max(0.0, depth)

@@ -1,31 +1,26 @@
 """The loop between an emulated device and its host, and the pseudo terminal that carries it."""
 
-import os
-import socket
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic
 
 import pytest
 
 from tests.hardware.descriptors import descriptors
-from tests.wait import PATIENCE, until
+from tests.wait import PATIENCE
 from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
-from weberlink.hardware.emulator import PtyDevice, WireFaults, serve
+from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 
 
 class Echo:
-    """Sends back what it hears, in upper case, a moment later; and says hello when told to."""
+    """Sends back what it hears, in upper case."""
 
     def __init__(self) -> None:
         self.faults = WireFaults()
         self.heard: list[bytes] = []
         self.advances: list[float] = []
-        self.timer: float | None = None
         self._waiting: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
@@ -34,92 +29,41 @@ class Echo:
 
     def advance(self, now: float) -> None:
         self.advances.append(now)
-        if self.timer is not None and now >= self.timer:
-            self.timer = None
-            self._waiting.append(b"HELLO")
 
     def replies(self, now: float) -> list[bytes]:
         due, self._waiting = self._waiting, []
         return due
 
     def next_timer(self) -> float | None:
-        return self.timer
+        return None
 
 
-@contextmanager
-def served(emulator: Echo) -> Iterator[socket.socket]:
-    """The host's end."""
-    host, device = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    device.setblocking(False)
-    host.settimeout(PATIENCE)
-    stopping = threading.Event()
-    thread = threading.Thread(target=serve, args=(emulator, device.fileno(), stopping.is_set))
-    thread.start()
-    try:
-        yield host
-    finally:
-        stopping.set()
-        thread.join(PATIENCE)
-        assert not thread.is_alive()
-        host.close()
-        device.close()
+def asked(port: SerialPort, question: bytes) -> bytes:
+    port.write(question)
+    answer = b""
+    while len(answer) < len(question):
+        answer += port.read(monotonic() + PATIENCE)
+    return answer
 
 
-def asked(host: socket.socket, question: bytes) -> bytes:
-    host.send(question)
-    return host.recv(100)
-
-
-def test_bytes_go_in_and_messages_come_out_garbled_and_late_where_asked() -> None:
+def test_replies_are_garbled_late_or_missing_where_asked(tmp_path: Path) -> None:
     echo = Echo()
-    with served(echo) as host:
-        assert [asked(host, b"one"), asked(host, b"two")] == [b"ONE", b"TWO"]
-        assert echo.heard == [b"one", b"two"]
+    with PtyDevice(echo, tmp_path / "tty") as device:
+        port = SerialPort(str(device.path))
+        assert asked(port, b"one") == b"ONE"
         echo.faults.garble = 2
-        torn = [asked(host, b"question") for _ in range(4)]
+        torn = [asked(port, b"question") for _ in range(4)]
         assert [sum(a != b for a, b in zip(each, b"QUESTION", strict=True)) for each in torn] == [1, 1, 0, 0]
         assert echo.faults.garble == 0
         echo.faults.late_s = 0.5 * PAUSE_S
         began = monotonic()
-        assert asked(host, b"one") == b"ONE"
+        assert asked(port, b"two") == b"TWO"
         assert monotonic() - began >= 0.5 * PAUSE_S
+        echo.faults.silent = True
+        port.write(b"three")
+        assert port.read(monotonic() + 2.0 * PAUSE_S) == b""
+        port.close()
     assert echo.advances == sorted(echo.advances), "time does not go back"
-
-
-def test_unread_replies_do_not_stop_the_device() -> None:
-    """What finds no place is lost, as it is on a device with a full buffer."""
-    echo, asked_for = Echo(), 3000
-    with served(echo) as host:
-        for number in range(asked_for):
-            host.send(b"%04d" % number * 50)
-        until(lambda: len(echo.heard) == asked_for, "all questions")
-        turns = len(echo.advances)
-        until(lambda: len(echo.advances) > turns + 1, "a turn")
-        host.setblocking(False)
-        came: list[bytes] = []
-        with suppress(BlockingIOError):
-            while True:
-                came.append(host.recv(1000))
-        numbers = [int(each[:4]) for each in came]
-        assert numbers == sorted(numbers)
-        assert 0 < len(numbers) < asked_for
-        host.settimeout(PATIENCE)
-        assert asked(host, b"again") == b"AGAIN"
-
-
-def test_closed_host_does_not_end_serving() -> None:
-    echo, stopping = Echo(), threading.Event()
-    near, far = os.openpty()
-    os.close(far)  # reading gives EIO from now on, until somebody opens the other end
-    os.set_blocking(near, False)
-    thread = threading.Thread(target=serve, args=(echo, near, stopping.is_set))
-    thread.start()
-    until(lambda: len(echo.advances) > 3, "turns")
-    assert thread.is_alive()
-    stopping.set()
-    thread.join(PATIENCE)
-    assert not thread.is_alive()
-    os.close(near)
 
 
 def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
@@ -129,8 +73,7 @@ def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
         for _ in range(3):
             assert (device.plugged, device.serving) == (True, True)
             port = SerialPort(str(path))
-            port.write(b"hello")
-            assert port.read(monotonic() + PATIENCE) == b"HELLO"
+            assert asked(port, b"hello") == b"HELLO"
             device.unplug()
             assert (device.plugged, device.serving) == (False, False)
             assert not path.is_symlink()
@@ -141,38 +84,6 @@ def test_unplugging_keeps_path_and_state(tmp_path: Path) -> None:
             port.close()
             device.unplug()
             device.plug()
-    assert echo.heard == [b"hello"] * 3
+    assert b"".join(echo.heard) == b"hello" * 3
     assert not path.is_symlink()
     assert (descriptors(), threading.active_count()) == (files, threads)
-
-
-def test_every_byte_gets_through(tmp_path: Path) -> None:
-    """No line discipline changes, doubles or swallows any, not even before the host has opened and set up the port."""
-
-    class Mirror(Echo):
-        def receive(self, data: bytes, now: float) -> None:
-            self._waiting.append(data)
-
-    with PtyDevice(Mirror(), tmp_path / "tty") as device:
-        port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
-        os.write(port, bytes(range(256)))
-        came = b""
-        while len(came) < 256:
-            came += os.read(port, 1000)
-        assert came == bytes(range(256))
-        os.close(port)
-
-
-def test_a_path_that_is_taken_is_not_touched(tmp_path: Path) -> None:
-    files, threads = descriptors(), threading.active_count()
-    (tmp_path / "tty").write_text("mine")
-    device = PtyDevice(Echo(), tmp_path / "tty")
-    with pytest.raises(FileExistsError), device:
-        pass
-    assert not device.plugged
-    device.unplug()
-    assert (tmp_path / "tty").read_text() == "mine"
-    assert (descriptors(), threading.active_count()) == (files, threads)
-    with pytest.raises(FileNotFoundError):
-        PtyDevice(Echo(), tmp_path / "none" / "tty").plug()
-    assert descriptors() == files

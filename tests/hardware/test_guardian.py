@@ -12,15 +12,26 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from select import select
 from time import monotonic, sleep
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tests.hardware.descriptors import descriptors
 from tests.wait import PATIENCE, until
+from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.guardian import LEASE_S, Guardian, HoldingGuardian
-from weberlink.hardware.guardian_process import LENGTH_SIZE, SLOT_SIZE
+from weberlink.hardware.guardian import LEASE_S, SILENT_S, Guardian, HoldingGuardian
+from weberlink.hardware.guardian_process import (
+    BEATS,
+    LEASE,
+    LENGTH_SIZE,
+    MEMORY_SIZE,
+    SLOT_SIZE,
+    WRITES,
+    put_message,
+    watch,
+)
 from weberlink.hardware.serial_port import SerialPort
 
 ZERO, OTHER_ZERO, FORCE, HERE = b"zero\n", b"nothing\n", b"force\n", b"here\n"
@@ -50,9 +61,9 @@ def guarded(guardian: Guardian) -> Iterator[Wire]:
     before = descriptors()
     near, far = os.openpty()
     tty.setraw(far)
-    port = SerialPort(os.ttyname(far), guardian=guardian)
-    yield Wire(guardian, port, near)
-    port.close()
+    wire = Wire(guardian, SerialPort(os.ttyname(far), guardian=guardian), near)
+    yield wire
+    wire.port.close()
     assert guardian.pid is None
     os.close(near)
     os.close(far)
@@ -131,6 +142,25 @@ def test_without_its_guardian_there_is_no_force(wire: Wire, number: signal.Signa
     assert wire.heard(PATIENCE) == ZERO, "which is written all the same"
 
 
+def test_a_guardian_that_runs_is_trusted_and_one_that_died_is_told_at_rest_too(wire: Wire) -> None:
+    ends = monotonic() + 2.0 * SILENT_S
+    while monotonic() < ends:
+        wire.push()
+        wire.heard()
+        sleep(0.005)
+    assert wire.guardian.pid is not None
+    os.kill(wire.guardian.pid, signal.SIGKILL)
+
+    def is_told() -> bool:
+        wire.heard()
+        with suppress(HardwareFault):
+            wire.port.write(ZERO)
+            return False
+        return True
+
+    until(is_told, "the news of its death", pause=0.005)
+
+
 def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
     pid = wire.guardian.pid
     assert os.getsid(pid) == os.getpgid(pid) == pid
@@ -151,6 +181,15 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
         wire.guardian.before(FORCE)
     wire.guardian.before(ZERO)
     assert not wire.guardian.new_writes(), "nobody writes any more"
+
+
+def test_a_guardian_that_has_written_watches_anew(wire: Wire) -> None:
+    wire.push(LEASE_S / 2.0)
+    until(wire.guardian.has_written, "the zero")
+    wire.port.close()
+    wire.port = SerialPort(wire.port.path, guardian=wire.guardian)
+    assert not wire.guardian.has_written()
+    wire.port.write(OTHER_ZERO)
 
 
 def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
@@ -217,3 +256,74 @@ def test_a_message_that_just_has_room_is_kept_and_a_longer_one_refused(arm: Wire
     while len(heard) < len(most):
         heard += arm.heard(PATIENCE)
     assert heard.startswith(most)
+
+
+# --- the loop of the process, in virtual time
+
+MS = 1_000_000
+
+
+class Loop:
+    """The loop with a clock that goes on while it polls; deeds of the parent come at their time [ms]."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, deeds: dict[int, int], goodbye: bytes) -> None:
+        self.now, self.deeds, self.writes, self.beats = MS, deeds, list[int](), list[int]()
+        self.memory = memoryview(bytearray(MEMORY_SIZE))
+        self.words = self.memory.cast("q")
+        self.words[BEATS] = 1
+        put_message(self.memory, OTHER_ZERO)
+        put_message(self.memory, ZERO)
+        monkeypatch.setattr(guardian_process, "monotonic_ns", lambda: self.now)
+        monkeypatch.setattr(guardian_process, "select", SimpleNamespace(poll=lambda: self, POLLIN=1))
+        monkeypatch.setattr(guardian_process, "write", self._write)
+        monkeypatch.setattr(guardian_process, "sleep", lambda _: None)
+        reading, writing = os.pipe()
+        os.write(writing, goodbye)
+        os.close(writing)
+        watch(self.memory, reading, -1)
+        os.close(reading)
+
+    def register(self, *socket: int) -> None: ...
+
+    def poll(self, wait_ms: float) -> bool:
+        self.beats.append(self.words[BEATS])
+        due = min(self.deeds)
+        self.now = min(self.now + round(wait_ms * MS), due * MS)
+        if self.now < due * MS:
+            return False
+        self.words[LEASE] = self.deeds.pop(due) * MS
+        return not self.deeds
+
+    def _write(self, device: int, message: bytes) -> None:
+        assert message == ZERO
+        self.writes.append(self.now // MS)
+
+
+@pytest.mark.parametrize(("goodbye", "ends", "last"), [(b"x", 0, 0), (b"x", 9000, 2), (b"", 0, 2)])
+def test_a_lease_that_expires_is_met_at_once_ten_times_and_then_slowly(
+    monkeypatch: pytest.MonkeyPatch, goodbye: bytes, ends: int, last: int
+) -> None:
+    loop = Loop(monkeypatch, {100: 150, 2500: 2551, 3000: 0, 5000: ends}, goodbye)
+    met = [*range(150, 331, 20), 1330, 2330, *range(2551, 2732, 20)]
+    assert loop.writes == met + [5000] * last
+    assert loop.words[WRITES] == len(met)
+    assert loop.beats == list(range(2, len(loop.beats) + 2))
+    assert len(loop.beats) >= (5000 - 1) // 20, "every 20 ms at the longest"
+
+
+@pytest.mark.parametrize("first", [BlockingIOError(), 2])
+def test_what_the_device_has_not_taken_makes_room_for_the_message(monkeypatch: pytest.MonkeyPatch, first: Any) -> None:
+    done, outcomes = list[Any](), [first, len(ZERO)]
+
+    def write(device: int, message: bytes) -> int:
+        done.append((device, message))
+        outcome = outcomes.pop(0)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return int(outcome)
+
+    flush = SimpleNamespace(error=OSError, TCOFLUSH=1, tcflush=lambda device, _: done.append(device))
+    monkeypatch.setattr(guardian_process, "os", SimpleNamespace(write=write))
+    monkeypatch.setattr(guardian_process, "termios", flush)
+    guardian_process.write(5, ZERO)
+    assert done == [(5, ZERO), 5, (5, ZERO)]

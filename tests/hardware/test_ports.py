@@ -102,22 +102,20 @@ def test_port_belongs_to_one_process_until_closed(wire: Wire) -> None:
         "port = SerialPort(sys.argv[1]); print('open', flush=True); sys.stdin.read()"
     )
     command = [sys.executable, "-c", program, wire.path]
+    files = descriptors()
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
-        assert other.stdin is not None
         assert other.stdout.readline() == "open\n"
-        files = descriptors()
         with pytest.raises(HardwareFault, match="in use by another process"):
             SerialPort(wire.path)
-        assert descriptors() == files
-        other.stdin.close()
-        assert other.wait(PATIENCE) == 0
+        other.communicate()
     port = SerialPort(wire.path)
     with pytest.raises(HardwareFault, match="in use"):
         SerialPort(wire.path)
     port.close()
     with pytest.raises(HardwareFault):
         SerialPort(wire.path, -1)
+    assert descriptors() == files
     SerialPort(wire.path).close()
 
 
@@ -155,6 +153,9 @@ def test_an_unplugged_port_says_so_in_every_direction(wire: Wire, port: SerialPo
     for use in (lambda: port.read(soon()), port.drain, lambda: port.write(b"x")):
         with pytest.raises(HardwareFault, match=f"{wire.path}: unplugged"):
             use()
+    port.close()
+    with pytest.raises(HardwareFault, match=f"{wire.path}: unplugged"):
+        port.read(soon())
 
 
 def test_write_to_blocked_device_is_a_fault(wire: Wire, port: SerialPort) -> None:
@@ -211,20 +212,19 @@ def test_no_report_is_dropped(waiting: list[bytes], later: list[bytes], expected
     assert port_on(ScriptedHidapi(waiting, later)).read_all(monotonic() + 0.01) == expected
 
 
-def test_elapsed_time_limit_never_waits_for_ever() -> None:
+@pytest.mark.parametrize(("until", "timeouts"), [(monotonic() - 1.0, [1]), (0.0, [])])
+def test_elapsed_time_limit_never_waits_for_ever(until: float, timeouts: list[int]) -> None:
     """hidapi would wait for ever with a timeout of 0 ms."""
     device = ScriptedHidapi()
-    assert port_on(device).read_all(monotonic() - 1.0) == []
-    assert device.timeouts == [1]
-    assert port_on(device).read_all(0.0) == []
-    assert device.timeouts == [1]
+    assert port_on(device).read_all(until) == []
+    assert device.timeouts == timeouts
 
 
 class Noting(Guardian):
     """A guardian without a process: takes down what the port tells it."""
 
-    def __init__(self, done: list[Any]) -> None:
-        super().__init__(b"\0zero")
+    def __init__(self, done: list[Any], zero: bytes = b"\0zero") -> None:
+        super().__init__(zero)
         self._done = done
 
     def watch(self, descriptor: int) -> None:
@@ -248,7 +248,9 @@ def test_guardian_of_reports_is_told_before_and_after_each(tmp_path: Path) -> No
         port.guard(Noting(device.done))
     port.path = str(tmp_path / "node")
     Path(port.path).touch()
+    files = descriptors()
     port.guard(Noting(device.done))
+    assert descriptors() == files
     port.write(b"force", 3)
     port.close()
     message = b"\3force"

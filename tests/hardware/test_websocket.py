@@ -9,12 +9,12 @@ from time import monotonic
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, WSMsgType, web
+from aiohttp import WSMsgType, web
 
+from tests.hardware.test_ports import Noting
 from tests.wait import PATIENCE, until
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.hardware.websocket_port import WebSocketPort, text_frame
 
@@ -87,54 +87,21 @@ def test_both_our_ends_talk_and_part() -> None:
         until(lambda: service.left == 1, "the session to end")
 
 
-class Noting(Guardian):
-    """A guardian without a process: takes down what the port tells it."""
-
-    def __init__(self) -> None:
-        super().__init__(text_frame("zero"))
-        self.done: list[Any] = []
-
-    def watch(self, descriptor: int) -> None:
-        self.done.append("watches")
-
-    def before(self, data: bytes) -> None:
-        self.done.append(("before", len(data)))
-
-    def after(self, data: bytes) -> None:
-        self.done.append("rests" if data == self.zero else ("after", len(data)))
-
-    def stop(self) -> None:
-        self.done.append("stopped")
-
-
 def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
-    with WebSocketDevice(Echo()) as wire:
-        guardian = Noting()
-        with port_to(wire.address) as port:
-            port.guard(guardian)
-            port.send("rest", rest=True)
-            port.send("force", rest=False)
-            assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
-        size = len(text_frame("force"))
-        assert guardian.done == ["watches", "rests", ("before", size), ("after", size), "stopped"]
+    done: list[Any] = []
+    with WebSocketDevice(Echo()) as wire, port_to(wire.address) as port:
+        port.guard(Noting(done, text_frame("zero")))
+        port.send("rest", rest=True)
+        port.send("force", rest=False)
+        assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
+    size = len(text_frame("force"))
+    told = [each if isinstance(each, str) else (each[0], len(each[1])) for each in done]
+    assert told == ["watches", ("after", len(text_frame("zero"))), ("before", size), ("after", size), "stopped"]
 
 
-def test_device_serves_a_client_of_aiohttp() -> None:
-    async def talk(address: str) -> list[str]:
-        async with ClientSession() as session, session.ws_connect(address) as line:
-            await line.send_str("one")
-            await line.ping()
-            found = [(await line.receive_str()), (await line.receive_str())]
-            async with session.get(address.replace("ws:", "http:") + "/version") as answer:
-                return [*found, await answer.text()]
-
-    with WebSocketDevice(Echo()) as wire:
-        assert asyncio.run(talk(wire.address)) == ["hello", "ONE", '{"version": 1}']
-
-
-@contextmanager
-def aiohttp_server() -> Iterator[str]:
-    """A WebSocket of aiohttp, which compresses where the client offers it; gives its address."""
+def test_port_talks_to_a_server_of_aiohttp() -> None:
+    """Which compresses where the client offers it."""
+    long = "x" * 100_000
 
     async def echo(request: web.Request) -> web.WebSocketResponse:
         line = web.WebSocketResponse()
@@ -148,36 +115,25 @@ def aiohttp_server() -> Iterator[str]:
         await line.close()
         return line
 
-    loop, sock = asyncio.new_event_loop(), socket.create_server(("127.0.0.1", 0))
-    application = web.Application()
-    application.router.add_get("/", echo)
-    runner = web.AppRunner(application)
+    def talk(address: str) -> None:
+        with port_to(address) as port:
+            port.send(long, rest=True)
+            assert heard(port, 2) == [b"hello", long.upper().encode()]
+            port.send("bye", rest=True)
+            for use in (lambda: port.receive(monotonic() + PATIENCE), lambda: port.send("more", rest=True)):
+                with pytest.raises(HardwareFault, match="closed the connection"):
+                    use()
 
-    def serve() -> None:
-        loop.run_until_complete(runner.setup())
-        loop.run_until_complete(web.SockSite(runner, sock).start())
-        loop.run_forever()
-        loop.run_until_complete(runner.cleanup())
-        loop.close()
+    async def serve() -> None:
+        application = web.Application()
+        application.router.add_get("/", echo)
+        runner = web.AppRunner(application)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        await asyncio.to_thread(talk, f"ws://127.0.0.1:{runner.addresses[0][1]}")
+        await runner.cleanup()
 
-    thread = Thread(target=serve)
-    thread.start()
-    try:
-        yield f"ws://127.0.0.1:{sock.getsockname()[1]}"
-    finally:
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-
-
-def test_port_talks_to_a_server_of_aiohttp() -> None:
-    long = "x" * 100_000
-    with aiohttp_server() as address, port_to(address) as port:
-        port.send(long, rest=True)
-        assert heard(port, 2) == [b"hello", long.upper().encode()]
-        port.send("bye", rest=True)
-        for use in (lambda: port.receive(monotonic() + PATIENCE), lambda: port.send("more", rest=True)):
-            with pytest.raises(HardwareFault, match="closed the connection"):
-                use()
+    asyncio.run(serve())
 
 
 def test_closed_connections_are_faults_and_a_port_stays_the_same() -> None:

@@ -334,14 +334,14 @@ def test_hanging_exchange_is_closed_when_it_returns(rig: Rig) -> None:
     rig.let_go()
     until(lambda: rig.calls == ["open", REST, "close"], "the close")
 
-    def starts() -> bool:
-        try:
-            rig.worker.start()
-        except HardwareFault:
-            return False
-        return True
+    held = len(descriptors())
 
-    until(starts, "the thread to end")
+    def is_released() -> bool:
+        rig.worker.stop()
+        return len(descriptors()) < held
+
+    until(is_released, "the thread to end")
+    rig.worker.start()
     until(lambda: rig.worker.newest[0] > 101, "samples again")
 
 

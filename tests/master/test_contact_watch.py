@@ -1,5 +1,6 @@
 """What of the force on the hand is founded: the received model, where the robot was as the newest news of it left."""
 
+from math import inf
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,7 @@ from tests.compiled import replaces_methods
 from weberlink.codec import Decoder, Encoder, force_channel
 from weberlink.control.sent import SentCommands
 from weberlink.geometry.vector import ZERO, Vector, norm
-from weberlink.master.operator_port import ContactWatch
+from weberlink.master.operator_port import LOOK_S, UNREACHED_S, ContactWatch
 from weberlink.master.safety import GRACE, PATIENCE, ContactLimiter
 
 pytestmark = replaces_methods  # a stand-in for an endpoint, a compiled class
@@ -26,7 +27,11 @@ class Watched:
     """A watch whose decoder has received the plane z = 0, or one sample."""
 
     def __init__(
-        self, predictor: str = "plane", samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH), jitter: float = 0.0
+        self,
+        predictor: str = "plane",
+        samples: tuple[float, ...] = (0.5 * DEPTH, DEPTH),
+        jitter: float = 0.0,
+        delay: float = 0.0,
     ) -> None:
         channel = force_channel(predictor=predictor)
         self.encoder, self.decoder = Encoder(channel), Decoder(channel)
@@ -40,7 +45,7 @@ class Watched:
             link,
             least=0.05,
             sent=SentCommands(TICK, 1.0),
-            delay=0.0,
+            delay=delay,
             playout=0,
         )
 
@@ -115,11 +120,45 @@ def test_commands_that_jump_past_the_model_state_nothing() -> None:
     assert max(shown[PATIENT:]) <= 1.0
 
 
-def test_a_force_without_a_model_ends_in_time_and_is_at_fault() -> None:
-    watched = Watched("zoh", (0.0,))
-    shown = watched.go(INSIDE, PRESSED, PATIENT + round(GRACE / TICK))
-    assert min(shown[:50]) == norm(PRESSED)
-    assert max(shown[PATIENT:]) <= 1.0
+def told_limiter(watched: Watched) -> list[tuple[float, int]]:
+    """What its limiter is told from now on: when a contact was stated [s], and for how many ticks one is claimed."""
+
+    class Told(ContactLimiter):
+        def bound(self, *values: float | None, stated: float, claimed: float = 0.0) -> float:  # type: ignore[override]
+            told.append((stated, round(claimed / TICK)))
+            return super().bound(*values, stated=stated, claimed=claimed)  # type: ignore[arg-type]
+
+    told: list[tuple[float, int]] = []
+    watched.watch.limiter = Told(10.0, 1.0, 1.0)
+    return told
+
+
+@pytest.mark.parametrize("before", [INSIDE, OUTSIDE])
+def test_a_claim_of_the_model_grows_into_a_contact_once_an_answer_could_have_come(before: Vector) -> None:
+    """For a hand that stays in the model: nothing, then a claim that grows, then a contact."""
+    watched = Watched()
+    for _ in range(500):  # nothing is felt, and nothing asked
+        watched.tick += 1
+        watched.watch.follow(before, float(watched.tick))
+    told = told_limiter(watched)
+    watched.go(INSIDE, PRESSED, 400)
+    first = next(tick for tick, (_, claimed) in enumerate(told) if claimed)
+    met = next(tick for tick, (stated, _) in enumerate(told) if stated < inf)
+    assert first == round((LOOK_S if before == INSIDE else RTT + LOOK_S) / TICK)
+    assert [claimed for _, claimed in told[first:met]] == list(range(1, met - first + 1))
+    assert met - first == round((UNREACHED_S + LOOK_S) / TICK) - 1
+    assert set(told[met:]) == {(UNREACHED_S, 0)}
+    watched.watch.reset()
+    watched.watch.bounded(PRESSED, norm(PRESSED), TICK)
+    assert told[-1] == (inf, 0)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_a_force_without_a_model_ends_in_time_and_is_at_fault(delay: float) -> None:
+    watched, patient = Watched("zoh", (0.0,), delay=delay), PATIENT + round(delay / TICK)
+    shown = watched.go(INSIDE, PRESSED, patient + round(GRACE / TICK))
+    assert min(shown[: patient - 50]) == norm(PRESSED)
+    assert max(shown[patient:]) <= 1.0
     assert watched.watch.limiter.unfounded
     watched.watch.reset()
     assert watched.go(INSIDE, PRESSED, 1) == [norm(PRESSED)]

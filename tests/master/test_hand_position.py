@@ -44,14 +44,6 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
         assert most == inf
 
 
-def test_drag_in_free_motion_does_not_narrow_the_deadband() -> None:
-    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
-    hand.displayed = (0.0, 0.0, 0.5)
-    assert hand.sample()[2] == inf
-    hand.touched = (0.0, 0.0, 0.5)
-    assert hand.sample()[2] < inf
-
-
 @pytest.mark.parametrize("above", [0.0, 1e-9])
 def test_the_least_contact_alone_is_none(above: float) -> None:
     hand, least = HandPosition(DirectMaster(SETTINGS), force_bound), LEAST_CONTACT + above

@@ -1,7 +1,6 @@
 """The port of a leader arm: what it sends, what it displays, and when it displays nothing."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from math import inf, isfinite, nan
 
 import pytest
@@ -13,9 +12,8 @@ from tests.compiled import replaces_methods
 from tests.examples import examples
 from weberlink.arms.contract import ArmReading
 from weberlink.geometry.joints import Joints
-from weberlink.master.leader_port import LeaderPort
+from weberlink.master.leader_port import LeaderPort, PressedAxes
 from weberlink.master.safety import PATIENCE, ContactLimiter, ForceGate
-from weberlink.system.port import Port
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.row import Row
 
@@ -35,6 +33,8 @@ class Leading:
         most: Joints = MOST,
         button: int | None = None,
         contacts: Sequence[ContactLimiter] = (),
+        pressed: Sequence[PressedAxes | None] = (),
+        delay: float = 0.0,
     ) -> None:
         self.hand = hand or Hand()
         self.control, self.link = Transparent(), link()
@@ -47,6 +47,8 @@ class Leading:
             slew=SLEW[: len(most)],
             button=button,
             contacts=contacts,
+            pressed=pressed,
+            delay=delay,
             least=(0.02, 0.02, 0.02),
         )
         self.now = 0.0
@@ -77,11 +79,6 @@ class Leading:
         return self
 
 
-def test_it_is_a_port() -> None:
-    port: Port = Leading().port
-    assert (port.kind, port.leads, port.at_rest, port.enabled) == ("device", True, True, True)
-
-
 def test_command_of_control_is_sent_by_channel() -> None:
     leading = Leading()
     leading.hand.angles = (0.1, -0.2, 0.3)
@@ -93,17 +90,44 @@ def test_command_of_control_is_sent_by_channel() -> None:
     assert leading.port.account(TICK, 0.0, encodes=True) == 0, "an arm hands no energy over"
 
 
-def test_torques_of_both_channels_reach_their_axes() -> None:
-    leading = Leading().opened((0.2, -0.3), (0.1,))
-    assert leading.hand.felt[-1] == (0.2, -0.3, 0.1)
-    assert leading.control.told[-1] == ("displayed", (0.2, -0.3, 0.1))
+@pytest.mark.parametrize(
+    ("torques", "most"),
+    [
+        ((0.0, 0.0), inf),
+        ((0.05, -0.05), inf),  # no more than its own deadband
+        ((0.5, 0.0), 0.05 / (0.01 * 10.0)),
+        ((-0.6, 0.8), 0.08 / (0.02 * 50.0)),
+    ],
+)
+def test_where_a_torque_is_pressed_angles_are_sent_as_finely_as_it_is_felt(torques: Joints, most: float) -> None:
+    pressed = PressedAxes((0.01, 0.02), (10.0, 50.0), lambda _, torque: max(0.1 * torque, 0.05))
+    leading = Leading(pressed=[pressed, None])
+    leading.tick(torques, (0.5,))
+    leading.sense()
+    assert leading.port.gripper is not None
+    assert leading.port.joints.sample()[2] == pytest.approx(most)
+    assert leading.port.gripper.sample()[2] == inf
 
 
-def test_arm_without_gripper_has_one_channel() -> None:
-    hand = Hand(spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0)))
-    leading = Leading(hand, most=(1.0, 1.0)).opened((0.2, -0.3))
-    assert leading.port.gripper is None
-    assert leading.hand.felt[-1] == (0.2, -0.3)
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        (((0.2, -0.3), (0.1,)), (0.2, -0.3, 0.1)),
+        (((5.0, 0.1), (0.2,)), (1.0, 0.1, 0.2)),  # each axis is limited alone
+        (((1.0, -0.9), (-0.6,)), (1.0, -0.8, -0.5)),
+        (((0.2, -0.3),), (0.2, -0.3)),  # an arm without a gripper has one channel
+    ],
+)
+def test_torques_of_all_channels_reach_their_axes_within_their_limits(
+    values: tuple[Joints, ...], shown: Joints
+) -> None:
+    short = spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0), torque_nm=(1.0, 1.0))
+    leading = Leading(Hand(short), most=(1.0, 1.0)) if len(values) == 1 else Leading()
+    leading.opened(*values)
+    assert (leading.port.gripper is None) == (len(values) == 1)
+    assert leading.hand.felt[-1] == leading.port.output == shown
+    assert leading.control.told[-1] == ("displayed", shown)
+    assert leading.port.clipped == (sum(values, ()) != shown)
 
 
 wild = st.floats(-3.0, 3.0) | st.sampled_from([nan, inf, -inf, 1e300, 1.0, -0.8])
@@ -155,12 +179,6 @@ def test_in_every_state_torque_is_bounded_and_does_not_jump(happens: list[tuple[
                 assert port.decoded[:2] == (0.0, 0.0)
 
 
-def test_each_axis_is_limited_alone() -> None:
-    leading = Leading().opened((5.0, 0.1), (0.2,))
-    assert leading.port.output == (1.0, 0.1, 0.2)
-    assert leading.port.clipped
-
-
 def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
     leading = Leading().opened((0.8, 0.1), (0.0,))
     shown = [leading.tick((-0.8, 0.1), (0.0,)) for _ in range(40)]
@@ -168,21 +186,6 @@ def test_jumping_torque_is_slew_limited_on_its_axis() -> None:
     assert {torques[1] for torques in shown} == {0.1}
     assert shown[-1][0] == -0.8
     assert leading.port.slew_ticks == 31
-
-
-def test_torque_is_zero_at_silence_limit_without_jump() -> None:
-    leading = Leading().opened((0.5, -0.4), (0.1,))
-    shown = [leading.tick((0.5, -0.4), (0.1,), in_touch=False) for _ in range(round(SILENCE / TICK) + 1)]
-    assert shown[-1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-    assert max(a[0] - b[0] for a, b in pairwise(shown)) <= 0.5 * TICK / (0.2 * SILENCE) * (1 + 1e-6)
-
-
-def test_end_of_session_fades_to_rest() -> None:
-    leading = Leading().opened((0.5, 0.0), (0.0,))
-    for _ in range(round(RAMP / TICK) + 1):
-        leading.tick((0.5, 0.0), (0.0,), engaged=False)
-    assert leading.port.at_rest
-    assert leading.hand.felt[-1] == (0.0, 0.0, 0.0)
 
 
 def test_arm_without_torque_is_never_told_any() -> None:
@@ -219,29 +222,36 @@ def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
         assert complaint in (sensor.complaint(ArmReading(0.0, angles, (0.0, 0.0, 0.0))) or "")
 
 
-def founded() -> Leading:
+def founded(delay: float = 0.0) -> Leading:
     """A leader whose torques end where the follower states none: of the joints, and of the gripper."""
-    leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)])
+    leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)], delay=delay)
     leading.link.rtt = RTT
     return leading.opened((0.0, 0.0), (0.0,))
 
 
-def test_torque_that_the_follower_states_is_displayed_for_ever() -> None:
+@pytest.mark.parametrize(
+    ("torques", "stated"), [((0.6, 0.1, 0.4), ((0.0, 0.05), (0.3,))), ((FREE, 0.0, -FREE), ((0.0, 0.0), (0.0,)))]
+)
+def test_torque_that_the_follower_states_and_drag_are_displayed_for_ever(
+    torques: Joints, stated: tuple[Joints, ...]
+) -> None:
     leading = founded()
-    leading.control.answer = (0.6, 0.1, 0.4)
+    leading.control.answer = torques
     for _ in range(2000):
-        leading.tick((0.0, 0.05), (0.3,))
-    assert leading.port.output == (0.6, 0.1, 0.4)
+        leading.tick(*stated)
+    assert leading.port.output == torques
     assert not leading.port.unfounded
 
 
-def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_torque_without_a_contact_ends_on_the_channel_that_has_none(delay: float) -> None:
     """What the gripper holds founds no torque of the joints."""
-    leading = founded()
+    leading = founded(delay)
     leading.control.answer = (0.6, 0.1, 0.4)
-    answer = round((RTT + PATIENCE) / TICK)
-    shown = [leading.tick((0.0, 0.0), (0.3,)) for _ in range(1000)]
+    answer = round((RTT + delay + PATIENCE) / TICK)
+    shown = [leading.tick((0.02, -0.02), (0.3,)) for _ in range(1000)]  # the least that states one, and no more
     assert max(abs(torques[0]) for torques in shown[answer:]) <= FREE * (1 + 1e-9)
+    assert shown[answer - 1][:2] == pytest.approx((FREE, FREE / 6.0), rel=0.05), "both as much shorter"
     assert {torques[2] for torques in shown[100:]} == {0.4}
     assert shown[-1][:2] == (0.0, 0.0)
     assert leading.port.unfounded
@@ -250,12 +260,17 @@ def test_torque_without_a_contact_ends_on_the_channel_that_has_none() -> None:
     assert not leading.port.unfounded
 
 
-def test_drag_of_a_joint_needs_no_contact() -> None:
+@pytest.mark.parametrize("forgets", ["reset", "restart"])
+def test_what_was_heard_of_contacts_is_forgotten_with_the_session(forgets: str) -> None:
     leading = founded()
-    leading.control.answer = (FREE, 0.0, -FREE)
-    for _ in range(2000):
+    leading.control.answer = (0.6, 0.1, 0.4)
+    for _ in range(1000):
         leading.tick((0.0, 0.0), (0.0,))
-    assert leading.port.output == (FREE, 0.0, -FREE)
+    assert leading.port.unfounded
+    getattr(leading.port, forgets)()
+    assert not leading.port.unfounded
+    leading.opened((0.0, 0.0), (0.0,))
+    assert leading.port.output == (0.6, 0.1, 0.4)
 
 
 def test_torque_of_control_that_is_not_finite_is_none() -> None:
@@ -266,13 +281,15 @@ def test_torque_of_control_that_is_not_finite_is_none() -> None:
 
 def test_record_has_the_gripper_in_the_last_place() -> None:
     leading = Leading()
-    leading.hand.angles = (0.1, -0.2, 0.3)
+    leading.hand.angles, leading.hand.buttons = (0.1, -0.2, 0.3), 0x1FF
     leading.opened((5.0, 0.1), (0.2,))
     row = Row()
     leading.port.report(row, is_led=True)
     assert row.joint_position == row.joint_raw == (0.1, -0.2, 0, 0, 0, 0, 0, 0, 0.3)
     assert row.joint_decoded == (5.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
     assert row.joint_output == (1.0, 0.1, 0, 0, 0, 0, 0, 0, 0.2)
+    assert (row.buttons, row.clipped, row.slew_ticks, row.ramping) == (0xFF, True, 0, False)
+    assert leading.port.controls == (leading.control,)
 
 
 def test_limits_of_other_axes_are_refused() -> None:

@@ -1,15 +1,18 @@
+from collections.abc import Callable
 from math import dist, hypot, inf, nan
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter, TorqueLimiter
 
 components = st.floats(-1e6, 1e6)
 FORCE = (0.0, 0.0, 4.0)
 TICK = 1e-3
+TICK_2 = 2.0**-8
 
 
 @given(force=st.tuples(components, components, components))
@@ -55,15 +58,48 @@ def test_a_slew_limit_without_end_changes_nothing() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_limiter_clips_beyond_the_limit_alone(size: float, clips: bool, sign: float) -> None:
     limiter = ForceLimiter(10.0)
+    assert not limiter.clipped
     assert limiter.limit((0.0, sign * size, 0.0)) == pytest.approx((0.0, sign * min(size, 10.0), 0.0))
     assert limiter.clipped is clips
 
 
-@pytest.mark.parametrize("limiter", [ForceLimiter, SlewLimiter])
-@pytest.mark.parametrize("limit", [0.0, -1.0, nan])
-def test_a_limit_that_is_none_is_refused(limiter: type[ForceLimiter] | type[SlewLimiter], limit: float) -> None:
-    with pytest.raises(ValueError, match="limit must be positive"):
-        limiter(limit)
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        *((lambda limit=limit: ForceLimiter(limit), "limit must be positive") for limit in (0.0, -1.0, nan)),
+        *((lambda limit=limit: SlewLimiter(limit), "limit must be positive") for limit in (0.0, -1.0, nan)),
+        (lambda: TorqueLimiter((1.0,), (1.0, 1.0)), "1 torque limits but 2 slew limits"),
+        (lambda: TorqueLimiter((0.0, -1e-9), (1.0, 1.0)), "must not be negative"),
+        (lambda: TorqueLimiter((nan,), (1.0,)), "must not be negative"),
+        (lambda: TorqueLimiter((1.0,), (0.0,)), "slew limits must be positive"),
+    ],
+)
+def test_a_limit_that_is_none_is_refused(made: Callable[[], object], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        made()
+
+
+@pytest.mark.parametrize(
+    ("torques", "elapsed", "shown", "clipped", "held_back"),
+    [
+        ((0.5, -0.4, 0.0), None, (0.5, -0.4, 0.0), False, False),
+        ((1.0, -0.8, 3.0), None, (1.0, -0.8, 0.0), False, False),  # an axis that displays none clips nothing
+        ((1.1, -0.9, 0.0), None, (1.0, -0.8, 0.0), True, False),
+        ((0.125, -0.125, 0.0), TICK_2, (0.125, -0.125, 0.0), False, False),
+        ((0.126, 0.0, 0.0), TICK_2, (0.125, 0.0, 0.0), False, True),
+        ((0.0, -0.126, 0.0), TICK_2, (0.0, -0.125, 0.0), False, True),
+        ((9.0, 9.0, 9.0), TICK_2, (0.125, 0.125, 0.0), True, True),
+    ],
+)
+def test_torques_are_limited_axis_by_axis(
+    torques: Joints, elapsed: float | None, shown: Joints, clipped: bool, held_back: bool
+) -> None:
+    limiter = TorqueLimiter((1.0, 0.8, 0.0), (32.0, 32.0, inf))
+    assert (limiter.clipped, limiter.held_back) == (False, False)
+    assert limiter.limit(torques, elapsed) == shown
+    assert (limiter.clipped, limiter.held_back) == (clipped, held_back)
+    limiter.limit(shown, None)
+    assert (limiter.clipped, limiter.held_back) == (False, False)
 
 
 @pytest.mark.parametrize(("change", "held"), [(3.0, False), (3.0 + 1e-9, True), (-3.0, False), (-3.0 - 1e-9, True)])
@@ -81,6 +117,7 @@ def test_gate_is_open_to_the_beginning_of_the_fade_and_ramps_tell_so() -> None:
     opened = [(gate.update(engaged=True, age=0.0, elapsed=TICK), gate.ramping) for _ in range(52)]
     assert opened[0] == (pytest.approx(0.02), True)
     assert (opened[48][1], opened[-1]) == (True, (1.0, False))
+    assert not next(ramping for gain, ramping in opened if gain == 1.0)
     faded = {age: gate.update(engaged=True, age=age, elapsed=TICK) for age in (0.06, 0.0601, 0.08, 0.1)}
     assert faded == pytest.approx({0.06: 1.0, 0.0601: 0.9975, 0.08: 0.5, 0.1: 0.0}, abs=1e-12)
     assert not gate.ramping, "silence is no ramp"

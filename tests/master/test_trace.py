@@ -19,20 +19,14 @@ def written(path: Path, text: str | bytes) -> Path:
     return path
 
 
-def test_columns_are_read_as_named(tmp_path: Path) -> None:
-    trace = read_trace(written(tmp_path / "a.csv", HEADER + "0,1,2,3,4,5,6\n0.001,7,8,9,10,11,12\n"))
+def test_columns_are_read_as_named_in_any_order_beside_others(tmp_path: Path) -> None:
+    text = "\ufefffz, note,t,px,py,pz,fx,fy\n6,7,0,1,2,3,4,5\n\n12,x,0.001,7,8,9,10,11\r\n"
+    trace = read_trace(written(tmp_path / "a.csv", text))
     assert isinstance(trace, Trace)
     assert trace.time_s.tolist() == [0.0, 0.001]
     assert trace.position_m.tolist() == [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]
     assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
     assert (trace.duration_s, trace.period_s, trace.gaps_s.shape) == (0.001, 0.001, (0, 2))
-
-
-def test_column_order_and_extra_columns_do_not_matter(tmp_path: Path) -> None:
-    text = "\ufefffz, note,t,px,py,pz,fx,fy\n6,7,0,1,2,3,4,5\n\n12,x,1,7,8,9,10,11\r\n"
-    trace = read_trace(written(tmp_path / "a.csv", text))
-    assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
-    assert trace.position_m[1].tolist() == [7.0, 8.0, 9.0]
 
 
 @given(values=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 6), min_size=2, max_size=20))
@@ -50,29 +44,33 @@ def test_pauses_are_reported(tmp_path: Path) -> None:
     assert trace.gaps_s == pytest.approx(np.array([[0.02, 0.48]]))
 
 
+def refusal(path: Path) -> str:
+    """In one line, with the path in front."""
+    with pytest.raises(TraceError) as caught:
+        read_trace(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+    return str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
         (None, "not found"),
         ("", "row 1: expected the header t,px,py,pz,fx,fy,fz, found nothing"),
-        ("\n", "row 1: expected the header"),
         ("t,px,py,fx,fy\n1,2,3,4,5\n", "row 1: missing column pz, fz"),
         ("t,t,px,py,pz,fx,fy,fz\n", "row 1: column t appears more than once"),
         ("0,1,2,3,4,5,6\n", "row 1: missing column t, px"),
-        (HEADER, "at least 2 rows of samples, found none"),
         (HEADER + "0,0,0,0,0,0,0\n", "at least 2 rows of samples, found 1"),
         (HEADER + "0,0,0,0,0,0,0\n1,0,0,x,0,0,0\n", "row 3, column pz: expected a number, found 'x'"),
         (HEADER + "0,0,0,0,0,0,0\n\n1,0,,0,0,0,0\n", "row 4, column py: expected a number, found ''"),
         (HEADER + "0,0,0,0,0,0,0\n1,0,0,0,0,0\n", "row 3, column fz: expected a number, found only 6 values"),
         (HEADER + "0,0,0,0,0,0,0\n1,0,0,0,nan,0,0\n", "row 3, column fx: expected a finite number, found 'nan'"),
-        (HEADER + "0,0,0,0,0,0,0\n1,0,inf,0,0,0,0\n", "row 3, column py: expected a finite number, found 'inf'"),
         (
             HEADER + "0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n\n1,0,0,0,0,0,0\n",
             "row 5, column t: expected a time after 1 s, found 1 s",
         ),
-        (HEADER + "2,0,0,0,0,0,0\n1,0,0,0,0,0,0\n", "row 3, column t: expected a time after 2 s, found 1 s"),
         (HEADER + '"0","0",0,0,0,0,0\n', "expected numbers with commas between them and no quotes"),
-        (b"\xff\xfe\x00\x01", "expected a readable CSV file"),
         (HEADER.encode() + b"0,0,0,0,0,0,0\n1,0,\xff,0,0,0,0\n", "expected a readable CSV file"),
     ],
 )
@@ -80,20 +78,13 @@ def test_invalid_trace_is_refused_in_one_line(tmp_path: Path, text: str | bytes 
     path = tmp_path / "bad.csv"
     if text is not None:
         written(path, text)
-    with pytest.raises(TraceError) as caught:
-        read_trace(path)
-    message = str(caught.value)
-    assert expected in message
-    assert "bad.csv" in message
-    assert "\n" not in message
+    assert expected in refusal(path)
 
 
-def test_a_recording_that_is_not_there_is_said(tmp_path: Path) -> None:
-    with pytest.raises(TraceError, match=r"none\.mcap: cannot be read: .*; expected a recording"):
-        read_trace(tmp_path / "none.mcap")
+def test_a_file_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+    assert "none.mcap: cannot be read: " in refusal(tmp_path / "none.mcap")
     os.mkfifo(tmp_path / "pipe.csv")
-    with pytest.raises(TraceError, match="is no regular file"):
-        read_trace(tmp_path / "pipe.csv")
+    assert "is no regular file" in refusal(tmp_path / "pipe.csv")
 
 
 # --- recordings
@@ -143,8 +134,7 @@ def test_a_recording_gives_what_each_side_commanded_and_felt_while_engaged(tmp_p
 )
 def test_a_recording_that_is_no_trace_is_said(tmp_path: Path, side: str, columns: dict[str, Any], says: str) -> None:
     path = recorded(tmp_path / "a.mcap", **{side: ticks(3, **{"state": ENGAGED, **columns})})
-    with pytest.raises(TraceError, match=f"^{path}: .*{says}"):
-        read_trace(path)
+    assert says in refusal(path)
 
 
 def arrays(rows: int = 3) -> dict[str, object]:
@@ -163,9 +153,7 @@ def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
     ("changed", "expected"),
     [
         ({"px": None}, "expected an npz file with arrays t,px,py,pz,fx,fy,fz of one length"),
-        ({"px": np.zeros(2)}, "of one length"),
         ({"px": np.array(["a", "b", "c"])}, "of one length"),
-        (dict.fromkeys(COLUMNS, np.zeros((3, 2))), "of finite numbers"),
         ({"fz": np.array([0.0, np.nan, 0.0])}, "of finite numbers"),
         (dict.fromkeys(COLUMNS, np.zeros(1)), "at least 2 rows of samples, found 1"),
         ({"t": np.zeros(3)}, "row 2, column t: expected a time after 0 s, found 0 s"),
@@ -173,35 +161,21 @@ def test_an_npz_file_holds_an_array_for_each_column(tmp_path: Path) -> None:
 )
 def test_an_invalid_npz_file_is_refused_in_one_line(tmp_path: Path, changed: dict[str, object], expected: str) -> None:
     np.savez(tmp_path / "bad.npz", **{name: value for name, value in (arrays() | changed).items() if value is not None})
-    with pytest.raises(TraceError) as caught:
-        read_trace(tmp_path / "bad.npz")
-    assert str(caught.value).startswith(f"{tmp_path / 'bad.npz'}: ")
-    assert expected in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert expected in refusal(tmp_path / "bad.npz")
 
 
-def gives_trace_or_error(path: Path) -> None:
-    try:
-        trace = read_trace(path)
-    except TraceError as error:
-        assert "\n" not in str(error)
-    else:
-        assert len(trace.time_s) >= 2
-
-
-@given(place=st.integers(0, 2000), value=st.integers(0, 255))
-def test_a_damaged_npz_file_gives_trace_or_error(
-    tmp_path_factory: pytest.TempPathFactory, place: int, value: int
+@given(content=st.binary(max_size=200), place=st.integers(0, 2000), value=st.integers(0, 255))
+def test_any_bytes_give_trace_or_error(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes, place: int, value: int
 ) -> None:
-    path = tmp_path_factory.mktemp("t") / "a.npz"
-    np.savez_compressed(path, **arrays())
-    content = bytearray(path.read_bytes())
-    content[place % len(content)] = value
-    path.write_bytes(content)
-    gives_trace_or_error(path)
-
-
-@given(content=st.binary(max_size=200))
-def test_any_bytes_give_trace_or_error(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
-    path = written(tmp_path_factory.mktemp("t") / "a.csv", HEADER.encode() + content)
-    gives_trace_or_error(path)
+    folder = tmp_path_factory.mktemp("t")
+    np.savez_compressed(folder / "a.npz", **arrays())
+    torn = bytearray((folder / "a.npz").read_bytes())
+    torn[place % len(torn)] = value
+    for path in (written(folder / "a.npz", bytes(torn)), written(folder / "a.csv", HEADER.encode() + content)):
+        try:
+            trace = read_trace(path)
+        except TraceError as error:
+            assert "\n" not in str(error)
+        else:
+            assert len(trace.time_s) >= 2

@@ -20,6 +20,7 @@ from weberlink.protocol import (
     PeerSilent,
     Refused,
     Role,
+    State,
     UpdateLost,
     UpdateReceived,
 )
@@ -28,11 +29,12 @@ from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.wire import kind_of
+from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
+STRANGER: Address = ("203.0.113.9", 9)
 KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
@@ -289,15 +291,24 @@ def sample_update(tick: int) -> Update:
     return Update(tick, tick % 8, newest, PreviousSample(3, (newest[0] - 5, newest[1] + 5, -7)))
 
 
-def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
-    """A master and a slave, which sends `outgoing` values, engaged at time 0."""
-    master = make_endpoint(Role.INITIATOR, security=security, incoming=(forms(outgoing),))
-    slave = make_endpoint(Role.RESPONDER, security=security, outgoing=(forms(outgoing),))
-    slave.connect(0.0)
-    master.connect(0.0)
-    for _ in range(4):
-        for data, _ in master.datagrams_to_send():
-            slave.receive_datagram(data, MASTER, 0.0)
-        for data, _ in slave.datagrams_to_send():
-            master.receive_datagram(data, SLAVE, 0.0)
-    return master, slave
+ENGAGED = [State.ENGAGED] * 2
+
+
+def both(**changes: object) -> dict[str, dict[str, object]]:
+    """Arguments of a pair whose ends have the same changes."""
+    return {"master": changes, "slave": changes}
+
+
+def states(pair: Pair) -> list[State]:
+    return [side.endpoint.state for side in pair.sides]
+
+
+def sent(pair: Pair, kind: Kind, side: Side | None = None) -> list[bytes]:
+    return [data for _, sender, data in pair.tap if kind_of(data) == kind and side in (None, sender)]
+
+
+def dropped(endpoint: Endpoint, data: bytes, source: Address, now: float = 0.2) -> list[DropReason]:
+    """Why an end drops a datagram."""
+    before = endpoint.statistics.dropped.copy()
+    endpoint.receive_datagram(data, source, now)
+    return list((endpoint.statistics.dropped - before).elements())

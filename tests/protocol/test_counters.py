@@ -1,5 +1,6 @@
 """Truncated counters: expansion, replay window, loss meter."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from random import Random
 
@@ -8,12 +9,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.protocol.counters import LOSS_PATIENCE, REPLAY_WINDOW, LossMeter, ReplayWindow, expand, expand_counter
-from weberlink.protocol.emulation import EmulatedLink, Emulation
-
-
-@given(st.integers(-(2**40), 2**40), st.integers(-(2**23) + 1, 2**23 - 1))
-def test_expansion_undoes_truncation_within_half_the_range(full: int, error: int) -> None:
-    assert expand(full & 0xFFFFFF, 24, full + error) == full
 
 
 @given(st.integers(0, 2**24 - 1), st.integers(-(2**40), 2**40))
@@ -24,21 +19,19 @@ def test_expansion_is_congruent_and_near(truncated: int, near: int) -> None:
 
 
 @given(st.integers(0, 2**24 - 1), st.integers(0, 2**40))
+@example(2**24 - 5, 0)
+@example(2, 2**24 - 4)
 def test_a_counter_never_becomes_negative(truncated: int, near: int) -> None:
     full = expand_counter(truncated, 24, near)
-    assert full >= 0
     assert full % 2**24 == truncated
-
-
-def test_a_counter_that_starts_just_below_the_wrap() -> None:
-    assert expand_counter(2**24 - 5, 24, 0) == 2**24 - 5
-    assert expand_counter(2, 24, 2**24 - 4) == 2**24 + 2
+    assert full == (expand(truncated, 24, near) if expand(truncated, 24, near) >= 0 else truncated)
 
 
 @given(st.lists(st.integers(0, 3 * REPLAY_WINDOW), max_size=200))
 @example([REPLAY_WINDOW, 0, 1])
 @example([REPLAY_WINDOW - 1, 0])
 @example([1, REPLAY_WINDOW + 1, 1, 2])
+@example([5, 2**60, 5, 2**60, 2**60 - 1])
 def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
     window = ReplayWindow()
     marked: set[int] = set()
@@ -50,15 +43,6 @@ def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
             window.mark(number)
             marked.add(number)
             assert not window.is_new(number)
-
-
-def test_huge_leap_admits_no_number_twice() -> None:
-    window = ReplayWindow()
-    window.mark(5)
-    window.mark(2**60)
-    assert not window.is_new(5)
-    assert not window.is_new(2**60)
-    assert window.is_new(2**60 - 1)
 
 
 def meter(numbers: list[int]) -> LossMeter:
@@ -123,26 +107,9 @@ def test_burst_is_the_mean_length_of_the_gaps(seed: int, reach: int) -> None:
     assert made.burst == pytest.approx(sum(lengths) / len(lengths), rel=0.08)
 
 
-@pytest.mark.parametrize("burst", [1.0, 3.0, 8.0])
-def test_burst_of_a_lossy_link_is_measured(burst: float) -> None:
-    link = EmulatedLink[int](Emulation(loss=0.1, burst=burst), Random(4).random)
-    made, measured = LossMeter(), []
-    for number in range(20_000):
-        link.send(b"", number, 0.0)
-        for _, arrived in link.receive(0.0):
-            made.record(arrived)
-            measured.append(made.burst)
-    late = measured[4000:]
-    # Independent losses follow each other too: a run of them has 1 / (1 - loss) numbers.
-    assert sum(late) / len(late) == pytest.approx(burst if burst > 1.0 else 1.0 / 0.9, rel=0.15)
-
-
-def test_burst_is_unknown_without_loss() -> None:
-    assert meter(list(range(100))).burst == 0.0
-
-
-def test_one_blackout_is_no_bursty_link() -> None:
-    assert meter([*range(100), *range(140, 400), *range(440, 900)]).burst == 0.0
+@pytest.mark.parametrize("numbers", [range(100), [*range(100), *range(140, 400), *range(440, 900)]])
+def test_without_losses_or_with_rare_blackouts_there_are_no_bursts(numbers: Sequence[int]) -> None:
+    assert meter(list(numbers)).burst == 0.0
 
 
 def test_very_long_gap_stays_in_range() -> None:

@@ -1,5 +1,4 @@
-from itertools import groupby, pairwise
-from math import sqrt
+from itertools import groupby
 from random import Random
 
 import pytest
@@ -14,27 +13,9 @@ def link(seed: int = 1, epoch: float = 0.0, **faults: object) -> EmulatedLink[in
     return EmulatedLink(Emulation(**faults), Random(seed).random, epoch)  # type: ignore[arg-type]
 
 
-def fates(made: EmulatedLink[int], count: int) -> list[bool]:
-    """Which of `count` datagrams arrive."""
-    for number in range(count):
-        made.send(b"x", number, 0.0)
-    arrived = {tag for _, tag in made.receive(1e9)}
-    return [number in arrived for number in range(count)]
-
-
-def test_a_perfect_link_delivers_at_once_and_in_order() -> None:
-    made = link()
-    assert made.next_due() is None
-    for number in range(10):
-        made.send(bytes([number]), number, 1.0)
-    assert made.next_due() == 1.0
-    assert made.receive(0.999) == []
-    assert made.receive(1.0) == [(bytes([number]), number) for number in range(10)]
-    assert made.counters.sent == made.counters.delivered == 10
-
-
 def test_delay_and_jitter_keep_bounds_and_order() -> None:
     made = link(delay_s=0.1, jitter_s=0.05)
+    assert made.next_due() is None
     waits = []
     for number in range(2000):
         now = number * 0.1  # far enough apart that none waits for the one before
@@ -42,33 +23,29 @@ def test_delay_and_jitter_keep_bounds_and_order() -> None:
         due = made.next_due()
         assert due is not None
         waits.append(due - now)
+        assert made.receive(due - 1e-6) == []
         assert made.receive(due) == [(b"x", number)]
     assert 0.1 <= min(waits) < 0.101
     assert 0.149 < max(waits) <= 0.15
     assert sum(waits) / len(waits) == pytest.approx(0.125, abs=0.002)
-    for number in range(100):
-        made.send(b"x", number, 1000.0 + number * 0.001)
-    assert [tag for _, tag in made.receive(2000.0)] == list(range(100))
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.01, 0.3, 1.0])
-def test_independent_losses_have_their_rate_and_no_memory(loss: float) -> None:
-    lost = [not arrived for arrived in fates(link(loss=loss), 16_000)]
-    assert sum(lost) / len(lost) == pytest.approx(loss, abs=4.0 * sqrt(loss * (1.0 - loss) / len(lost)))
-    if loss == 0.3:
-        after = [later for earlier, later in pairwise(lost) if earlier]
-        assert sum(after) / len(after) == pytest.approx(loss, abs=0.03)
-
-
-@pytest.mark.parametrize(("loss", "burst"), [(0.1, 5.0), (0.3, 20.0), (0.3, 2.0)])
-def test_bursts_have_their_rate_and_their_mean_length(loss: float, burst: float) -> None:
-    lost: list[bool] = []
-    made = link(loss=loss, burst=burst)
-    for _ in range(10):
-        lost += [not arrived for arrived in fates(made, 16_000)]
+@pytest.mark.parametrize(
+    ("loss", "burst"), [(0.0, 1.0), (0.01, 1.0), (0.3, 1.0), (1.0, 1.0), (0.1, 5.0), (0.3, 20.0), (0.5, 5.0)]
+)
+def test_losses_have_their_rate_and_their_mean_length(loss: float, burst: float) -> None:
+    made, count = link(loss=loss, burst=burst), 60_000
+    lost = []
+    for number in range(count):
+        made.send(b"x", number, 0.0)
+        lost.append(not made.receive(0.0))
     runs = [sum(1 for _ in run) for is_lost, run in groupby(lost) if is_lost]
-    assert sum(lost) / len(lost) == pytest.approx(loss, rel=0.1)
-    assert sum(runs) / len(runs) == pytest.approx(burst, rel=0.1)
+    assert sum(runs) / count == pytest.approx(loss, rel=0.15)
+    if 0.0 < loss < 1.0:
+        # Independent losses follow each other too: a run of them has 1 / (1 - loss) numbers.
+        assert sum(runs) / len(runs) == pytest.approx(burst if burst > 1.0 else 1.0 / (1.0 - loss), rel=0.15)
+    assert (made.counters.sent, made.counters.lost) == (count, sum(runs))
+    assert made.counters.delivered == count - sum(runs)
 
 
 def test_reordered_datagrams_are_overtaken() -> None:
@@ -80,6 +57,19 @@ def test_reordered_datagrams_are_overtaken() -> None:
     moved = [place - number for place, number in enumerate(order) if place > number]
     assert made.counters.reordered == pytest.approx(200, abs=40)
     assert max(moved) <= round(REORDER_HOLD / 0.001)
+
+
+def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
+    made = link(rate_bit_s=80_000.0)
+    for number in range(100):
+        made.send(bytes(100 - HEADER_BYTES), number, 0.0)  # 10 ms each
+    times = []
+    while (due := made.next_due()) is not None:
+        times.append(due)
+        made.receive(due)
+    assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
+    assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
+    assert made.counters.congested == 100 - len(times)
 
 
 def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
@@ -95,27 +85,15 @@ def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
     assert len({data for data, _ in arrived}) == 65
 
 
-def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
-    made = link(rate_bit_s=80_000.0)
-    size = 100 - HEADER_BYTES  # 10 ms each
-    for number in range(100):
-        made.send(bytes(size), number, 0.0)
-    times = []
-    while (due := made.next_due()) is not None:
-        times.append(due)
-        made.receive(due)
-    assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
-    assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
-    assert made.counters.congested == 100 - len(times)
-
-
-def test_nothing_gets_through_a_blackout() -> None:
-    made = link(blackouts=((1.0, 0.5), (3.0, 1.0)), epoch=10.0)
-    for number in range(50):
-        made.send(b"x", number, 10.0 + number * 0.1 + 0.01)
+@pytest.mark.parametrize("blackout", [(1.0, 0.5), (1.0, 0.05, 0.2)])
+def test_nothing_gets_through_a_blackout_once_or_periodic(blackout: tuple[float, ...]) -> None:
+    made, every = link(blackouts=(blackout,), epoch=10.0), round(100 * blackout[2]) if len(blackout) > 2 else 10**6
+    for number in range(200):
+        made.send(b"x", number, 10.0 + number * 0.01 + 0.005)
     arrived = [tag for _, tag in made.receive(100.0)]
-    assert arrived == [number for number in range(50) if not (10 <= number < 15 or 30 <= number < 40)]
-    assert made.counters.blacked_out == 15
+    gone = [number for number in range(200) if number >= 100 and (number - 100) % every < round(100 * blackout[1])]
+    assert sorted(arrived + gone) == list(range(200))
+    assert made.counters.blacked_out == len(gone)
 
 
 @examples(25)
@@ -132,18 +110,6 @@ def test_same_seed_causes_the_same_faults(seed: int, loss: float, burst: float) 
             made.send(bytes(20), number, number * 0.001)
         results.append((made.receive(10.0), made.counters))
     assert results[0] == results[1]
-
-
-def test_every_datagram_is_accounted_for() -> None:
-    made = link(loss=0.2, burst=3.0, duplicate=0.2, rate_bit_s=1e5, blackouts=((0.1, 0.1),))
-    for number in range(1000):
-        made.send(bytes(50), number, number * 0.001)
-    arrived = made.receive(1e9)
-    counters = made.counters
-    assert counters.delivered == len(arrived)
-    gone = counters.lost + counters.blacked_out + counters.congested
-    assert counters.sent == 1000 == len(arrived) - counters.duplicated + gone
-    assert min(counters.lost, counters.blacked_out, counters.congested, counters.duplicated) > 0
 
 
 @pytest.mark.parametrize(
@@ -167,48 +133,16 @@ def test_invalid_fault_is_named(field: str, value: object) -> None:
         Emulation(**{field: value})  # type: ignore[arg-type]
 
 
-def test_a_periodic_blackout_repeats_from_its_start() -> None:
-    made = link(blackouts=((1.0, 0.05, 0.2),), epoch=10.0)
-    for number in range(200):
-        made.send(b"x", number, 10.0 + number * 0.01 + 0.005)
-    arrived = [tag for _, tag in made.receive(100.0)]
-    assert arrived == [number for number in range(200) if number < 100 or number % 20 >= 5]
-
-
-def test_changed_link_keeps_what_is_under_way_and_its_order() -> None:
-    made = link(delay_s=0.1)
-    made.send(b"", 0, 0.0)
-    made.change(Emulation(delay_s=0.01))
-    made.send(b"", 1, 0.02)
-    assert made.receive(0.0999) == []
-    assert [tag for _, tag in made.receive(0.1)] == [0, 1]
-    made.send(b"", 2, 0.2)
-    made.change(Emulation(delay_s=0.5, loss=1.0))
-    made.send(b"", 3, 0.2)
-    assert [tag for _, tag in made.receive(0.215)] == [2]
-    made.change(Emulation())
-    made.send(b"", 4, 0.3)
-    assert [tag for _, tag in made.receive(0.3)] == [4], "nothing is left of what was there before"
-    assert (made.counters.sent, made.counters.delivered, made.counters.lost) == (5, 4, 1)
-
-
 @examples(60)
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.05)), min_size=1, max_size=20))
-def test_changes_lose_and_reorder_nothing(delays: list[tuple[float, float]]) -> None:
+def test_changes_lose_and_reorder_nothing_and_leave_no_loss_behind(delays: list[tuple[float, float]]) -> None:
     made, arrived = link(), []
     for number, (delay, jitter) in enumerate(delays):
         now = 0.01 * number
         made.change(Emulation(delay_s=delay, jitter_s=jitter))
         made.send(b"", number, now)
+        made.change(Emulation(loss=1.0, burst=1000.0))
+        made.send(b"", -1, now)
         arrived += [tag for _, tag in made.receive(now)]
     arrived += [tag for _, tag in made.receive(1e9)]
     assert arrived == list(range(len(delays)))
-
-
-def test_run_of_losses_ends_where_the_loss_does() -> None:
-    made = link(loss=0.5, burst=1000.0)
-    while fates(made, 1)[0]:
-        pass
-    made.change(Emulation(burst=1000.0))
-    made.change(Emulation(loss=1e-9, burst=1000.0))
-    assert all(fates(made, 50))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from tests.examples import examples
-from tests.protocol.harness import KEY, MASTER, SILENCE, SLAVE, TICK, Pair, Side, forms, make_endpoint
+from tests.protocol.harness import KEY, MASTER, SILENCE, SLAVE, STRANGER, TICK, Pair, Side, forms, make_endpoint
 from weberlink.protocol import (
     Address,
     ChangeAnswered,
@@ -39,7 +39,6 @@ from weberlink.protocol.timing import WINDOW
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import MAX_SELECTOR, PreviousSample, Update
 
-STRANGER: Address = ("203.0.113.9", 9)
 OWN = st.integers(0, 1)
 LATE = 2.0 * TICK
 """How late an owner may be in each of two ticks [s]."""

@@ -64,30 +64,13 @@ def test_invalid_name_is_refused(name: str) -> None:
         assert read_hello({**HELLO._asdict(), "expects": name}) is None
 
 
-@given(st.binary(max_size=200))
-def test_any_bytes_are_a_map_or_none(packed: bytes) -> None:
-    body = read_map(packed)
-    assert body is None or all(isinstance(key, str) for key in body)
-
-
 @pytest.mark.parametrize(
     "packed",
     [
-        b"",
-        b"\xc1",
-        b"\x90",
-        b"\x93\x01\x02",
-        b"\x81\x01\x02",
-        b"\x81\xa1a",
-        b"\x81\xa1\xff\x01",
-        b"\x80\x80",
-        b"\x91" * 3000,
-        b"\x81\xa1a" * 3000,
-        b"\x81\xc4\x01a\x01",
-        b"\xdf\xff\xff\xff\xff",
-        b"\xd6\xff\xff\xff\xff\xff",
+        b"", b"\xc1", b"\x90", b"\x93\x01\x02", b"\x81\x01\x02", b"\x81\xa1a", b"\x81\xa1\xff\x01", b"\x80\x80",
+        b"\x91" * 3000, b"\x81\xa1a" * 3000, b"\x81\xc4\x01a\x01", b"\xdf\xff\xff\xff\xff", b"\xd6\xff\xff\xff\xff\xff",
     ],
-)
+)  # fmt: skip
 def test_bytes_that_are_no_map_with_text_keys_are_none(packed: bytes) -> None:
     assert read_map(packed) is None
 
@@ -95,22 +78,17 @@ def test_bytes_that_are_no_map_with_text_keys_are_none(packed: bytes) -> None:
 FALSE = [None, [1], {}, 2**63, 1.5, b"x" * 7, "x" * 65, -(2**60)]
 
 
-@pytest.mark.parametrize("field", Hello._fields)
-@pytest.mark.parametrize("value", FALSE)
-def test_a_hello_with_a_false_field_is_none(field: str, value: object) -> None:
-    body = HELLO._asdict()
-    assert read_hello({key: content for key, content in body.items() if key != field}) is None
-    if field == "agreement" and isinstance(value, bytes):
-        return
-    assert read_hello({**body, field: value}) is None
-
-
-@pytest.mark.parametrize("field", Welcome._fields)
 @pytest.mark.parametrize("value", [*FALSE, True])
-def test_a_welcome_with_a_false_field_is_none(field: str, value: object) -> None:
-    good = Welcome(1, -2, "robot:47000", 400_000)
-    assert read_welcome(good._asdict()) == good
-    assert read_welcome({**good._asdict(), field: value}) is None
+def test_a_body_with_a_false_field_is_none(value: object) -> None:
+    welcome = Welcome(1, -2, "robot:47000", 400_000)
+    assert read_welcome(welcome._asdict()) == welcome
+    for field in Welcome._fields:
+        assert read_welcome({**welcome._asdict(), field: value}) is None
+    body = HELLO._asdict()
+    for field in Hello._fields:
+        assert read_hello({key: content for key, content in body.items() if key != field}) is None
+        if (field, value) not in (("agreement", b"x" * 7), ("takes_over", True)):
+            assert read_hello({**body, field: value}) is None
 
 
 @given(st.text(max_size=2000), st.integers(40, 600))
@@ -132,25 +110,11 @@ AGREEMENTS = st.dictionaries(st.sampled_from(["a", "b.c", "b.d", "rate_hz"]), VA
 
 @given(AGREEMENTS, AGREEMENTS)
 def test_both_ends_say_the_same_about_a_difference(master: dict[str, object], slave: dict[str, object]) -> None:
+    assert read_map(pack_agreement(master)) == master
     said = differences(Role.INITIATOR, master, slave)
     assert said == differences(Role.RESPONDER, slave, master)
     assert (said == "") == (master == slave)
     assert differences(Role.INITIATOR, master, master) == ""
-
-
-@given(AGREEMENTS)
-def test_an_agreement_survives_packing(agreement: dict[str, object]) -> None:
-    assert read_map(pack_agreement(agreement)) == agreement
-
-
-def test_tuple_and_list_agree() -> None:
-    ours, theirs = (
-        read_map(pack_agreement({"bank": ("zoh", "plane")})),
-        read_map(pack_agreement({"bank": ["zoh", "plane"]})),
-    )
-    assert ours is not None
-    assert theirs is not None
-    assert differences(Role.INITIATOR, ours, theirs) == ""
 
 
 def test_none_differs_from_a_missing_key() -> None:

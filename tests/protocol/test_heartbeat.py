@@ -1,4 +1,4 @@
-"""The schedule by itself. Two ends that use it are in test_endpoint_session."""
+"""The schedule of heartbeats by itself."""
 
 from math import inf
 
@@ -6,7 +6,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.examples import examples
 from weberlink.protocol.heartbeat import (
     ASK_PACE,
     DENSEST,
@@ -97,28 +96,6 @@ def test_loss_shortens_reach_and_gap_down_to_a_limit() -> None:
     assert (reaches[-1], gaps[-1]) == (DENSEST, DENSEST)
 
 
-@pytest.mark.parametrize(("silence", "most"), [(0.1, 25.0), (1.0, 5.0), (10.0, 5.0)])
-def test_two_ends_at_rest_keep_the_loop_age_with_few_datagrams(silence: float, most: float) -> None:
-    """Without delay and loss, sent at the tick after they are due."""
-    ends = [introduced(silence=silence) for _ in range(2)]
-    heard_at, sent_at, confirmed_at = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-    sent, oldest, ticks = 0, 0.0, 20_000
-    for tick in range(1, ticks):
-        now = tick * TICK
-        for own in range(2):
-            ends[own].adapt(0.0, 0.0, 0.0, 0.0, 0.0)
-            if now < ends[own].due(is_engaged=True):
-                continue
-            sent += 1
-            pulse(ends[own], now, heard_at=heard_at[own])
-            other, sent_at[own] = 1 - own, now
-            oldest = max(oldest, now - confirmed_at[other])
-            heard_at[other], confirmed_at[other] = now, max(confirmed_at[other], sent_at[other])
-            ends[other].heard(now, confirmed_at[other])
-    assert oldest <= FADE_SHARE * silence
-    assert 0.5 * sent / (ticks * TICK) <= most
-
-
 @given(st.floats(0.0, 0.99), st.floats(1e-9, 0.5))
 def test_questions_are_as_few_as_possible(unanswered: float, rate: float) -> None:
     count = questions_needed(unanswered, rate)
@@ -151,16 +128,7 @@ def test_reach_and_gap_leave_room_for_the_path_and_for_losses(
     assert schedule.gap <= schedule.reach <= LONGEST_REACH
 
 
-@given(st.floats(0.0, 0.4), st.sampled_from([0.0, 0.02]))
-def test_a_long_path_needs_no_more_than_thirty_five_heartbeats_a_second(rtt: float, loss: float) -> None:
-    """Where both ends have agreed on its round trip, whatever it is."""
-    schedule = introduced()
-    schedule.adapt(loss, loss, rtt, 0.0, rtt)
-    assert schedule.reach >= (1.0 / 35.0 if loss == 0.0 else 1.0 / 60.0)
-
-
 @given(st.floats(0.001, 0.3), st.sampled_from([0.1, 0.4, 1.0]))
-@examples(60)
 def test_a_false_alarm_is_rarer_than_one_an_hour(loss: float, silence: float) -> None:
     """It needs the loss of a datagram or of what it echoes, and then of all questions that fit, or of their answers."""
     schedule = introduced(silence=silence)
@@ -208,9 +176,7 @@ def test_absent_owner_causes_no_storm() -> None:
     schedule = introduced()
     schedule.adapt(0.3, 0.3, 0.001, 0.0, 0.0)
     schedule.heard(0.0, 0.0)
-    sent = 0
-    while schedule.due(is_engaged=True) <= 0.5:
+    for _ in range(2):
         assert not schedule.asks(0.5)
         pulse(schedule, 0.5)
-        sent += 1
-    assert sent <= 2
+    assert schedule.due(is_engaged=True) > 0.5

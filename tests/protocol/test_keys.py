@@ -7,30 +7,17 @@ from tests.strangers import NOBODY, needs_root
 from weberlink.protocol.keys import KEY_BYTES, KeyFileError, generate, load
 
 
-def test_generated_key_is_readable_by_its_owner_only(tmp_path: Path) -> None:
-    path = tmp_path / "link.key"
-    generate(path)
-    assert path.stat().st_mode & 0o777 == 0o600
-    assert len(load(path)) == KEY_BYTES
-
-
-def test_a_key_is_never_overwritten(tmp_path: Path) -> None:
+def test_a_generated_key_is_its_owners_only_and_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "link.key"
     generate(path)
     key = load(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert len(key) == KEY_BYTES
     with pytest.raises(KeyFileError, match="exists already"):
         generate(path)
     assert load(path) == key
-
-
-def test_no_key_where_none_can_be_written(tmp_path: Path) -> None:
     with pytest.raises(KeyFileError, match="cannot be written"):
         generate(tmp_path / "missing" / "link.key")
-
-
-def test_a_missing_file_names_the_command(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="weberlink keygen"):
-        load(tmp_path / "link.key")
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o644, 0o666])
@@ -40,11 +27,6 @@ def test_key_file_open_to_others_is_refused_with_the_remedy(tmp_path: Path, mode
     path.chmod(mode)
     with pytest.raises(KeyFileError, match=f"chmod 600 {path}"):
         load(path)
-
-
-def test_a_directory_is_no_key(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="not a file"):
-        load(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -68,11 +50,19 @@ def test_other_contents_are_no_key(tmp_path: Path, content: bytes, message: str)
         load(path)
 
 
-def test_a_link_to_a_key_is_no_key(tmp_path: Path) -> None:
+def test_what_is_no_file_is_no_key_and_is_not_waited_for(tmp_path: Path) -> None:
     generate(tmp_path / "key")
     (tmp_path / "link").symlink_to(tmp_path / "key")
-    with pytest.raises(KeyFileError, match="link is a symbolic link; name the file itself"):
-        load(tmp_path / "link")
+    os.mkfifo(tmp_path / "pipe", 0o600)
+    (tmp_path / "folder").mkdir()
+    for name, message in (
+        ("link", "link is a symbolic link; name the file itself"),
+        ("pipe", "not a file"),
+        ("folder", "not a file"),
+        ("missing", "weberlink keygen"),
+    ):
+        with pytest.raises(KeyFileError, match=message):
+            load(tmp_path / name)
 
 
 @needs_root
@@ -82,9 +72,3 @@ def test_a_key_of_another_user_is_no_key(tmp_path: Path) -> None:
     os.chown(path, NOBODY, NOBODY)
     with pytest.raises(KeyFileError, match=f"belongs to user id {NOBODY}.* sudo chown 0 {path}"):
         load(path)
-
-
-def test_a_pipe_is_no_key_and_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "key", 0o600)
-    with pytest.raises(KeyFileError, match="not a file"):
-        load(tmp_path / "key")

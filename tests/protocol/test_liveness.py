@@ -1,4 +1,4 @@
-"""Loop age from an echo, for any clocks and delays. Two ends that use it are in test_endpoint_session."""
+"""Loop age from an echo, for any clocks and delays."""
 
 from math import floor, inf, nextafter
 

@@ -5,7 +5,7 @@ from weberlink.protocol.mailbox import QUEUED_DATAGRAMS, QUEUED_EVENTS, Mailbox
 BEGUN = Connected(("h", 1), {})
 
 
-def test_datagrams_leave_in_order_and_once() -> None:
+def test_datagrams_leave_in_order_and_once_and_the_oldest_are_dropped() -> None:
     statistics = Statistics()
     mailbox = Mailbox(statistics)
     mailbox.post(b"a", ("h", 1))
@@ -16,11 +16,6 @@ def test_datagrams_leave_in_order_and_once() -> None:
     mailbox.count(b"e")
     assert (statistics.sent, statistics.bytes_sent) == (2, 3)
     assert (statistics.received, statistics.bytes_received) == (2, 5)
-
-
-def test_full_queue_drops_the_oldest_datagram() -> None:
-    statistics = Statistics()
-    mailbox = Mailbox(statistics)
     for number in range(QUEUED_DATAGRAMS + 3):
         mailbox.post(bytes([number]), ("h", 1))
     assert mailbox.datagrams()[0][0] == b"\x03"
@@ -52,10 +47,6 @@ def test_a_session_begins_with_an_empty_queue() -> None:
     assert mailbox.next_event() == BEGUN
     assert mailbox.next_event() == ChangeProposed(5, b"of this one")
     assert mailbox.next_event() is None
-
-
-def test_events_are_bounded() -> None:
-    mailbox = Mailbox(Statistics())
     for number in range(QUEUED_EVENTS + 5):
         mailbox.tell(Refused(str(number)))
     assert mailbox.next_event() == Refused("5")

@@ -49,17 +49,6 @@ def test_peer_that_moved_is_followed_once_it_has_answered(gap: float) -> None:
     assert now <= max(OVERTAKEN + 1, QUIET / gap + 2) * gap
 
 
-def test_nothing_moves_without_the_token() -> None:
-    path = at_home()
-    for step in range(100):
-        now = 0.1 + 0.01 * step
-        path.hear(ELSEWHERE, now, is_fresh=True)
-        path.challenge(now)
-        path.answer(bytes(8), now)
-        path.answer(b"", now)
-    assert path.address == HOME
-
-
 def test_attacker_who_copies_datagrams_gets_only_challenges() -> None:
     """Every datagram of the master also arrives earlier, from the attacker's address, from the first one on."""
 

@@ -1,13 +1,12 @@
 """Replayed and forged calls: what they cost, and that the master connects while they arrive."""
 
-from collections.abc import Callable, Iterator
-from functools import cache
+from collections.abc import Callable
 from itertools import cycle
 from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, STRANGER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.aio.queue import MOST_S
 from weberlink.protocol.aio.sockets import PEER_SHARE
@@ -18,20 +17,16 @@ from weberlink.protocol.handshake import (
     HelloHeader,
     LocalEnd,
     pack_agreement,
-    read_hello_header,
 )
 from weberlink.protocol.listener import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
     KNOWN_MASTERS,
-    PENDING_LIMIT,
     REFUSAL_PACE,
     STALE_PACE,
 )
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import Kind, kind_of
-
-STRANGER = ("203.0.113.9", 9)
 
 
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
@@ -123,15 +118,6 @@ def test_key_exchanges_are_rate_limited(is_engaged: bool, pace: float) -> None:
     assert slave.statistics.dropped[DropReason.OVERLOADED] == 400 - answered
 
 
-def test_pending_sessions_are_bounded() -> None:
-    slave = listening()
-    calls = [recorded(8, name=f"user{number}@host") for number in range(2 * KNOWN_MASTERS)]
-    for step, hello in enumerate(hello for row in zip(*calls, strict=True) for hello in row):
-        slave.receive_datagram(hello, STRANGER, step * EXCHANGE_PACE)
-        assert len(slave._listener.pending) <= PENDING_LIMIT * KNOWN_MASTERS
-    assert len(slave._listener.pending) >= KNOWN_MASTERS
-
-
 def test_a_forgotten_master_does_not_reopen_its_recordings() -> None:
     slave = listening()
     of_all = [recorded(2, name=f"user{number}@host", first=1000 + number) for number in range(4 * KNOWN_MASTERS)]
@@ -164,70 +150,35 @@ def test_master_with_stepped_clock_continues_from_newest_stamp(back: float) -> N
     assert restarted.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_answer_about_stamps_never_lowers_the_stamp() -> None:
-    pair = Pair()
-    pair.slave.endpoint.connect(0.0)
-    pair.slave.endpoint.receive_datagram(recorded(1, first=10**12)[0], STRANGER, 0.0)
-    pair.slave.endpoint.datagrams_to_send()
-    pair.master.endpoint.connect(0.0)
-    pair.run(0.06)
-    stamps = [read_hello_header(data) for _, side, data in pair.tap if side is pair.master and kind_of(data) == 1]
-    assert [header.stamp > 10**12 for header in stamps if header is not None] == [False, True, True]
-    assert pair.master.faults() == [], "it expects no answer to the first one any more"
-    assert pair.slave.endpoint.state is State.ENGAGED
-
-
-RATE = 20_000
-"""Calls per second of the flood."""
-BUFFER = 160
-"""HELLOs that wait in the kernel before it drops (212,992 bytes of buffer, 1,280 for each)."""
-COST = {True: 60e-6, False: 10e-6}
-"""Assumed processor time of a HELLO that is opened, and of one that is not [s]."""
-
-
-def flood_until_engaged(flood: Iterator[bytes], key: CountingKey, limit: float) -> float:
-    """Time until the master is engaged [s]; master, slave and flood start together."""
-    pair = Pair(slave={"security": key}).connect()
-    slave, random = pair.slave.endpoint, Random(1)
-    genuine: list[bytes] = []
-    pair.swallow = lambda side, data: side is pair.master and not genuine.append(data)  # it goes through the port below
-    port: list[tuple[bytes, tuple[str, int]]] = []
-    budget = 0.0
-    while pair.now < limit:
-        pair.run(0.001)
-        arrivals = [(next(flood), STRANGER) for _ in range(round(RATE * 0.001))]
-        for data in genuine:
-            arrivals.insert(random.randrange(len(arrivals)), (data, MASTER))
-        genuine.clear()
-        port = (port + arrivals)[:BUFFER]
-        budget = min(budget + PEER_SHARE * 0.001, MOST_S)
-        while port and budget > 0.0:
-            opened = key.opened
-            slave.receive_datagram(*port.pop(0), pair.now)
-            budget -= COST[key.opened > opened]
-        if slave.state is State.ENGAGED is pair.master.endpoint.state:
-            return pair.now
-    return limit
-
-
-@cache
-def rising() -> list[bytes]:
-    return recorded(6_000)
-
-
 FLOODS = {
-    "one recording": lambda: cycle(recorded(1)),
-    "rising stamps": lambda: iter(rising()),
-    "rising stamps, over and over": lambda: cycle(rising()[:500]),
-    "forty masters": lambda: cycle(
-        [hello for row in zip(*(recorded(30, name=f"user{n}@host") for n in range(40)), strict=True) for hello in row]
-    ),
-    "forged": lambda: cycle(forged(100)),
+    "rising stamps": lambda: recorded(4_000),
+    "forty masters": lambda: [
+        hello for row in zip(*(recorded(30, name=f"user{n}@host") for n in range(40)), strict=True) for hello in row
+    ],
+    "forged": lambda: forged(100),
 }
 
 
 @pytest.mark.parametrize("kind", FLOODS)
 def test_master_connects_under_20000_calls_a_second(kind: str) -> None:
-    flood = FLOODS[kind]()
-    endless = (hello for part in (flood, cycle(rising()[-1:])) for hello in part)
-    assert flood_until_engaged(endless, CountingKey(KEY), 3.5) <= 3.0
+    """A processor opens a call in 60 us and drops one in 10 us, and the kernel keeps 160 of them."""
+    key, random, flood = CountingKey(KEY), Random(1), cycle(FLOODS[kind]())
+    pair = Pair(slave={"security": key}).connect()
+    slave = pair.slave.endpoint
+    genuine: list[bytes] = []
+    pair.swallow = lambda side, data: side is pair.master and not genuine.append(data)  # it goes through the port below
+    port: list[tuple[bytes, tuple[str, int]]] = []
+    budget = 0.0
+    while not slave.state is State.ENGAGED is pair.master.endpoint.state:
+        assert pair.now <= 3.0
+        pair.run(0.001)
+        arrivals = [(next(flood), STRANGER) for _ in range(20)]
+        for data in genuine:
+            arrivals.insert(random.randrange(len(arrivals)), (data, MASTER))
+        genuine.clear()
+        port = (port + arrivals)[:160]
+        budget = min(budget + PEER_SHARE * 0.001, MOST_S)
+        while port and budget > 0.0:
+            opened = key.opened
+            slave.receive_datagram(*port.pop(0), pair.now)
+            budget -= 60e-6 if key.opened > opened else 10e-6

@@ -96,6 +96,10 @@ def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> 
     assert incoming is not None
     assert security.hear(b"heat", hello) is None
     assert all(security.hear(b"head", hello[:size]) is None for size in range(len(hello)))
+    for bit in range(8 * len(hello)):
+        damaged = bytearray(hello)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert security.hear(b"head", bytes(damaged)) is None
     answered = incoming.answer(b"yes", private)
     assert answered is not None
     assert len(answered[0]) == len(b"yes") + security.overhead
@@ -104,30 +108,12 @@ def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> 
     assert outgoing.open(answered[0]) is not None
 
 
-@pytest.mark.parametrize("security", suites())
-def test_every_flipped_bit_of_the_handshake_is_found(security: Security) -> None:
-    outgoing = security.call(b"head", bytes(security.private_size))
-    hello = outgoing.hello(b"payload")
-    for bit in range(8 * len(hello)):
-        damaged = bytearray(hello)
-        damaged[bit // 8] ^= 1 << bit % 8
-        assert security.hear(b"head", bytes(damaged)) is None
-
-
-def test_another_key_opens_neither_handshake_nor_session() -> None:
+def test_another_key_or_another_ephemeral_one_opens_nothing_and_reads_nothing() -> None:
     ours, theirs = PresharedKey(KEY), PresharedKey(bytes(32))
     assert theirs.hear(b"", ours.call(b"", KEY).hello(b"")) is None
-    sealed = exchanged(ours)[0].seal(1, DATAGRAM)
-    assert exchanged(theirs)[1].open(1, sealed) is None
-
-
-def test_the_session_key_needs_the_ephemeral_keys_too() -> None:
-    sealed = exchanged(PresharedKey(KEY), seed=1)[0].seal(1, DATAGRAM)
-    assert exchanged(PresharedKey(KEY), seed=2)[1].open(1, sealed) is None
-
-
-def test_what_is_sealed_is_hidden() -> None:
-    assert b"hidden" not in exchanged(PresharedKey(KEY))[0].seal(1, DATAGRAM)
+    sealed = exchanged(ours, seed=1)[0].seal(1, DATAGRAM)
+    assert exchanged(theirs, seed=1)[1].open(1, sealed) is exchanged(ours, seed=2)[1].open(1, sealed) is None
+    assert b"hidden" not in sealed
     assert b"hidden" in exchanged(Checksum())[0].seal(1, DATAGRAM)
 
 
@@ -141,22 +127,11 @@ def test_no_crypto_library_is_loaded_without_a_key() -> None:
     program = """
 import sys
 import weberlink.protocol, weberlink.protocol.aio, weberlink.protocol.emulation, weberlink.protocol.keys
-from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.checksum import Checksum
-from weberlink.update import UpdateForm
-FORMS = (UpdateForm((3,), (3,)),)
-ends = [Endpoint(role=role, agreement={}, outgoing=(FORMS,), incoming=(FORMS,), security=Checksum(),
-                 entropy=bytes, epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
-for end in ends[::-1]:
-    end.connect(0.0)
-for _ in range(3):
-    for end, other in (ends, ends[::-1]):
-        for data, _ in end.datagrams_to_send():
-            other.receive_datagram(data, ("h", 1), 0.0)
-assert all(end.state is State.ENGAGED for end in ends)
+suite = Checksum()
+assert suite.hear(b"", suite.call(b"", bytes(suite.private_size)).hello(b"")) is not None
 assert "cryptography" not in sys.modules
 import weberlink.protocol.psk
 assert "cryptography" in sys.modules
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    subprocess.run([sys.executable, "-c", program], check=True)

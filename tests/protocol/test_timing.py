@@ -18,6 +18,7 @@ def mapped(offset: float = 100.0, delay: float = 0.01) -> Clock:
 def test_minimum_covers_its_window_within_a_bucket(steps: list[tuple[float, float]]) -> None:
     minimum = SlidingMinimum()
     now, samples = 1e6, []
+    assert minimum.is_expired(0.0)
     for step, value in steps:
         now += step
         minimum.record(value, now)
@@ -25,18 +26,12 @@ def test_minimum_covers_its_window_within_a_bucket(steps: list[tuple[float, floa
         surely = min(sample for at, sample in samples if now - at <= WINDOW * 7 / 8)
         possibly = min(sample for at, sample in samples if now - at <= WINDOW)
         assert possibly <= minimum.value <= surely
-
-
-def test_the_minimum_expires_with_its_newest_sample() -> None:
-    minimum = SlidingMinimum()
-    assert minimum.is_expired(0.0)
-    minimum.record(1.0, 5.0)
-    assert not minimum.is_expired(5.0 + WINDOW)
-    assert minimum.is_expired(5.1 + WINDOW)
+    assert not minimum.is_expired(now + WINDOW)
+    assert minimum.is_expired(now + WINDOW + 0.1)
 
 
 @pytest.mark.parametrize("offset", [-5000.0, 0.0, 12.5])
-def test_offset_and_delay_of_a_symmetric_link(offset: float) -> None:
+def test_offset_and_delay_of_a_link(offset: float) -> None:
     clock = mapped(offset, 0.01)
     assert clock.peer_time(0.0) == pytest.approx(offset)
     assert clock.rtt == pytest.approx(0.02)
@@ -44,18 +39,12 @@ def test_offset_and_delay_of_a_symmetric_link(offset: float) -> None:
     assert clock.peer_time(3.0) == pytest.approx(3.0 + offset)
     assert clock.age(offset + 2.0, 3.0) == pytest.approx(1.0)
     assert clock.age(offset + 4.0, 3.0) == 0.0
-
-
-def test_nothing_is_known_before_both_directions_are_measured() -> None:
-    clock = Clock(0.0, 5.0, 1.0)
-    assert clock.rtt is clock.one_way is None
-    assert clock.peer_time(1.0) is clock.age(5.0, 1.0) is clock.arrival_bound(1.0) is None
-
-
-def test_asymmetry_shifts_the_offset_by_half_of_it() -> None:
-    clock = Clock(0.0, -0.03, 0.0)
-    clock.learn(0.01, 0.0, 0.0)
-    assert clock.peer_time(0.0) == pytest.approx((0.01 - 0.03) / 2)
+    asymmetric = Clock(0.0, offset - 0.03, 0.0)
+    assert asymmetric.rtt is asymmetric.one_way is None
+    assert asymmetric.peer_time(1.0) is asymmetric.age(5.0, 1.0) is asymmetric.arrival_bound(1.0) is None
+    asymmetric.learn(0.01 + offset, 0.0, 0.005)
+    assert asymmetric.peer_time(0.0) == pytest.approx(offset - 0.01), "the offset is wrong by half the asymmetry"
+    assert asymmetric.arrival_bound(12.0) == pytest.approx(12.015 + offset)
 
 
 @given(st.floats(0.0, 1e5), st.floats(-1e5, 1e5), st.floats(0.0, 40.0))
@@ -94,22 +83,6 @@ def test_step_of_the_peers_clock_removes_the_mapping() -> None:
     assert clock.peer_time(5.0) == pytest.approx(35.01)
 
 
-def test_drift_is_followed_within_half_the_window() -> None:
-    drift, delay = 200e-6, 0.005
-    clock = Clock(0.0, -delay, 0.0)
-    random = Random(2)
-    outward: list[tuple[float, float]] = []
-    for step in range(1, 4000):
-        now = step * 0.01
-        peer = now * (1.0 + drift)
-        clock.record((now - delay - 0.001 * random.random()) * (1.0 + drift), now)
-        outward.append((now, peer - (now - delay - 0.001 * random.random())))
-        clock.learn(min(sample for at, sample in outward[-400:] if now - at <= WINDOW), 0.0, 0.0)
-        mapped_time = clock.peer_time(now)
-        assert mapped_time is not None
-        assert abs(mapped_time - peer) < 0.5 * WINDOW * drift + 0.0006
-
-
 def test_the_report_bounds_nearly_all_delays() -> None:
     random = Random(3)
     clock = Clock(0.0, -0.01, 0.0)
@@ -122,9 +95,3 @@ def test_the_report_bounds_nearly_all_delays() -> None:
         clock.record(now - delay, now)
     assert exceeded < 20
     assert clock.report()[1] == pytest.approx(delays[-1] - clock.report()[0])
-
-
-def test_arrival_is_bounded_by_the_reported_delays() -> None:
-    clock = Clock(10.0, 0.0, 10.0)
-    clock.learn(0.02, 0.0, 0.005)
-    assert clock.arrival_bound(12.0) == pytest.approx(2.025)

@@ -53,17 +53,13 @@ def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda inde
     return calls, kept[0]
 
 
-def test_deadlines_are_multiples_of_the_period_from_the_start(loop_run, polls):
+def test_deadlines_are_multiples_of_the_period_from_the_start_and_each_is_a_call_or_missed(loop_run, polls):
     start_ns = time.monotonic_ns() + 5_000_000
     calls, ticker = collect(loop_run, 30, start_at=start_ns / 1e9, period=1 / 3000, polls=polls)
     assert ticker.period_s == 333_333 / 1e9
     for index, deadline, now in calls:
         assert deadline == pytest.approx((start_ns + index * 333_333) / 1e9, abs=1e-9)
         assert now >= deadline
-
-
-def test_indices_rise_and_every_deadline_is_a_call_or_missed(loop_run, polls):
-    calls, ticker = collect(loop_run, 30, polls=polls)
     indices = [index for index, _, _ in calls]
     assert indices == sorted(set(indices))
     assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
@@ -82,15 +78,12 @@ def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run, p
     assert indices[3] - indices[2] >= 5
     assert calls[3][2] - calls[2][2] >= 5.5 * PERIOD
     assert ticker.missed >= 4
-    assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
 def test_the_timer_is_set_ahead_once_wake_ups_are_known_and_no_tick_is_early(loop_run):
     calls, ticker = collect(loop_run, 200, period=0.0005)
     assert 0.0 < ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0005
     assert all(now >= deadline for _, deadline, now in calls)
-    indices = [index for index, _, _ in calls]
-    assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
 def test_a_polling_ticker_serves_what_comes_between_its_ticks_and_rests(loop_run):
@@ -112,14 +105,6 @@ def test_a_polling_ticker_serves_what_comes_between_its_ticks_and_rests(loop_run
         assert share <= 1.0 - 0.5 * POLL_REST_SHARE
 
     loop_run(main)
-
-
-def test_lead_is_bounded_by_a_share_of_the_period_where_ticks_are_always_late(loop_run):
-    def stall(index):
-        time.sleep(0.0003)
-
-    _, ticker = collect(loop_run, 120, period=0.0004, during=stall)
-    assert ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0004
 
 
 def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run, polls):
@@ -158,19 +143,6 @@ def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run, polls)
         assert isinstance(error, ZeroDivisionError)
         assert not running
         assert len(calls) == 1
-
-    loop_run(main)
-
-
-def test_error_without_a_handler_goes_to_the_loop_and_stops_the_ticker(loop_run, polls):
-    async def main():
-        contexts = asyncio.Queue()
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: contexts.put_nowait(context))
-        ticker = Ticker(PERIOD, lambda *_: 1 / 0, polls=polls)
-        ticker.start()
-        context = await contexts.get()
-        assert isinstance(context["exception"], ZeroDivisionError)
-        assert not ticker.running
 
     loop_run(main)
 

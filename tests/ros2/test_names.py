@@ -72,12 +72,6 @@ def test_sdk_computes_the_same_hash(name: str) -> None:
     assert get_type_hash(name, msg_definition=own, dependencies=dependencies) == type_hash(name)
 
 
-@given(st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1), st.binary(min_size=16, max_size=16))
-def test_attachment_survives_its_bytes(sequence: int, stamp_ns: int, source: bytes) -> None:
-    attachment = Attachment(sequence, stamp_ns, source)
-    assert Attachment.from_bytes(attachment.to_bytes()) == attachment
-
-
 def test_sdk_reads_our_attachment_and_we_its() -> None:
     sdk = others("attachment")
     theirs = sdk.Attachment(7, 123_456_789, bytes(range(16)))

@@ -9,7 +9,7 @@ from pathlib import Path
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
 
-TOY = '''
+TOY = """
 from typing import Literal
 
 from pydantic import BaseModel
@@ -17,33 +17,28 @@ from pydantic import BaseModel
 from weberlink.slave.integrators import IntegrationScheme, MassState
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
-from weberlink.slave.scenes.shape import CarvableSettings
+from weberlink.slave.scenes.shape import SceneShapeSettings
 
 
 class Slab:
-    """Solid below a height, or above it."""
-
     flat = True
 
-    def __init__(self, height, sign):
-        self.height, self.sign = height, sign
+    def __init__(self, height):
+        self.height = height
 
     def clearance(self, point):
-        return self.sign * (point[2] - self.height)
+        return point[2] - self.height
 
     def linearise(self, point):
-        return ((self.clearance(point), (0.0, 0.0, self.sign)),)
+        return ((self.clearance(point), (0.0, 0.0, 1.0)),)
 
 
-class SlabSettings(CarvableSettings):
+class SlabSettings(SceneShapeSettings):
     shape: Literal["toy_slab"]
     height_m: float
 
     def solid(self):
-        return Slab(self.height_m, 1.0)
-
-    def hollow(self):
-        return Slab(self.height_m, -1.0)
+        return Slab(self.height_m)
 
 
 class Euler:
@@ -84,7 +79,7 @@ class ToyRobot:
 
     def close(self):
         self.at = None
-'''
+"""
 ENTRY_POINTS = """
 [weberlink.robots]
 toy = toy:ToyRobot
@@ -101,10 +96,9 @@ from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 
 SLAB = "{shape: toy_slab, height_m: 0.0, stiffness_n_m: 500}"
-FLOOR = "{shape: plane, stiffness_n_m: 500, carve: [{shape: toy_slab, height_m: -0.004}]}"
 felt = []
-for robot, thing in (("{driver: toy}", SLAB), ("{driver: simulated, integrator: toy_euler, substeps: 20}", FLOOR)):
-    overrides = [f"slave.robot={robot}", f"slave.scene=[{thing}]", "link.security=session"]
+for robot in ("{driver: toy}", "{driver: simulated, integrator: toy_euler, substeps: 20}"):
+    overrides = [f"slave.robot={robot}", f"slave.scene=[{SLAB}]", "link.security=session"]
     _, recorder = simulate(load(Path(sys.argv[1]), overrides), 2.0)
     felt.append(float(recorder.trace.force_n[:, 2].max()))
 print(json.dumps(felt))

@@ -46,7 +46,9 @@ def test_trip_backs_off_the_axes_that_were_too_strong() -> None:
     tripped = guard()
     torques, where = (0.9, -1.4, 0.1), (0.0, -0.03, 0.4)
     assert tripped.is_overloaded(torques)
+    tripped.follow((0.0, 0.0, 0.4), TICK)
     tripped.trip(torques, where)
+    assert not tripped.following
     way = [tripped.follow((0.3, 0.3, 0.4), TICK) for _ in range(600)]
     assert max(steps(way)) <= APPROACH * TICK * (1 + 1e-9)
     assert way[-1] == (0.0, pytest.approx(-0.03 - TRIP_RETREAT), 0.4)

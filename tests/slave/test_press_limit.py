@@ -28,21 +28,13 @@ HEIGHT = 0.005
 
 @dataclass(frozen=True)
 class Tap:
-    """A motion down to a depth, a rest there, and the way back, as often as there are taps.
+    """A motion down to a depth, a rest there, and the way back, as often as there are taps."""
 
-    Args:
-        speed: largest one [m/s].
-        depth: below the surface [m].
-        rest: how long it stays down [s].
-        taps: how many.
-        hold: ticks for which a command is held, as a coarse coding does.
-    """
-
-    speed: float
-    depth: float = 0.02
-    rest: float = 0.1
+    speed: float  # largest one [m/s]
+    depth: float = 0.02  # below the surface [m]
+    rest: float = 0.1  # how long it stays down [s]
     taps: int = 2
-    hold: int = 1
+    hold: int = 1  # ticks for which a command is held, as a coarse coding does
 
     @property
     def way_time(self) -> float:

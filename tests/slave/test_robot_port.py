@@ -67,13 +67,7 @@ class Tip:
 
 
 class Following:
-    """A port in virtual time, with a tool that turns.
-
-    Args:
-        at: where the robot begins [m].
-        most: of the press limit [N].
-        retract: on release [m].
-    """
+    """A port in virtual time, with a tool that turns; `most` is the press limit [N]."""
 
     def __init__(self, at: Vector = ZERO, *, most: float = inf, retract: float = RETRACT) -> None:
         self.robot = Tip(at)
@@ -194,6 +188,26 @@ def test_after_any_interruption_the_robot_holds_and_the_next_command_is_approach
     assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.0105 + APPROACH * TICK)
 
 
+@pytest.mark.parametrize("interruption", ["release", "reset", "settle"])
+def test_even_at_once_the_next_command_is_approached(interruption: str) -> None:
+    following = Following().there((0.01, 0.0, 0.0))
+    port = following.port
+    {"release": lambda: port.release(retreat=True), "reset": port.reset, "settle": lambda: port.settle(0.0)}[
+        interruption
+    ]()
+    assert following.tick((0.09, 0.0, 0.0))[0] == pytest.approx(0.01 + APPROACH * TICK)
+
+
+def test_the_control_is_told_what_is_encoded_and_gives_its_credit() -> None:
+    following, told = Following().there((0.01, 0.0, 0.0)), list[Any]()
+    port: Any = following.port
+    port._control = SimpleNamespace(observe=lambda *values: told.append(values), credit=3)
+    assert port.account(TICK, TICK, encodes=False) == 3
+    assert told == []
+    port.account(TICK, TICK, encodes=True)
+    assert told == [(port.applied, port.force.value)]
+
+
 def test_force_and_torque_fade_in_once_the_robot_is_there_in_every_channel() -> None:
     following = Following()
     force = following.robot.force = (1.0, -0.5, 2.0)
@@ -278,6 +292,7 @@ def test_the_robot_presses_with_no_more_than_the_limit() -> None:
     following = Following(most=MOST_N).there(ZERO)
     robot = following.robot
     robot.follows = False
+    assert following.row().contact_ticks == 0
     for tick in range(1000):
         robot.force = (0.0, 0.0, max(0.0, -COUPLING * following.port.applied[2]))
         following.tick((0.0, 0.0, max(-0.05, -1e-4 * tick)))

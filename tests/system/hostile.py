@@ -1,8 +1,6 @@
 """A real side against a peer that has its keys and says what it likes, in virtual time.
 
-The peer is an endpoint of the protocol, so that its handshakes and its datagrams are authentic. What they carry is
-chosen by the test: updates of any content, changes that nobody asked for, credit out of thin air, any bits as the
-content of any kind, and sessions that end and begin within one tick of the side.
+The peer is an endpoint of the protocol, so that its handshakes and its datagrams are authentic.
 """
 
 from collections.abc import Callable
@@ -17,7 +15,6 @@ from weberlink.system.composition.channels import streams
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import Identity, build_endpoint, build_security
 from weberlink.system.configuration import Configuration, System
-from weberlink.system.side import Side
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import MASTER_ADDRESS, SLAVE_ADDRESS
 from weberlink.telemetry.record import RECORD
@@ -52,17 +49,14 @@ class Duel:
     Args:
         configuration: of both.
         hero: "master" or "slave": the end that is real.
-        altered: makes the side to use from that of the configuration.
     """
 
-    def __init__(
-        self, configuration: Configuration, hero: str, altered: Callable[[Side], Side] = lambda side: side
-    ) -> None:
+    def __init__(self, configuration: Configuration, hero: str) -> None:
         self._configuration, self._hero = configuration, hero
         addresses = MASTER_ADDRESS, SLAVE_ADDRESS
         self._own_address, self._peer_address = addresses if hero == "master" else addresses[::-1]
         simulation = build_simulation(configuration)
-        self.side = altered(simulation.master if hero == "master" else simulation.slave)
+        self.side = simulation.master if hero == "master" else simulation.slave
         self._period = configuration.system.tick_period
         self._sessions = 0
         self.index = 0

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ TICK = 1e-3
 SILENCE = 0.1
 RAMP = 0.05
 """Of the default configuration [s]."""
+STEP = TICK / RAMP
+"""By which share a fade goes on in a tick."""
 Values = NDArray[Any]
 
 
@@ -73,7 +76,6 @@ class Kind:
         begin: [s].
         channels: of force and motion.
         device, robot: computed ones, for tests to derive from.
-        needs: an optional package.
     """
 
     file: str
@@ -82,7 +84,6 @@ class Kind:
     channels: tuple[Channel, ...]
     device: Any
     robot: Any
-    needs: str = ""
 
 
 FORCE = Channel("", 10.0, 0.25, 0.5e-3, 1.0)
@@ -212,3 +213,18 @@ def interrupted(kind: Kind, how: Interruption, *overrides: str, after: float = 0
     if how.stops:
         return run(kind, seconds, *overrides, stop=(how.stops, kind.begin, how.lasts), **parts)
     return run(kind, seconds, how.link.replace("BEGIN", str(kind.begin)), *overrides, **parts)
+
+
+def says(**fields: Any) -> Callable[[Any], Any]:
+    return lambda reading: reading._replace(**fields)
+
+
+def changed(base: Any, change: Callable[[Any], Any], since: float, until: float = inf) -> Any:
+    """A device or robot that reports something else for a while."""
+
+    class Changed(base):  # type: ignore[misc]
+        def latest(self, now: float) -> Any:
+            reading = super().latest(now)
+            return change(reading) if since <= now < until else reading
+
+    return Changed

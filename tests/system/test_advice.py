@@ -1,62 +1,28 @@
-"""Advice on a file: one list, which `check` prints and every command that runs the file says once, before the run."""
+"""Advice on a delay, on a rate that the machine can hardly hold, and on addresses that nobody has."""
+
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner, Result
 
-from tests.program import PATIENT
 from tests.system.systems import CONFIGS, configuration
-from weberlink.cli import app
 from weberlink.control.passivity import passivity_limit
-from weberlink.system.advice import UNKNOWN_BORNE, advise, borne_round_trip, on_measured_delay, uncontrolled_delay
-from weberlink.system.composition.trial import try_out
-from weberlink.system.configuration import SIDES, SLAVE, load
-from weberlink.system.launcher import MEASURED_S, Session
-
-HINDERED = (
-    "control.scheme=none",
-    "codec.force.weber=0.5",
-    "codec.force.floor_n=0",
-    "codec.position.bound_m=0.001",
-    "link.emulate.delay_ms=210",
-    "link.playout_ms=10",
+from weberlink.protocol.keys import generate
+from weberlink.system.advice import (
+    TICK_SHARE,
+    UNKNOWN_BORNE,
+    USUAL_RATE_HZ,
+    Parts,
+    borne_round_trip,
+    on_measured_delay,
+    placeholders,
+    tick_rate,
+    uncontrolled_delay,
 )
-"""Advice of several rules, on the link among them."""
-LOOPBACK = CONFIGS / "loopback.yaml"
-
-
-def run(command: str, *arguments: object) -> Result:
-    return CliRunner().invoke(app, [command, str(LOOPBACK), *map(str, arguments)])
-
-
-def sets(*overrides: str) -> list[str]:
-    return [part for each in overrides for part in ("--set", each)]
-
-
-def at(port: int) -> tuple[str, str]:
-    return f"link.listen=127.0.0.1:{port}", f"link.slave=127.0.0.1:{port}"
-
-
-def checked(*overrides: str) -> list[str]:
-    """The lines of `check`, as a run says them."""
-    lines = run("check", *sets(*overrides)).stdout.replace("\n" + " " * 10, " ").splitlines()
-    return [line.replace("warning   ", "weberlink: note: ") for line in lines if line.startswith("warning")]
-
-
-def test_a_run_in_virtual_time_says_what_check_warns_of() -> None:
-    said = checked(*HINDERED)
-    assert len(said) == len(HINDERED) - 1, "none alone is no hindrance"
-    result = run("simulate", "--duration", 0.1, "--json", "-", *sets(*HINDERED))
-    assert result.stderr.splitlines() == said
-    assert result.stdout.startswith("{")
-
-
-def test_a_run_of_a_file_without_faults_says_nothing() -> None:
-    assert run("simulate", "--duration", 0.1).stderr == ""
-
-
-# --- the delay that a contact bears without control
+from weberlink.system.composition.trial import try_out
+from weberlink.system.configuration import SLAVE, load
+from weberlink.system.tick_cost import measured_tick_s
 
 
 @given(
@@ -87,50 +53,67 @@ def test_none_bears_the_delay_up_to_which_hand_and_wall_are_passive(
 
 
 def test_of_a_hand_that_is_not_known_none_bears_little() -> None:
-    assert borne_round_trip(try_out(load(LOOPBACK, at(47011), [SLAVE]))) == UNKNOWN_BORNE
+    addresses = ("link.listen=127.0.0.1:47011", "link.slave=127.0.0.1:47011")
+    assert borne_round_trip(try_out(load(CONFIGS / "loopback.yaml", addresses, [SLAVE]))) == UNKNOWN_BORNE
 
 
 @pytest.mark.parametrize(
-    ("file", "overrides"), [("loopback.yaml", ()), ("arms.yaml", ("link.security=none",)), ("rotation.yaml", ())]
+    ("overrides", "round_trip", "is_said"),
+    [
+        (("control.scheme=none",), 0.05, True),
+        (("control.scheme=none",), 0.001, False),
+        (("control.scheme=none", "link.emulate.delay_ms=20"), 0.05, False),  # that of the file was said
+        (("control.scheme=bounded",), 1.0, False),
+    ],
 )
-def test_advice_names_the_scheme_that_bounds_the_energy(file: str, overrides: tuple[str, ...]) -> None:
-    overrides = ("control.scheme=none", *overrides)
-    if file == "arms.yaml":
-        pytest.importorskip("mujoco")
-    said = uncontrolled_delay(try_out(configuration(*overrides, file=file)), 0.1)
-    assert said is not None and said.endswith("use bounded")
-    (line,) = [
-        line
-        for line in advise(try_out(configuration(*overrides, "link.emulate.delay_ms=50", file=file)))
-        if line.startswith("control.scheme none")
-    ]
-    assert line == said
+def test_a_measured_delay_that_the_contact_does_not_bear_is_said(
+    overrides: tuple[str, ...], round_trip: float, is_said: bool
+) -> None:
+    assert (on_measured_delay(try_out(configuration(*overrides)))(round_trip) is not None) is is_said
 
 
-def test_a_scheme_that_bounds_the_energy_bears_every_delay() -> None:
-    assert uncontrolled_delay(try_out(configuration("control.scheme=bounded")), 1.0) is None
+# --- a rate that the machine can hardly hold, and addresses that nobody has
 
 
-def test_a_measured_delay_is_said_unless_the_emulated_one_was() -> None:
-    none = "control.scheme=none"
-    assert on_measured_delay(try_out(configuration(none)))(0.05) is not None
-    assert on_measured_delay(try_out(configuration(none)))(0.001) is None
-    assert on_measured_delay(try_out(configuration(none, "link.emulate.delay_ms=20")))(0.05) is None
+@pytest.mark.parametrize(("tick_us", "warns"), [(None, False), (1.0, False), (40.0, True), (500.0, True)])
+def test_a_rate_beyond_the_machine_names_one_that_it_holds(tick_us: float | None, warns: bool) -> None:
+    def cost(_: object) -> float | None:
+        return None if tick_us is None else 1e-6 * tick_us
+
+    lines = list(tick_rate(Parts(configuration("rate_hz=10000")), cost))
+    assert len(lines) == warns
+    for line in lines:
+        most = float(line.rpartition(" ")[2])
+        assert most == pytest.approx(1e6 * TICK_SHARE / tick_us, abs=100.0)
+        assert list(tick_rate(Parts(configuration(f"rate_hz={most}")), cost)) == []
+    assert list(tick_rate(Parts(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
 
 
-@pytest.mark.realtime
-@pytest.mark.hunt
-def test_session_tells_advice_on_the_measured_delay_once() -> None:
-    told: list[str] = []
-    asked: list[float] = []
+@pytest.mark.parametrize("file", ["loopback.yaml", "phantom-arm.yaml", "koch-so101.yaml"])
+def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    generate(key)
+    took = measured_tick_s(load(CONFIGS / file, ["rate_hz=10000", f"link.key_file={key}"]))
+    assert took is not None and 2e-6 < took < 0.05
 
-    def advice(round_trip: float) -> str:
-        asked.append(round_trip)
-        return "too far"
 
-    overrides = [*at(47012), *PATIENT[1::2]]
-    seconds = MEASURED_S + 2.0
-    with Session(configuration(*overrides), overrides, SIDES, seconds, tell=told.append, on_delay=advice) as running:
-        running.run()
-    assert told == ["note: too far"]
-    assert 0.0 < asked[0] < 0.05
+INVERSE3 = 'master.device={driver: inverse3, port: "ws://PLACE"}'
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("link.slave=192.0.2.1:47000", "link.slave 192.0.2.1:47000"),
+        ('link.slave="[2001:db8::1]:47000"', "link.slave [2001:db8::1]:47000"),
+        ("link.slave=10.0.0.2:47000", ""),
+        ('link.slave="[2001:db9::1]:47000"', ""),
+        (INVERSE3.replace("PLACE", "192.0.2.1:10001#A7"), "master.device.port ws://192.0.2.1:10001#A7"),
+        (INVERSE3.replace("PLACE", "localhost:10001"), ""),
+    ],
+)
+def test_an_address_that_nobody_has_is_named(override: str, told: str) -> None:
+    given = [override, "link.slave=10.0.0.2:47000"] if "device" in override else [override]
+    loaded = load(CONFIGS / "lan.yaml", given)
+    assert [line.partition(": ")[0] for line in placeholders(Parts(loaded))] == ([told] if told else [])
+    slave = load(CONFIGS / "lan.yaml", given, sides=[SLAVE])
+    assert not any("link.slave" in line for line in placeholders(Parts(slave))), "the robot's host calls nobody"

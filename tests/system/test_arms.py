@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 
 from tests.system.systems import configuration
-from weberlink.system.composition.link import agreement
 from weberlink.system.scoring.recorded import put_together
 from weberlink.system.simulate import simulate
 from weberlink.telemetry.recording.reader import read_recording
@@ -40,9 +39,3 @@ def test_recording_gives_figures_of_its_session(recorded: tuple[dict[str, Any], 
     again = put_together([read_recording(path)]).summary()
     for name in (*CHANNELS, "energy", "limited"):
         assert again[name] == summary[name]
-
-
-def test_agreement_names_only_what_a_session_uses() -> None:
-    of_arms, of_hand = (agreement(configuration(file=file).system) for file in ("arms.yaml", "loopback.yaml"))
-    assert not any(name.startswith(("codec.force", "codec.position", "codec.rotation")) for name in of_arms)
-    assert not any(name.startswith(("codec.joints", "codec.gripper", "codec.rotation")) for name in of_hand)

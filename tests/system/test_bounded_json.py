@@ -14,16 +14,13 @@ def test_what_is_within_the_bounds_is_read(depth: int) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        b"[" * 1024,
         b"[" * 100_000,
         b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
         b'{"a":' * (DEEPEST + 1) + b"1" + b"}" * (DEEPEST + 1),
-        b"[" * 900 + b"]" * 900,
         b"NaN",
         b"[-Infinity]",
         b"1e999",
         b"1" * 5000,
-        b"0." + b"1" * 5000,
         b"\xff",
         b"",
         b'"' + b"x" * 1_000_000 + b'"',

@@ -1,22 +1,18 @@
-"""Parts of other distributions that cannot be imported, lack a part of their contract, or raise in a run.
+"""Parts of other distributions that cannot be imported, or raise in a run.
 
 Each is one line that names it, the same in every command; the log of a session has the trace.
 """
 
 import json
 import os
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
-import typer
 
 from tests.apps.packages import add_drivers
 from tests.program import PATIENT, Program, document, weberlink
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
-from weberlink.apps.devices import survey
-from weberlink.cli.program import installed
 
 DISTRIBUTION = "breaking-parts"
 GROUPS = {
@@ -30,37 +26,26 @@ GROUPS = {
     "shapes": ("loopback.yaml", "slave.scene=[{{shape: {}}}]"),
 }
 """By group of entry points: a shipped file, and the override by which it names a part."""
-SCHEME = "control.scheme={}_control_schemes"
-"""Likewise of control schemes, whose table is read when a process begins."""
 MISTAKES = {
     "needy": ("import no_such_package_at_all", "ModuleNotFoundError: No module named 'no_such_package_at_all'"),
     "raising": ("raise RuntimeError('no\\ncalibration')", "RuntimeError: no calibration"),
-    "unfinished": ("def (:", "SyntaxError: invalid syntax (unfinished.py, line 1)"),
     "empty": ("", "AttributeError: module 'empty' has no attribute 'Part'"),
 }
 """By module: its source, and what its import raises."""
 CLUMSY = '''
-from pydantic import BaseModel
-
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.slave.robots.point import PointRobot
 
 
-class Options(BaseModel):
-    where: str = ""
-
-
 class Clumsy:
-    COMPUTED = True
-    """Does what another part does, and raises in one of the methods, at the 300th call or at once."""
+    """Raises in one of the methods, at the 300th call or at once."""
 
-    Options = Options
+    COMPUTED = True
 
     def __init__(self, options, *others):
         self.where, self.calls = options.where, 0
         self.meet("__init__")
-        self.part = self.of(*others)
-        self.spec = self.part.spec
+        super().__init__(options, *others)
 
     def meet(self, where):
         if where == self.where:
@@ -70,109 +55,33 @@ class Clumsy:
 
     def open(self, now):
         self.meet("open")
-        self.part.open(now)
+        super().open(now)
 
     def latest(self, now):
         self.meet("latest")
-        return self.part.latest(now)
+        return super().latest(now)
 
     def command(self, value, now):
         self.meet("command")
-        self.part.command(value, now)
-
-    def close(self):
-        self.part.close()
+        super().command(value, now)
 
 
-class Hand(Clumsy):
-    def of(self, period):
-        return OperatorDevice(OperatorDevice.Options(), period)
+class Hand(Clumsy, OperatorDevice):
+    class Options(OperatorDevice.Options):
+        where: str = ""
 
 
-class Tool(Clumsy):
-    def of(self, scene, period):
-        return PointRobot(PointRobot.Options(), scene, period)
+class Tool(Clumsy, PointRobot):
+    class Options(PointRobot.Options):
+        where: str = ""
 
 
 def stumble(things):
     return things["there"]
 '''
-LACKING = """
-from typing import Literal
-
-from pydantic import BaseModel
-
-from weberlink.codec.deadband import Deadband
-from weberlink.codec.predictors import Predictor
-from weberlink.master.devices.operator import OperatorDevice
-from weberlink.slave.integrators import IntegrationScheme
-from weberlink.slave.robots.point import PointRobot
-from weberlink.slave.scenes.shape import SceneShapeSettings
-
-
-class MuteDevice:
-    Options = OperatorDevice.Options
-
-    def __init__(self, options, tick_period):
-        self.spec = OperatorDevice(options, tick_period).spec
-
-    def open(self, now): ...
-    def latest(self, now): ...
-    def close(self): ...
-
-
-class PlainDevice:
-    pass
-
-
-class NumbRobot:
-    Options = PointRobot.Options
-
-    def __init__(self, options, scene, tick_period):
-        self.spec = PointRobot(options, scene, tick_period).spec
-
-    def open(self, now): ...
-    def command(self, position, now): ...
-    def close(self): ...
-
-
-class Idle(Predictor):
-    name = "idle"
-
-
-class Boundless(Deadband):
-    name = "boundless"
-    summary = "No bound."
-
-    def error(self, displayed, actual): ...
-
-
-class Nothing:
-    def __init__(self, *_): ...
-
-
-IDLE = Idle()
-STUCK = IntegrationScheme("lacking:Nothing", 1, l_stable=False)
-
-
-class Fog(SceneShapeSettings):
-    shape: Literal["fog"]
-"""
-ENTRY_POINTS = {
-    group: "\n".join(f"{name}_{group} = {name}:Part" for name in MISTAKES) for group in (*GROUPS, "control_schemes")
-}
+ENTRY_POINTS = {group: "\n".join(f"{name}_{group} = {name}:Part" for name in MISTAKES) for group in GROUPS}
 ENTRY_POINTS["devices"] += "\nhand = clumsy:Hand"
 ENTRY_POINTS["robots"] += "\ntool = clumsy:Tool"
-LACKS = {
-    "devices": {"mute": "MuteDevice", "plain": "PlainDevice"},
-    "robots": {"numb": "NumbRobot"},
-    "predictors": {"idle": "IDLE"},
-    "deadbands": {"boundless": "Boundless"},
-    "integrators": {"stuck": "STUCK"},
-    "shapes": {"fog": "Fog"},
-}
-for group, names in LACKS.items():
-    ENTRY_POINTS[group] += "".join(f"\n{name} = lacking:{attribute}" for name, attribute in names.items())
 FAULTS = {
     "device": ("master.device", "hand", "device fault: hand of breaking-parts: KeyError: 'there' (clumsy.py:"),
     "robot": ("slave.robot", "tool", "robot fault: tool of breaking-parts: KeyError: 'there' (clumsy.py:"),
@@ -184,7 +93,7 @@ KEYED = "link.security=session"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = "\n".join(f"[weberlink.{group}]\n{lines}" for group, lines in ENTRY_POINTS.items())
     sources = {name: source for name, (source, _) in MISTAKES.items()}
-    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY, "lacking": LACKING}, text)
+    install(tmp_path, DISTRIBUTION, sources | {"clumsy": CLUMSY}, text)
     add_drivers(tmp_path, monkeypatch)
     paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([*filter(None, paths), str(tmp_path)]))
@@ -215,51 +124,6 @@ def test_part_that_cannot_be_imported_is_one_line_and_its_trace_is_logged(group:
     entries = [json.loads(line)["entry"] for line in log.read_text(encoding="utf-8").splitlines()]
     assert any("needy.py" in entry for entry in entries)
     assert entries[-1] == MISTAKES["needy"][1]
-
-
-def test_control_scheme_that_cannot_be_imported_is_one_line() -> None:
-    """Their table is read when a process begins."""
-    with Program("check", CONFIGS / "loopback.yaml", "--set", SCHEME.format("needy")) as program:
-        status, output, errors = program.finish()
-    assert (status, output, len(errors.splitlines())) == (2, "", 1)
-    assert f"needy_control_schemes of {DISTRIBUTION}" in errors
-
-
-@pytest.mark.parametrize(("group", "side"), [("devices", "master"), ("robots", "slave")])
-def test_every_command_has_the_same_line(group: str, side: str) -> None:
-    file, override = GROUPS[group]
-    overrides = (override.format(f"needy_{group}"), KEYED)
-    (told,) = {line_of(command, file, *overrides) for command in ("check", "simulate", "loopback", side)}
-    advice = next(each.advice[0] for each in survey().drivers if each.driver == f"needy_{group}")
-    assert told.endswith(advice)
-    tested = weberlink("device", "test", f"needy_{group}")
-    assert (tested.status, tested.errors) == (2, f"weberlink: {advice}\n")
-
-
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("master.device.driver=mute", "lacking:MuteDevice has no command"),
-        ("master.device.driver=plain", "plain has no Options"),
-        ("slave.robot.driver=numb", "lacking:NumbRobot has no latest"),
-        ("codec.force.predictor=idle", "lacking:Idle does not override fit"),
-        ("codec.force.deadband={shape: boundless}", "lacking:Boundless does not override configured, bound"),
-        ("slave.robot={driver: simulated, integrator: stuck}", "lacking:Nothing has no advance"),
-        ("slave.scene=[{shape: fog, stiffness_n_m: 100}]", "lacking:Fog does not override solid"),
-    ],
-)
-def test_part_without_a_method_of_its_contract_is_one_line(override: str, told: str) -> None:
-    assert told in line_of("check", "loopback.yaml", override, KEYED)
-
-
-@pytest.mark.parametrize(("value", "told"), [("math:pi", "not a function"), ("no_such_module:run", "ModuleNotFound")])
-def test_broken_command_says_why(value: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
-    command = installed(EntryPoint("broken", value, "weberlink.commands"))
-    with pytest.raises(typer.Exit) as caught:
-        command()
-    assert caught.value.exit_code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
 
 
 @pytest.mark.parametrize("where", ["__init__", "open", "latest", "command"])

@@ -1,7 +1,7 @@
 """Configurations: what is refused, by the path of its field; what is accepted, and what it becomes."""
 
 from dataclasses import replace
-from math import pi, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,7 @@ from weberlink.codec.deadband import (
     LevelCrossingDeadband,
     VelocityDeadband,
 )
-from weberlink.master import devices
-from weberlink.master.devices import leaders
 from weberlink.master.devices.operator import OperatorDevice
-from weberlink.registry import is_hardware
-from weberlink.slave import robots
-from weberlink.slave.robots import followers
-from weberlink.system.advice import advise
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import MASTER, SLAVE, ConfigurationError, load
@@ -55,138 +49,76 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "loopback.yaml": [
         ("codek={}", "codek"),
         ("rate_hz=0", "rate_hz"),
-        ("rate_hz=9", "rate_hz"),
-        ("rate_hz=10001", "rate_hz"),
-        ("axes=zx", "axes"),
-        ("codec.force.webber=0.1", "codec.force.webber"),
         ("codec.force.weber=ten", "codec.force.weber"),
-        ("codec.force.weber=-0.1", "codec.force.weber"),
         ("codec.force.weber=1", "codec.force.weber"),
-        ("codec.force.weber=.nan", "codec.force.weber"),
-        ("codec.force.weber=[", "codec.force.weber"),
-        ("codec.force.weber", "path.to.key=value"),
         ("=1", "path.to.key=value"),
         ("codec.force.predictor=spline", "codec.force.predictor"),
-        ("codec.force.bank=[zoh, zoh]", "codec.force.bank"),
         ("codec.force.floor_n=20", "codec.force.floor_n"),
         ("codec.force.lookahead_ms=101", "lookahead_ms"),
-        ("codec.position.lookahead_ms=-1", "lookahead_ms"),
-        ("codec.force.lookahead_ms=60", "lookahead_ms"),
         ("codec.force.deadband={shape: wedge}", "codec.force.deadband"),
         ("codec.force.deadband={shape: cone, hysteresis: 0.1}", "hysteresis"),
-        ("codec.force.deadband={shape: cone, direction_deg: 0}", "direction_deg"),
         ("codec.force={deadband: {shape: cone}, reference: sent}", "reference"),
-        ("codec.force={deadband: {shape: level_crossing}, reference: displayed}", "reference"),
         ("codec.force={deadband: {shape: level_crossing}, floor_n: 0}", "floor_n"),
-        ("codec.force.deadband={shape: level_crossing, hysteresis: 1.5}", "hysteresis"),
-        ("codec.force.deadband={shape: velocity_adaptive, slope_s_m: -1}", "slope_s_m"),
-        ("codec.position.predictor=plane", "codec.position.predictor"),
-        ("codec.position.bound_m=1", "codec.position.bound_m"),
         ("codec.position.bound_m=0.06", "codec.position.bound_m"),
         ("codec.rotation.torque.weber=1", "codec.rotation.torque.weber"),
         ("control={scheme: magic}", "control.scheme"),
         ("control.allowance_j=0", "control.allowance_j"),
-        ("control.refill_w=-1", "control.refill_w"),
-        ("control.damping_n_s_m=-1", "control.damping_n_s_m"),
-        ("control.rise_n_s=0", "control.rise_n_s"),
         ("realtime.priority=99", "realtime.priority"),
-        ("link.slave.port=1", "link.slave"),
-        ("link.slave=nowhere", "link.slave"),
         ("link.slave=host:99999", "link.slave"),
         ("link.slave=10.0.0.2:47000", "link: security"),
         ("link.security=psk", "key_file"),
         ("link.silence_ms=1", "link.silence_ms"),
-        ("link={silence_ms:200}", "silence_ms"),
         ("link.playout_ms=51", "link.playout_ms"),
         ("link.emulate={loss: 1.5}", "link.emulate.loss"),
         ("master.device={driver: operater}", "driver"),
-        ("master.device={driver: operator, tremour_m: 0}", "device.tremour_m"),
-        ("master.device={driver: operator, tremor_m: -1}", "master.device.tremor_m"),
-        ("master.device.force_n=2e4", "master.device.force_n"),
-        ("master.device.stiffness_n_m=2e9", "master.device.stiffness_n_m"),
-        ("master.device.hand.mass_kg=2000", "master.device.hand.mass_kg"),
-        ("master.device.hand.mass_kg=1e-7", "master.device.hand.mass_kg"),
-        ("master.device.hand.damping_n_s_m=2e6", "master.device.hand.damping_n_s_m"),
-        ("master.device.hand.stiffness_n_m=2e9", "master.device.hand.stiffness_n_m"),
         ("master.engage={button: 0}", "master.engage.button"),
         ("master.limits.force_n=0.04", "master.limits.force_n"),
-        ("master.limits.force_n=2e4", "master.limits.force_n"),
-        ("master.limits.slew_n_s=1e10", "master.limits.slew_n_s"),
         ("master.mapping={clutch: {button: 0}}", "master.mapping"),
         ("master.mapping={clutch: {button: 0}, walls: {}}", "master.mapping.clutch.button"),
         ("master.mapping={scale: 0}", "master.mapping.scale"),
-        ("master.mapping={scale: 1e-4}", "master.mapping.scale"),
         ("master.mapping={scale: 20}", "codec.position.step_m"),
         ("master.mapping={rotation: [0, 0, 90]}", "master.mapping.rotation"),
         ("master.mapping={walls: {box_m: [[0, 1], [1, 0], [0, 1]]}}", "master.mapping.walls.box_m"),
         ("master.mapping={walls: {stiffness_n_m: -1}}", "master.mapping.walls.stiffness_n_m"),
-        ("master.mapping={walls: {stiffness_n_m: 2e9}}", "master.mapping.walls.stiffness_n_m"),
         ("slave.robot={driver: simulated, mass_kg: 0}", "slave.robot.mass_kg"),
-        ("slave.robot={driver: simulated, mass_kg: 1e-7}", "slave.robot.mass_kg"),
-        ("slave.robot={driver: simulated, mass_kg: 2000}", "slave.robot.mass_kg"),
-        ("slave.robot={driver: simulated, damping_n_s_m: 2e6}", "slave.robot.damping_n_s_m"),
         ("slave.robot.stiffness_n_m=2e9", "slave.robot.stiffness_n_m"),
-        ("slave.robot.stiffness_n_m=1e-4", "slave.robot.stiffness_n_m"),
-        ("slave.robot.force_n=2e4", "slave.robot.force_n"),
         ("slave.scene=[{shape: plane}]", "slave.scene.0.stiffness_n_m"),
-        ("slave.scene=[{shape: torus}]", "slave.scene.0"),
-        ("slave.scene=[{shape: plane, stiffness_n_m: 500, frictoin: {static: 1, dynamic: 1}}]", "frictoin"),
-        ("slave.scene.3.stiffness_n_m=1", "slave.scene"),
         ("slave.scene.0.stiffness_n_m=2e9", "slave.scene.0.stiffness_n_m"),
-        ("slave.scene.0.stiffness_n_m=1e-4", "slave.scene.0.stiffness_n_m"),
-        ("slave.scene.0.damping_n_s_m=2e6", "slave.scene.0.damping_n_s_m"),
         ("slave.limits.workspace_m=[[0, 1], [1, 0], [0, 1]]", "slave.limits.workspace_m"),
         ("slave.limits.contact_n=0.04", "slave.limits.contact_n"),
         ("slave.limits.contact_n=31", "slave.limits.contact_n"),
         ("slave.limits={contact_n: 8, trip_n: 5}", "slave.limits"),
-        ("slave.limits.trip_n=0.04", "slave.limits.trip_n"),
-        ("slave.limits.speed_m_s=101", "slave.limits.speed_m_s"),
-        ("slave.limits.retract_m=2", "slave.limits.retract_m"),
+        ("slave.limits.contact_n=0.1 & codec.force.floor_n=0.2", "slave.limits.contact_n"),
+        ("master.limits.force_n=1 & master.mapping.force_scale=100", "master.limits.force_n"),
     ],
     "rotation.yaml": [
         ("master.device={driver: operator}", "codec.rotation: master.device"),
         ("slave.robot={driver: point}", "codec.rotation: slave.robot"),
         ("codec.rotation.torque.step_nm=0.00001", "codec.rotation.torque.step_nm"),
-        ("codec.rotation.orientation.step_rad=0.00001", "codec.rotation.orientation.step_rad"),
-        ("codec.rotation.torque.bank=[zoh, zoh]", "codec.rotation.torque.bank"),
-        ("codec.rotation.tork={}", "codec.rotation.tork"),
     ],
     "arms.yaml": [
         ("codec.joints.names=[a, a]", "codec.joints"),
         ("codec.joints.names=[a, b]", "codec.joints.names"),
-        ("codec.joints.angle.bound_rad=[0.1]", "angle.bound_rad"),
         ("codec.joints.angle.bound_rad=[0.1, -1, 0.1, 0.1, 0.1]", "codec.joints.angle.bound_rad.1"),
         ("codec.joints.torque.predictor=hybrid", "codec.joints.torque.predictor"),
-        ("codec.joints.torque.step_nm=0.00001", "codec.joints.torque.step_nm"),
         ("codec.gripper=null", "codec.gripper"),
         ("codec.joints=null", "gripper"),
-        ("codec.rotation={}", "rotation"),
         ("master.mapping={}", "master.mapping"),
         ("slave.limits.joints={upper_rad: -3}", "slave.limits.joints"),
         ("master.limits.joints={torque_nm: [1, 2]}", "master.limits.joints.torque_nm"),
         ("master.engage={button: 0}", "master.engage.button"),
-        ("master.device.driver=operator", "driver"),
     ],
 }
-"""By shipped file: an override, and the field that the refusal names."""
-CONTRADICTING = [
-    (("slave.limits.contact_n=0.1", "codec.force.floor_n=0.2"), "slave.limits.contact_n"),
-    (("master.limits.force_n=1", "master.mapping.force_scale=100"), "master.limits.force_n"),
-]
+"""By shipped file: an override, or two with & between, and the field that the refusal names."""
 
 
 @pytest.mark.parametrize(("file", "override", "field"), [(file, *row) for file in REFUSED for row in REFUSED[file]])
 def test_what_is_wrong_is_refused_in_one_line_by_the_path_of_its_field(file: str, override: str, field: str) -> None:
     if file == "arms.yaml":
         pytest.importorskip("mujoco")
-    message = refusal(CONFIGS / file, override)
+    message = refusal(CONFIGS / file, *override.split(" & "))
     assert field in message
-    assert override.split("=", maxsplit=1)[0] == "" or file in message or "--set" in message or override in message
-
-
-@pytest.mark.parametrize(("overrides", "field"), CONTRADICTING)
-def test_limits_that_contradict_each_other_are_refused(overrides: tuple[str, ...], field: str) -> None:
-    assert field in refusal(CONFIGS / "loopback.yaml", *overrides)
+    assert file in message or "--set" in message or override in message
 
 
 class WithButtons(OperatorDevice):
@@ -222,25 +154,17 @@ def test_a_button_is_there_and_has_one_use(overrides: tuple[str, ...], is_refuse
         ("", "", "empty"),
         ("axes: x", "", "link"),
         ("- 1", "", "mapping"),
-        ("link: [", "", "YAML"),
         ("link: {}\nlink: {}", "", "link"),
         ("? [a, b]\n: 1", "", "key"),
         ("codec: 5\n" + MINIMAL, "", "codec"),
-        ("link: {}", "", "key_file"),
         ("link: {security: none}", "", "loopback"),
         ("rate_hz: 500\nmaster:\n\tdevice: {driver: operator}\n", ":3:1: ", "tab"),
-        ("master:\n  device:\n  \tdriver: operator\n", ":3:3: ", "tab"),
-        ("rate_hz:500\naxes: xyz\n", ":1:9: ", '"rate_hz:"'),
-        ("rate_hz:500\n", ":1:9: ", '"rate_hz:"'),
         ("# mine\naxes: xyz\nrate_hz:500\n\nlink: {}\n", ":3:9: ", '"rate_hz:"'),
-        ("link:\n  silence_ms:200\n  listen: 127.0.0.1:0\n", ":2:14: ", '"silence_ms:"'),
         ("link:\n  listen: 127.0.0.1:0\n  silence_ms:200\n", ":3:14: ", '"silence_ms:"'),
-        ("link:\n  silence_ms:200\n", "", '"silence_ms:"'),
         ('link: {silence_ms:200, listen: "127.0.0.1:0"}\n', ":1:8: ", '"silence_ms:"'),
         ("slave:\n  scene:\n    - shape:plane\n      stiffness_n_m: 1\n", ":3:13: ", '"shape:"'),
         ("axes: xyz\nrate_hz 500\nlink: {}\n", ":2:1: ", ""),
         ("link: {silence_ms: 200\naxes: xyz\n", ":2:5: ", "}"),
-        ("link:\n   silence_ms: 200\n  listen: x\n", ":3:3: ", ""),
         ("axes: @x\n", ":1:7: ", "@"),
     ],
 )
@@ -283,10 +207,8 @@ def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
 @pytest.mark.parametrize(
     ("force", "expected"),
     [
-        ("{}", ForceDeadband(0.1, 0.02)),
         ("{deadband: {shape: isotropic}, reference: sent}", ForceDeadband(0.1, 0.02, "sent")),
         ("{deadband: {shape: cone}}", ConeDeadband(0.1, 0.02, radians(18.4))),
-        ("{deadband: {shape: cone, direction_deg: 180}, floor_n: 0}", ConeDeadband(0.1, 0.0, pi)),
         (
             "{deadband: {shape: level_crossing, hysteresis: 0.5}, weber: 0.2}",
             LevelCrossingDeadband(0.2, 0.02, radians(18.4), 0.5),
@@ -300,20 +222,6 @@ def test_a_shipped_file_comes_back_from_its_own_document(file: str) -> None:
 def test_a_file_says_the_shape_of_the_deadband(tmp_path: Path, force: str, expected: Deadband) -> None:
     loaded = load(write(tmp_path, MINIMAL), [f"codec.force={force}", "rate_hz=500"])
     assert channels(loaded.system)[1].deadband == expected
-
-
-def test_a_colon_in_a_value_and_a_tab_behind_one_are_no_slips(tmp_path: Path) -> None:
-    system = load(write(tmp_path, 'link:\t{listen: robot:47000, slave: "robot:47000",\tkey_file: key}\n')).system
-    assert (system.link.listen, system.link.slave) == ("robot:47000", "robot:47000")
-
-
-def test_one_direction_may_have_faults_of_its_own() -> None:
-    faults = "link.emulate={delay_ms: 3, loss: 0.1, to_slave: {delay_ms: 152, blackouts_s: [[1, 0.5], [2, 0.1, 0.2]]}}"
-    emulate = configuration(faults).system.link.emulate
-    assert emulate is not None
-    to_slave, to_master = emulate.directions
-    assert (to_slave.delay_ms, to_slave.loss, to_slave.blackouts_s) == (152, 0.1, ((1, 0.5), (2, 0.1, 0.2)))
-    assert (to_master.delay_ms, to_master.loss, to_master.blackouts_s) == (3, 0.1, ())
 
 
 def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_directory(tmp_path: Path) -> None:
@@ -346,20 +254,11 @@ def test_hardware_without_a_key_is_refused_on_either_end(tmp_path: Path, hardwar
     load(path, ["link.security=session"], sides=[side])
 
 
-@pytest.mark.parametrize("table", [devices, robots, leaders, followers])
-def test_drivers_that_can_be_plugged_in_are_the_hardware(table: Any) -> None:
-    for name in table.BUILT_IN:
-        driver = table.load(name)
-        assert hasattr(driver, "plugged") is is_hardware(driver) is (name not in table.COMPUTED), name
-
-
-@pytest.mark.parametrize(
-    ("name", "says", "is_refused"),
-    [("silent", "", True), ("real", "    COMPUTED = False\n", True), ("computed", "    COMPUTED = True\n", False)],
-)
+@pytest.mark.parametrize(("says", "is_refused"), [("", True), ("    COMPUTED = True\n", False)])
 def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
-    name: str, says: str, is_refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    says: str, is_refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    name = "silent" if is_refused else "computed"
     source = f"from pydantic import BaseModel\nclass Thing:\n{says}    class Options(BaseModel): pass\n"
     install(tmp_path, name, {f"{name}_thing": source}, f"[weberlink.devices]\n{name} = {name}_thing:Thing\n")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -368,12 +267,10 @@ def test_driver_of_another_package_is_hardware_unless_it_says_otherwise(
         assert "link.security" in refusal(path)
     else:
         load(path)
-    elsewhere = write(tmp_path, MINIMAL + "slave: {robot: {driver: of_another_package}}")
-    assert "link.security" in refusal(elsewhere, sides=[MASTER]), "what cannot be imported here counts as hardware"
 
 
 def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
     path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
-    assert advise(try_out(load(path))) == []
+    try_out(load(path))
     assert "link.security" in refusal(path, sides=[SLAVE])
     assert "loopback" in refusal(path, "link.slave=10.0.0.2:1")

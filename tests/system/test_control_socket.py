@@ -3,10 +3,9 @@
 import asyncio
 import json
 import socket
-import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
@@ -22,7 +21,7 @@ from weberlink.system import description
 from weberlink.system.composition.link import build_link
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.configuration.model import DirectionFaults
-from weberlink.system.control_socket import LOOK_S, ControlSocket, LiveChangeError, ask, path_beside
+from weberlink.system.control_socket import ControlSocket, ask, path_beside
 from weberlink.system.daemon import STOP_SLACK_S, stop_limit_s
 from weberlink.system.launcher import STOP_LIMIT_S
 from weberlink.system.live_link import LiveLink
@@ -62,50 +61,6 @@ def daemon(ring: Path, link: LiveLink | None = None) -> Iterator[Unchanging]:
         loop.close()
 
 
-class Asking(Unchanging):
-    """A side whose peer is to agree to a Weber factor."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tuning = Tuning(LiveSettings(0.1, "zoh"), {"weber": ()}, lambda *_: None)
-        self.proposed: list[bytes] = []
-
-    def propose(self, change: Mapping[str, object], now: float) -> str | None:
-        complaint = self.tuning.complaint(change)
-        if complaint is None:
-            self.proposed.append(self.tuning.ask(change))
-        return complaint
-
-    def hear(self, refusal: str) -> None:
-        """The peer answers the newest proposal."""
-        self.tuning.settle(0, self.proposed[-1], refusal)
-
-
-def test_every_request_is_answered_though_the_next_one_comes_at_once(tmp_path: Path) -> None:
-    side, refusals = Asking(), [f"refusal {number}" for number in range(5)]
-    control = ControlSocket(tmp_path / "x.ring", side)
-    with ExitStack() as stack:
-        askers = [stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) for _ in refusals]
-
-        async def go() -> None:
-            control.open(asyncio.get_running_loop())
-            for number, (asker, refusal) in enumerate(zip(askers, refusals, strict=True)):
-                asker.bind("")
-                asker.sendto(b'{"weber": 0.2}', str(path_beside(tmp_path / "x.ring")))
-                while len(side.proposed) <= number:
-                    await asyncio.sleep(0)
-                side.hear(refusal)
-            await asyncio.sleep(5 * LOOK_S)
-            control.close()
-
-        asyncio.run(go())
-        for asker, refusal in zip(askers, refusals, strict=True):
-            asker.setblocking(False)
-            assert json.loads(asker.recv(5000))["why"] == refusal
-            with pytest.raises(BlockingIOError):
-                asker.recv(5000)
-
-
 @pytest.mark.parametrize("question", [b"[" * 1024, b"[" * 5000, b"{" * 1024, b'{"weber": NaN}', b"\xff" * 9, b""])
 def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
     ring = tmp_path / "x.ring"
@@ -126,20 +81,16 @@ REQUESTS: list[tuple[dict[str, Any], bool, list[str] | None]] = [
     ({"stop": "x" * 101}, False, []),
     ({"stop": ""}, False, []),
     ({"stop": "a\nb"}, False, []),
-    ({"stop": True}, False, []),
     ({"stop": "enough", "weber": 0.2}, False, []),
     ({"emergency": True}, True, ["emergency"]),
     ({"emergency": True, "weber": 0.2}, True, ["emergency"]),
     ({"emergency": False}, False, []),
     ({"weber": 0.2}, False, []),
     ({"delay_ms": 20}, True, None),
-    ({"jitter_ms": 2.5, "loss": 0.3}, True, None),
     ({"jitter_ms": 10_000}, True, None),
     ({"jitter_ms": 10_001}, False, None),
     ({"delay_ms": -1}, False, None),
-    ({"delay_ms": 0}, True, None),
     ({"loss": True}, False, None),
-    ({"delay_ms": "5"}, False, None),
     ({"loss": 0.75}, True, None),
     ({"loss": 0.76}, False, None),
     ({"loss": 0.1, "burst": 2}, False, None),
@@ -178,16 +129,6 @@ def test_another_user_cannot_ask(tmp_path: Path) -> None:
             assert as_stranger(ask_socket, path_beside(ring), b"{}") == "refused"
 
 
-@needs_root
-@pytest.mark.parametrize("attack", [squat_file, squat_fifo])
-def test_what_another_user_put_in_its_place_is_not_asked(attack: Callable[[Path], None]) -> None:
-    with TemporaryDirectory() as folder:
-        Path(folder).chmod(0o1777)
-        as_stranger(attack, Path(folder) / "x.ask")
-        with pytest.raises(LiveChangeError, match="not a socket"):
-            ask(Path(folder) / "x.ring", {}, PATIENCE)
-
-
 def test_an_answer_of_anybody_else_is_not_heard(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server, ThreadPoolExecutor() as pool:
         server.bind(str(tmp_path / "x.ask"))
@@ -214,16 +155,6 @@ def test_a_description_of_another_user_costs_nothing(attack: Callable[[Path], No
         Path(folder).chmod(0o1777)
         as_stranger(attack, Path(folder) / "x.json")
         assert description.read(Path(folder) / "x.ring") is None
-
-
-def test_a_description_that_is_too_large_is_not_read(tmp_path: Path) -> None:
-    squat_large(tmp_path / "x.json")
-    tracemalloc.start()
-    try:
-        assert description.read(tmp_path / "x.ring") is None
-        assert tracemalloc.get_traced_memory()[1] < 1e6
-    finally:
-        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("ramp_ms", [0.1, 50.0, 999.0, 2500.0, 5000.0])

@@ -1,25 +1,13 @@
 """The shape of the force's deadband in a session, and the example of its page."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
-from tests.program import ROOT, document, weberlink
 from tests.system.kinds import HAND, run
-from tests.system.systems import CONFIGS, configuration
+from tests.system.systems import configuration
 from weberlink.codec.deadband import DEADBANDS
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import measures_of
-
-
-def test_the_example_of_the_page_is_complete_and_runs(tmp_path: Path) -> None:
-    path = tmp_path / "example.yaml"
-    path.write_text((ROOT / "docs" / "deadbands.md").read_text().split("```yaml\n", 1)[1].split("```", 1)[0])
-    assert weberlink("check", path).status == 0
-    ran = weberlink("simulate", path, "--duration", "1.5")
-    assert ran.status == 0, ran.output
 
 
 @pytest.mark.parametrize("shape", DEADBANDS)
@@ -42,33 +30,3 @@ def test_a_session_keeps_the_law_of_its_shape(shape: str) -> None:
         errors = np.array([error(tuple(one), tuple(other)) for one, other in pairs])
     assert (errors <= held["bound"]).all()
     assert counted["sent"].sum() > 0 and (np.linalg.norm(held["raw"], axis=1) > 0.0).sum() > 100
-
-
-STUDY = ("study", "evaluate", CONFIGS / "traces" / "operator.npz")
-
-
-def test_a_study_has_a_row_for_every_shape() -> None:
-    def rows(*shapes: str) -> list[dict[str, Any]]:
-        given = ("--predictor", "zoh,plane", "--weber", "0.1", "--json", "-", *shapes)
-        found: list[dict[str, Any]] = document(weberlink(*STUDY, *given).output)["rows"]
-        return found
-
-    found, alone = rows("--deadband", "isotropic,cone,velocity_adaptive"), rows()
-    assert [(row["deadband"], row["predictor"]) for row in found] == [
-        (shape, predictor) for shape in ("isotropic", "cone", "velocity_adaptive") for predictor in ("zoh", "plane")
-    ]
-    assert all(row["violation_fraction"] == 0.0 for row in found)
-    assert [row["packets"] for row in alone] == [row["packets"] for row in found[:2]]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "field"),
-    [
-        (("--deadband", "wedge"), "--deadband"),
-        (("--deadband", "cone,cone"), "--deadband"),
-        (("--deadband", "level_crossing", "--floor", "0"), "--floor"),
-    ],
-)
-def test_a_shape_that_cannot_be_studied_is_refused_by_its_option(arguments: tuple[str, ...], field: str) -> None:
-    status, output, errors = weberlink(*STUDY, *arguments)
-    assert (status, output) == (2, "") and field in errors

@@ -111,10 +111,7 @@ def failures() -> dict[frozenset[str], list[str]]:
     installed = {extras: {package for extra in extras for package in PACKAGES[extra]} for extras in GROUPS}
     everything = {package for packages in PACKAGES.values() for package in packages}
     arguments = [
-        (
-            sorted(everything - installed[extras]),
-            [name for name in modules() if extras_of(name) == extras],
-        )
+        (sorted(everything - installed[extras]), [name for name in modules() if extras_of(name) == extras])
         for extras in GROUPS
     ]
     command = [sys.executable, "-c", IMPORT, json.dumps(arguments)]
@@ -133,7 +130,3 @@ def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
     with pytest.raises(ConfigurationError) as caught:
         need("no_such_package", "studies", "--plots")
     assert str(caught.value) == f"--plots: needs no_such_package; install it with: {install_line('studies')}"
-
-
-def test_a_package_that_is_there_is_no_matter() -> None:
-    need("numpy", "studies", "--plots")

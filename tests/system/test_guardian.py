@@ -1,83 +1,55 @@
 """A driver whose force stays on when its host stops is refused, unless the file accepts it by name."""
 
-from pathlib import Path
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from tests.master.devices.benches import armed
-from tests.system.packages import install
+from tests.system.kinds import Kind, each_kind
+from tests.system.systems import system
 from weberlink.master.devices import BUILT_IN, SCRIPTED
-from weberlink.system.composition.master import build_device, check_force_ends
-from weberlink.system.configuration import MASTER, ConfigurationError, load
-
-DRIVER = """
-from types import SimpleNamespace
-
-from pydantic import BaseModel
-
 from weberlink.master.devices.contract import DeviceSpec
+from weberlink.system.composition.master import check_force_ends
+from weberlink.system.configuration import ConfigurationError
 
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 
 
-class Options(BaseModel):
-    watchdog_s: float | None = None
-    force: bool = True
-    guarded: bool = False
-
-
-class Pusher(SimpleNamespace):
-    Options = Options
-
-    def __init__(self, options, tick_period):
-        force_n = 3.0 if options.force else 0.0
-        spec = DeviceSpec(
-            "pusher", "xyz", force_n, 500.0, BOX, 1000.0, force_feedback=options.force, watchdog_s=options.watchdog_s
-        )
-        super().__init__(spec=spec, guarded=options.guarded)
-
-    def open(self, now): ...
-
-    def latest(self, now): ...
-
-    def command(self, force, now): ...
-
-    def close(self): ...
-"""
-FILE = """
-link: {listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session}
-master: {device: {driver: pusher}}
-slave: {robot: {driver: point}}
-"""
-
-
-@pytest.fixture
-def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    entry_points = "[weberlink.devices]\npusher = pusher:Pusher"
-    monkeypatch.syspath_prepend(str(install(tmp_path, "pusher", {"pusher": DRIVER}, entry_points)))
-    file = tmp_path / "pusher.yaml"
-    file.write_text(FILE)
-    return file
-
-
-@pytest.mark.parametrize("accepted", [(), ("master.accept_no_watchdog=paddle",)])
-def test_a_driver_with_neither_is_refused_in_one_line(file: Path, accepted: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("spec", "guarded", "accepted", "is_refused"),
+    [
+        ({}, False, None, True),
+        ({}, False, "paddle", True),
+        ({}, False, "pusher", False),
+        ({"watchdog_s": 0.5}, False, None, False),
+        ({}, True, None, False),
+        ({"force_feedback": False}, False, None, False),
+    ],
+)
+def test_a_driver_ends_its_force_or_is_accepted_by_name(
+    spec: dict[str, Any], guarded: bool, accepted: str | None, is_refused: bool
+) -> None:
+    made = DeviceSpec("pusher", "xyz", 3.0, 500.0, BOX, 1000.0, **{"force_feedback": True} | spec)
+    device: Any = SimpleNamespace(spec=made, guarded=guarded)
+    if not is_refused:
+        check_force_ends(device, "pusher", accepted)
+        return
     with pytest.raises(ConfigurationError, match=r"master\.device: .*set master\.accept_no_watchdog: pusher") as caught:
-        build_device(load(file, accepted, sides=[MASTER]))
+        check_force_ends(device, "pusher", accepted)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "override",
-    [
-        "master.accept_no_watchdog=pusher",
-        "master.device.watchdog_s=0.5",
-        "master.device.guarded=true",
-        "master.device.force=false",
-    ],
-)
-def test_one_that_ends_its_force_or_is_accepted_is_built(file: Path, override: str) -> None:
-    assert build_device(load(file, (override,), sides=[MASTER])).spec.name == "pusher"
+@each_kind
+def test_a_side_with_such_a_driver_is_not_built(kind: Kind) -> None:
+    class Unguarded(kind.device):  # type: ignore[misc, name-defined]
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            self.spec = replace(self.spec, watchdog_s=None)
+
+    with pytest.raises(ConfigurationError, match=r"set master\.accept_no_watchdog"):
+        system(*kind.overrides, file=kind.file, device=Unguarded)
 
 
 WITHOUT_MOTORS = SCRIPTED | {"pointer", "ros2", "gamepad", "spacemouse"}

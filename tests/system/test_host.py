@@ -1,7 +1,6 @@
 """Missed ticks of a live session: of a processor that was taken away they are the host's, of a stopped daemon not."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -67,33 +66,3 @@ def test_ticks_on_a_processor_that_was_taken_away_are_the_hosts() -> None:
     assert facts["longest_ms"] >= 900 * TAKEN_S
     assert 900 * TAKEN_S <= of_host["master"] <= missed["master"]
     assert of_host["slave"] <= missed["slave"]
-
-
-@fifo
-@pytest.mark.hunt
-def test_ticks_of_a_daemon_that_was_stopped_are_its_own() -> None:
-    with Program("loopback", *ARGUMENTS) as program:
-        master = watched(program)
-        before = int(master.last["ticks_missed"])
-        for _ in range(3):
-            os.kill(master.pid, signal.SIGSTOP)
-            sleep(TAKEN_S)
-            os.kill(master.pid, signal.SIGCONT)
-            sleep(TAKEN_S)
-        until(lambda: master.last["ticks_missed"] > before + 200, "missed ticks")
-        facts, missed, of_host = finished(program)
-    assert facts["unknown"] is None
-    assert missed["master"] - of_host["master"] >= 2000 * TAKEN_S
-
-
-@pytest.mark.skipif(shutil.which("setpriv") is None, reason="no setpriv, to take from root what only root may")
-@pytest.mark.hunt
-def test_without_the_right_nothing_is_attributed() -> None:
-    incapable = ("setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice") if os.geteuid() == 0 else ()
-    prefix = ("prlimit", "--rtprio=0:0", *incapable)
-    with Program("loopback", "--duration", 2, "--json", "-", *PATIENT, prefix=prefix) as program:
-        status, output, errors = program.finish()
-    assert (status, errors) == (0, "")
-    facts = document(output)["host"]
-    assert "SCHED_FIFO 51 not permitted" in facts["unknown"]
-    assert facts["missed"] is facts["stalls"] is facts["longest_ms"] is facts["watched_s"] is None

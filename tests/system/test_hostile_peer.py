@@ -1,7 +1,6 @@
 """A peer that holds the keys may say what it likes: no tick of a side raises, and the fault is counted."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -9,23 +8,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.system.hostile import Content, Duel
 from tests.system.systems import configuration
-from weberlink.codec import Channel, Decoder
 from weberlink.codec.parameters import pack
-from weberlink.codec.predictors.contract import Candidate, Predictor, Signal
-from weberlink.codec.predictors.model import ContactSurface, FitLimits, Model
-from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.control.tuning import LiveSettings, Tuning
-from weberlink.geometry.vector import Vector
+from weberlink.control.tuning import Tuning
 from weberlink.protocol.mailbox import QUEUED_EVENTS
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind
-from weberlink.realtime.stall import Watchdog
-from weberlink.system.channels import IncomingChannel
-from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import Configuration
-from weberlink.system.side import Side
 from weberlink.update import MAX_GAP, MOST_PARAMETER_BYTES, ModelParameters, PreviousSample
 
 SMOOTH = ("codec.force.smooth_ms=10", "link.playout_ms=5")
@@ -122,7 +113,7 @@ PROPOSED = ("change", 1, 100, b'{"weber":0.2}', False)
 @example(played=[("update", FROM_THE_START)])
 @example(played=[PROPOSED, ("renew", "bye")])  # the proposal is still queued when the next session begins
 @example(played=[("renew", "bye"), ("ask", {"weber": 0.3}), ("tick", 1), ("ask", {"weber": 0.3})])
-@examples(30)
+@examples(15)
 def test_no_tick_raises_whatever_an_authentic_peer_says(name: str, hero: str, played: list[Any]) -> None:
     """Of any predictor and control scheme, at either end, with what it is asked by its own user meanwhile."""
     duel = Duel(configured(name), hero)
@@ -151,42 +142,8 @@ def test_a_session_begins_even_if_its_first_tick_has_more_events_than_the_queue(
 
 # The boundary: parts of a side that fail at what the peer says, as one with an error would.
 
-
-class Brittle(Predictor):
-    """Fails where the first byte of the parameters says."""
-
-    name = "brittle"
-    estimated = True
-
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return []
-
-    def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
-        if data == b"decode":
-            raise ZeroDivisionError
-        return BrittleModel(newest.value, data)
-
-
-@dataclass
-class BrittleModel(Model):
-    value: Vector
-    fails_at: bytes
-
-    def at(self, tick: float, position: Vector) -> Vector:
-        if self.fails_at == b"value":
-            raise OverflowError
-        return self.value
-
-    def surface(self) -> ContactSurface | None:
-        if self.fails_at == b"hand over":
-            raise AssertionError
-        return None
-
-
-class BrittleChannel(Channel):
-    @property
-    def predictors(self) -> tuple[Predictor, ...]:
-        return (Brittle(),)
+REPEATS = 3
+GOOD = Content(0, 0, 0, (50,), None)
 
 
 class Unreadable(tuple[str, ...]):
@@ -196,70 +153,47 @@ class Unreadable(tuple[str, ...]):
         raise RecursionError
 
 
-def refuse(settings: LiveSettings, peer_tick: float) -> None:
+def refuse(*_: object) -> None:
     raise LookupError
 
 
-def brittle(configuration: Configuration) -> Callable[[Side], Side]:
-    """Makes the side with brittle parts of the one that is given."""
+def failing_once(method: Callable[..., Any]) -> Callable[..., Any]:
+    errors = [ZeroDivisionError()]
 
-    def altered(side: Side) -> Side:
-        forward, backward = channels(configuration.system)
-        like = backward if side.port.leads else forward
-        channel = BrittleChannel(
-            like.bank, like.deadband, like.value_quantizer, like.position_quantizer, like.rest, like.fit_limits
-        )
-        learner: Any = side.port.controls[0] if side.port.leads else None
-        return Side(
-            port=side.port,
-            outgoing=side.outgoing,
-            incoming=[IncomingChannel("brittle", 0, Decoder(channel), None, learner)],
-            tuning=Tuning(side.tuning.settings, {"weber": (), "predictor": Unreadable()}, refuse),
-            endpoint=side.endpoint,
-            tick_period=configuration.system.tick_period,
-            horizon=1.0,
-            watchdog=Watchdog(1.0),
-            stopwatch=lambda: 0.0,
-        )
+    def fails(*contents: Any) -> Any:
+        if errors:
+            raise errors.pop()
+        return method(*contents)
 
-    return altered
+    return fails
 
 
-REPEATS = 3
-WRONG = {
-    "decode": ("update", Content(0, 0, 0, (100,), ModelParameters(b"decode"))),
-    "value": ("update", Content(0, 0, -1, (100,), ModelParameters(b"value"))),
-    "hand over": ("update", Content(0, 0, 0, (100,), ModelParameters(b"hand over"))),
-    "answer": ("change", 1, 100, b'{"predictor":"zoh"}', False),
-    "change": ("change", 1, 100, b'{"weber":0.2}', False),
-}
-
-
-@pytest.mark.parametrize(
-    ("where", "hero"),
-    [(where, hero) for where in WRONG for hero in ("master", "slave") if (where, hero) != ("hand over", "slave")],
-)
+@replaces_methods
+@pytest.mark.parametrize("hero", ["master", "slave"])
+@pytest.mark.parametrize("where", ["apply", "decode", "answer", "change"])
 def test_whatever_fails_at_contents_of_the_peer_is_its_fault_and_the_loop_goes_on(where: str, hero: str) -> None:
-    settings = configured("paths")
-    duel = Duel(settings, hero, brittle(settings))
+    duel = Duel(configured("none"), hero)
+    side = duel.side
     duel.engage()
-    good = Content(0, 0, 0, (50,), ModelParameters(b"good"))
-    assert duel.update(good)
+    assert duel.update(GOOD)
     duel.tick(5)
-    held = duel.side.incoming[0].decoder
-    assert held.newest is not None
-    assert not duel.side.faults
-    kind, *what = WRONG[where]
-    move(duel, kind, *what)
-    while not duel.side.faults:
+    held = side.incoming[0].decoder
+    assert held.newest is not None and not side.faults
+    if where in ("apply", "decode"):
+        setattr(side.incoming[0], where, failing_once(getattr(side.incoming[0], where)))
+        assert duel.update(GOOD)
+    else:
+        side.tuning = Tuning(side.tuning.settings, {"weber": (), "predictor": Unreadable()}, refuse)
+        asked = b'{"predictor":"zoh"}' if where == "answer" else b'{"weber":0.2}'
+        duel.change(1, 100, asked, is_answer=False)
+    while not side.faults:
         duel.tick()
-    assert duel.side.faults == {"update": 1}
+    assert side.faults == {"update": 1}
     assert held.newest is None, "nothing is held of a peer that does not keep to what it has agreed to"
     duel.tick(50)
-    assert duel.side.faults["update"] <= REPEATS, "as often as it was sent, not in every tick"
-    counted = dict(duel.side.faults)
-    assert duel.update(good)
+    assert side.faults["update"] <= REPEATS, "as often as it was sent, not in every tick"
+    counted = dict(side.faults)
+    assert duel.update(GOOD)
     duel.tick(5)
-    assert held.newest is not None
-    assert duel.side.engaged
-    assert duel.side.faults == counted
+    assert held.newest is not None and side.engaged
+    assert side.faults == counted

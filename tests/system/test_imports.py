@@ -9,28 +9,15 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import CONFIGS, UNUSABLE, configuration
+from tests.system.systems import CONFIGS, UNUSABLE
 from weberlink.cli import app
-from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
-NAMED = (
-    "arms.yaml",
-    "delay.yaml",
-    "franka.yaml",
-    "lan.yaml",
-    "loopback.yaml",
-    "mujoco-wrench.yaml",
-    "phantom-arm.yaml",
-    "replay.yaml",
-    "rotation.yaml",
-    "scene-simulated-robot.yaml",
-)
-FILES = tuple(name for name in NAMED if name not in UNUSABLE)
+NAMED = ("arms", "delay", "franka", "lan", "loopback", "mujoco-wrench", "phantom-arm", "replay", "rotation")
+FILES = tuple(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot") if f"{name}.yaml" not in UNUSABLE)
 SIDES = ("master", "slave")
 BUILD = """
 import json, os, sys
@@ -60,27 +47,11 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    "weberlink.cli",
-    "weberlink.apps",
-    "weberlink_studies",
-    "weberlink.watching",
-    "weberlink.system.launcher",
-    "matplotlib",
-    "scipy",
+    *(f"weberlink.{name}" for name in ("cli", "apps", "studies", "watching", "system.launcher", "anywhere", "ros2")),
+    *("matplotlib", "scipy"),
+    *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }
-OTHERS = {
-    "aioice",
-    "twisted",
-    "weberlink.anywhere",
-    "wormhole",
-    "foxglove",
-    "pylibfranka",
-    "rosbags",
-    "websockets",
-    "weberlink.ros2",
-    "zenoh",
-}
-"""Of other systems and makers; none of these files names one."""
+"""What watches a daemon, and what is of other systems and makers; none of these files names one."""
 WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
 HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}
 
@@ -165,35 +136,5 @@ def test_daemon_imports_only_what_its_file_names(
     there, named = modules[name, side], expected(name, side, key)
     assert {module: module in there for module in named} == named
     # MuJoCo itself imports some of the packages for web and terminal.
-    assert not (OBSERVERS | OTHERS | (set() if named["mujoco"] else WEB_AND_TERMINAL)) & there
+    assert not (OBSERVERS | (set() if named["mujoco"] else WEB_AND_TERMINAL)) & there
     assert there & HARDWARE == {module for module in ("serial", "weberlink.hardware") if named[module]}
-
-
-def test_a_link_that_is_not_metered_does_without_numpy(modules: dict[tuple[str, str], frozenset[str]]) -> None:
-    """A learner of curves would save some datagrams there, for more bytes, twice the run time, and numpy's memory."""
-    assert not {"numpy", "weberlink.codec.predictors.learning"} & modules["loopback.yaml", "master"]
-    for name in ("loopback.yaml", "try.yaml"):
-        assert load(CONFIGS / name).system.codec.position.predictor == "linear"
-
-
-def test_every_optional_module_is_named_and_left_out(key: Path) -> None:
-    cases = [expected(name, side, key) for name in FILES for side in SIDES]
-    unused = {"weberlink.slave.integrators.semi_implicit", "weberlink.slave.integrators.implicit"}
-    unused |= {"weberlink_franka"} if UNUSABLE else set()
-    for module in set(cases[0]) - unused:
-        assert {case[module] for case in cases} == {True, False}, module
-
-
-@pytest.mark.parametrize("name", ["lossless-1dof.yaml", "loopback.yaml"])
-def test_sample_carries_the_named_axes_only(name: str) -> None:
-    loaded = load(CONFIGS / name).system
-    forward, backward = channels(loaded)
-    axes = len(loaded.axes)
-    assert (forward.grid.size, backward.grid.size) == (axes, 2 * axes)
-
-
-def test_one_axis_is_shorter_on_the_wire_than_three() -> None:
-    one, three = (channels(configuration(f"axes={axes}", "control.scheme=none").system) for axes in ("z", "xyz"))
-    for narrow, wide in zip(one, three, strict=True):
-        for shorter, longer in zip(*(UpdateLayout(each.forms).lengths for each in (narrow, wide)), strict=True):
-            assert shorter < longer

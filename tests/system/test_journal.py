@@ -9,17 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.program import Records
 from tests.program import weberlink as command
 from tests.records import ticks as records_of
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.states import State
-from weberlink.system.configuration import ConfigurationError
 from weberlink.system.journal import Journal
-from weberlink.system.log_file import LONGEST_LINE, LogFile
+from weberlink.system.log_file import LogFile
 from weberlink.system.paths import paths_of
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
@@ -64,8 +61,6 @@ class Log:
         return [json.loads(line) for line in self.lines[before:]]
 
 
-# --- what is told
-
 CONNECTING, ENGAGED, SILENT = State.CONNECTING.value, State.ENGAGED.value, State.SILENT.value
 TOLD: list[tuple[Records, list[dict[str, Any]]]] = [
     (ticks(3000), []),
@@ -88,14 +83,6 @@ TOLD: list[tuple[Records, list[dict[str, Any]]]] = [
             {"event": "fault", "fault": "silence", "tick": 1200},
             {"event": "engaged"},
             {"event": "recovered", "fault": "silence", "tick": 3450, "lasted_s": 2.25},
-        ],
-    ),
-    (
-        ticks(6000, fault=since(6000, 1000, Fault.SILENCE) + since(6000, 3000, Fault.DEVICE - Fault.SILENCE)),
-        [
-            {"event": "fault", "fault": "silence"},
-            {"event": "recovered", "fault": "silence"},
-            {"event": "fault", "fault": "device"},
         ],
     ),
     (ticks(3000, fault=Fault.REFUSED), [{"event": "fault", "fault": "refused"}]),
@@ -124,10 +111,9 @@ TOLD: list[tuple[Records, list[dict[str, Any]]]] = [
 
 
 @pytest.mark.parametrize(("records", "expected"), TOLD)
-@pytest.mark.parametrize("each", [100, 250])
-def test_what_happens_is_told_with_its_tick(records: Records, expected: list[dict[str, Any]], each: int) -> None:
+def test_what_happens_is_told_with_its_tick(records: Records, expected: list[dict[str, Any]]) -> None:
     log = Log()
-    lines = log.look(records, each)
+    lines = log.look(records)
     assert (lines[0]["event"], lines[0]["tick"], lines[0]["rate_hz"]) == ("started", 0, 1000.0)
     assert [line["event"] for line in lines[1:]] == [line["event"] for line in expected]
     for line, known in zip(lines[1:], expected, strict=True):
@@ -139,17 +125,10 @@ def test_what_happens_is_told_with_its_tick(records: Records, expected: list[dic
     assert log.end() == [] and log.look(ticks(0)) == [], "once"
 
 
-def test_sides_are_told_apart() -> None:
-    log = Log()
-    log.look(ticks(2000))
-    lines = log.look(ticks(2000, state=since(2000, 1000, SILENT, ENGAGED)), side="slave")
-    assert [(line["side"], line["event"]) for line in lines] == [("slave", "started"), ("slave", "silent")]
-
-
 def test_paths_are_told_when_new_or_changed() -> None:
     log = Log()
-    second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
     first = PathFacts(remote="10.0.0.2:47000")
+    second = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 1)
     for number, path in enumerate([PathFacts(), first, first, second, second]):
         log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
         log.look(ticks(1500, first=1500 * number))
@@ -159,11 +138,7 @@ def test_paths_are_told_when_new_or_changed() -> None:
         ("path", "info"),
         ("path", "warn"),
     ]
-    assert told[2].items() >= {key: fact for key, fact in second._asdict().items() if fact is not None}.items()
-    assert told[2]["tick"] == 4499
-
-
-# --- figures
+    assert (told[2]["via"], told[2]["tick"]) == ("relay.example", 4499)
 
 
 def test_the_summary_comes_in_time_and_counts_its_own_interval() -> None:
@@ -178,17 +153,9 @@ def test_the_summary_comes_in_time_and_counts_its_own_interval() -> None:
         assert line["reduction"] == pytest.approx(0.99, abs=0.001)
         assert line["lost"] == pytest.approx(10, abs=1)
         assert line["lateness_us"] == {"p50": 50.0, "p99": 50.0, "max": 50.0}
-        assert line["rtt_us"]["p50"] == pytest.approx(300.0, rel=0.01)
     assert [line["missed"] for line in lines] == [0, 5]
     (rest,) = [line for line in log.end() if line["event"] == "summary"]
     assert rest["interval_s"] == pytest.approx(5.0, abs=0.3)
-    idle = Log()
-    idle.look(ticks(10, state=State.LISTENING.value))
-    unknown = idle.end()[0]
-    assert (unknown["rtt_us"], unknown["reduction"]) == ({"p50": None, "p99": None}, None)
-
-
-# --- how much of it
 
 
 def test_flapping_makes_a_line_a_second_and_the_last_word_is_how_things_are() -> None:
@@ -200,40 +167,6 @@ def test_flapping_makes_a_line_a_second_and_the_last_word_is_how_things_are() ->
     assert 9 <= len(changes) <= 12
     assert (changes[-1]["event"], changes[-1]["tick"]) == ("engaged", int(np.flatnonzero(flapping)[-1]) + 1)
     assert len(changes) + sum(line.get("suppressed", 0) for line in changes) == int(np.abs(np.diff(flapping)).sum())
-    missed = Log()
-    counted = ticks(10_000, ticks_missed=np.arange(10_000) // 3)
-    lines = [line for line in missed.look(counted) + missed.end() if line["event"] == "missed"]
-    assert 9 <= len(lines) <= 12
-    assert sum(line["ticks"] for line in lines) == int(counted["ticks_missed"][-1])
-
-
-def test_a_flapping_path_makes_one_line_a_second() -> None:
-    log = Log()
-    log.look(ticks(10))
-    for number in range(1, 300):
-        path = PathFacts(remote="10.0.0.2:47000", changes=number)
-        log.journal.take_paths("master", paths_of({"paths": [path._asdict()]}))
-        log.look(ticks(10, first=10 * number))
-    log.look(ticks(1500, first=3000))
-    lines = [line for line in map(json.loads, log.lines) if line["event"] == "path"]
-    assert len(lines) <= 5
-    assert lines[-1]["changes"] == 299, "the last change is told"
-    assert sum(line.get("suppressed", 0) for line in lines) + len(lines) == 299
-
-
-ROWS = st.tuples(st.integers(0, 7), st.integers(0, 6), st.integers(0, 255), st.booleans())
-
-
-@given(st.lists(ROWS, min_size=1, max_size=40), st.integers(1, 50))
-def test_whatever_the_records_hold_output_is_bounded_and_json(
-    rows: list[tuple[int, int, int, bool]], each: int
-) -> None:
-    columns = dict(zip(("state", "fault", "settings", "clipped"), zip(*rows, strict=True), strict=True))
-    log = Log()
-    lines = log.look(ticks(len(rows), **columns, ticks_missed=np.cumsum(columns["clipped"])), each) + log.end()
-    # Less than a second: two lines of a kind at most, of which the second waits for the end.
-    assert len(lines) <= 3 + 2 * 5
-    assert all(len(json.dumps(line)) < LONGEST_LINE for line in lines)
 
 
 # --- losing it
@@ -262,20 +195,6 @@ def test_what_cannot_be_written_is_counted_and_told_by_the_next_line() -> None:
     assert [json.loads(line).get("lost_lines") for line in told] == [3, None]
 
 
-def test_a_file_is_added_to(tmp_path: Path) -> None:
-    path = tmp_path / "session.jsonl"
-    for text in ("one", "two"):
-        with LogFile(path) as log:
-            assert log.write(text)
-    assert path.read_text() == "one\ntwo\n"
-
-
-@pytest.mark.parametrize("name", ["missing/log", "."])
-def test_a_file_that_cannot_be_opened_is_one_line(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ConfigurationError, match="--log: "):
-        LogFile(tmp_path / name)
-
-
 @pytest.mark.parametrize("leaves", [False, True])
 def test_a_reader_that_stops_or_goes_away_costs_lines_and_no_time(tmp_path: Path, leaves: bool) -> None:
     path = tmp_path / "fifo"
@@ -297,12 +216,6 @@ def test_a_reader_that_stops_or_goes_away_costs_lines_and_no_time(tmp_path: Path
     os.close(reader)
 
 
-def test_a_line_that_is_too_long_is_not_written(tmp_path: Path) -> None:
-    with LogFile(tmp_path / "log") as log:
-        assert not log.write("x" * LONGEST_LINE)
-        assert log.write("x" * (LONGEST_LINE - 1))
-
-
 def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     """The limit on the size of a file stands for the disk: a write that meets it is cut off, then refused."""
     path = tmp_path / "log"
@@ -318,28 +231,6 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert path.read_text().splitlines() == ["x" * 9, "x" * 9, "x" * 5, "after"]
-
-
-@pytest.mark.parametrize("closes", [True, False])
-def test_standard_output_whose_reader_has_left_or_stopped_holds_up_nothing(closes: bool) -> None:
-    """A pipe that waits, as that of a shell does: it is full after 64 kB."""
-    script = (
-        "import sys; from pathlib import Path; from weberlink.system.log_file import LogFile\n"
-        "sys.stdin.read()\n"
-        "with LogFile(Path('-')) as log:\n"
-        "    written = sum(log.write('x' * 1000) for _ in range(1000))\n"
-        f"sys.exit(not ({'written == 0' if closes else '0 < written < 1000'}))\n"
-    )
-    reading, writing = os.pipe()
-    process = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=writing)
-    os.close(writing)
-    if closes:
-        os.close(reading)
-    assert process.stdin is not None
-    process.stdin.close()
-    assert process.wait(60) == 0
-    if not closes:
-        os.close(reading)
 
 
 def test_a_log_that_cannot_be_opened_is_one_line_and_status_2(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_files_of_other_users_do_no_harm() -> None:
     environment = {name: value for name, value in os.environ.items() if name != "XDG_RUNTIME_DIR"}
     ended = subprocess.run(
         ["unshare", "--mount", "sh", "-c", command, sys.executable, CROWDED],
-        cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=PATIENCE,
+        cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=3 * PATIENCE,
     )  # fmt: skip
     if "unshare failed" in ended.stderr:
         pytest.skip("no mount namespace here")

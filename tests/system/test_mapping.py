@@ -1,16 +1,13 @@
 """The map between device and robot in a file: what it makes of a whole system, and what is refused."""
 
-import re
 from pathlib import Path
 
 import pytest
-import yaml
 
-from tests.system.systems import CONFIGS, configuration, output, raw, steps, system
+from tests.system.systems import configuration, output, raw, steps, system
 from weberlink.geometry.vector import Vector, norm, scale
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.system.composition.master import build_device
-from weberlink.system.configuration.model import MappingSettings
 
 TURNED = "master.mapping={rotation_deg: [0, 0, 90], scale: 0.5, offset_m: [0.01, 0.0, 0.0]}"
 
@@ -49,11 +46,3 @@ def test_walls_are_those_of_the_robot_where_the_file_gives_none(tmp_path: Path) 
     limits = "slave.limits.workspace_m=[[-0.01, 0.02], [-0.03, 0.04], [-0.05, 0.06]]"
     device = build_device(configuration(limits, "master.mapping={walls: {}}"))
     assert device.spec.workspace_m == ((-0.01, -0.03, -0.05), (0.02, 0.04, 0.06))
-
-
-def test_the_example_of_the_page_is_a_map() -> None:
-    page = (CONFIGS.parent / "docs" / "devices" / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```yaml\n(.*?)```", page, re.S)
-    mapping = MappingSettings.model_validate(yaml.safe_load(example)["master"]["mapping"])
-    assert mapping.clutch is not None
-    assert mapping.walls is not None

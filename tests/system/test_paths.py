@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -42,39 +41,9 @@ def test_a_strange_description_gives_words_all_the_same(found: Any) -> None:
     assert all(isinstance(text, str) for text in notable([], paths))
 
 
-@pytest.mark.parametrize(
-    ("path", "expected"),
-    [
-        (RELAYED, "path: relayed by relay.example over wlan0, 1 change"),
-        (RELAYED._replace(via="", changes=2), "path: relayed over wlan0, 2 changes"),
-        (DIRECT, "path: direct"),
-        (PathFacts(1, "punched", interface="usb0"), "path 2: punched over usb0"),
-        (NONE, "path: asking the mailbox"),
-        (PathFacts(route=""), "path: no path yet"),
-    ],
-)
-def test_words_name_route_relay_interface_and_changes(path: PathFacts, expected: str) -> None:
-    (read,) = facts(path)
-    assert path_words(read) == expected
-
-
-@pytest.mark.parametrize(
-    ("came", "sent", "expected"),
-    [(46, 46, "DSCP 46"), (0, 46, "DSCP 46 came as 0"), (None, 46, ""), (46, None, "DSCP 46")],
-)
-def test_words_of_dscp_say_what_came(came: int | None, sent: int | None, expected: str) -> None:
-    (read,) = facts(DIRECT, dscp=came)
-    assert dscp_words(read, sent) == expected
-
-
-def test_a_note_counts_only_without_any_path() -> None:
-    assert finding(facts(NONE)) == "asking the mailbox"
-    assert finding(facts(PathFacts(route=""))) == "finding a path"
-    assert finding(facts(NONE, DIRECT)) == finding([]) == ""
-
-
 def test_notable_are_other_routes_and_changes() -> None:
     assert list(notable([], facts(DIRECT, NONE))) == []
     assert list(notable([], facts(RELAYED))) == ["path: relayed by relay.example over wlan0, 1 change"]
     assert list(notable(facts(RELAYED), facts(RELAYED, dscp=46))) == []
     assert list(notable(facts(DIRECT), facts(DIRECT._replace(changes=1)))) == ["path: direct, 1 change"]
+    assert finding(facts(NONE)) == "asking the mailbox" and finding(facts(NONE, DIRECT)) == finding([]) == ""

@@ -42,13 +42,6 @@ def test_signal_between_pieces_waits_for_their_use(number: signal.Signals) -> No
     assert interruption.noted
 
 
-def test_handler_is_restored(number: signal.Signals) -> None:
-    assert list(Interruption().pieces(work(9))) == [0, 1, 2, 3, 4]
-    with pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), number)
-        signal.pause()
-
-
 def test_what_the_signal_breaks_is_part_of_the_end(number: signal.Signals) -> None:
     """A worker process that got the signal too is gone; without a signal the same is an error."""
 

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from tests.system.kinds import HAND, run
-from tests.system.systems import configuration
 from weberlink.protocol.states import State
-from weberlink.system.simulate import simulate
 from weberlink.system.simulation import Simulation
 
 JITTER = ("control.scheme=none", "link.emulate={delay_ms: 10, jitter_ms: 15, seed: 3}")
@@ -53,6 +51,11 @@ def test_what_is_decided_on_was_measured_that_long_ago() -> None:
     assert (slave["coded"][decided] == slave["raw"][decided - 20]).all()
 
 
-def test_the_report_holds_both() -> None:
-    summary, _ = simulate(configuration("link.playout_ms=20", "codec.force.lookahead_ms=10"), 0.2)
-    assert (summary["playout_ms"], summary["lookahead_ms"]) == (20.0, {"position": 0.0, "force": 10.0})
+def test_what_is_decoded_is_where_the_hand_was_that_long_ago() -> None:
+    ran = run(HAND, 1.0, "control.scheme=none", "link.emulate={delay_ms: 10}", "link.playout_ms=20")
+    moving = np.arange(500, 900)
+    errors = {
+        lag: float(np.abs(ran.slave["position"][moving] - ran.master["raw"][moving - lag]).max())
+        for lag in range(-30, 60)
+    }
+    assert min(errors, key=errors.__getitem__) == pytest.approx(30, abs=3)

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tests.program import document, weberlink
-from tests.system.systems import CONFIGS, configuration
+from tests.system.systems import configuration
 from weberlink.apps.recordings import describe
 from weberlink.codec.rate import LEAST_BURST
 from weberlink.system.simulate import simulate
@@ -44,14 +43,3 @@ def test_every_channel_keeps_its_rate(tmp_path: Path) -> None:
         for figure in ("widened_fraction", "widened_max"):
             assert recorded[name][figure] == bounded[name][figure]
     assert bounded["force"]["coding"]["violation_fraction"] == 0.0
-
-
-def test_a_study_bounds_the_rate_of_a_recorded_signal() -> None:
-    trace = CONFIGS / "traces" / "operator.npz"
-    arguments = ("study", "evaluate", trace, "--predictor", "zoh", "--floor", "0.002", "--weber", "0.01", "--json", "-")
-    free, bounded = (
-        document(weberlink(*arguments, *further).output)["rows"][0] for further in ((), ("--max-updates", "40"))
-    )
-    assert bounded["packets"] <= 40 * bounded["packets"] / bounded["packets_per_s"] + 20 < free["packets"]
-    assert (bounded["violation_fraction"], "widened_fraction" in free) == (0.0, False)
-    assert 0.0 < bounded["widened_fraction"] <= 1.0 and bounded["widened_max_n"] > 0.002

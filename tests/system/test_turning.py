@@ -1,19 +1,15 @@
 """Six degrees of freedom: what the laws of all sessions do not say, and what is felt in the shipped files."""
 
-from dataclasses import replace
 from math import degrees, sin
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.system.kinds import INTERRUPTIONS, TICK, TURNING, Kind, interrupted, run
-from tests.system.systems import configuration
+from tests.system.kinds import INTERRUPTIONS, TICK, TURNING, interrupted, run
 from weberlink.geometry.rotation import LONGEST, angle_between, quaternion
-from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.operator import OperatorDevice
-from weberlink.system.simulate import simulate
 
 
 def apart(one: Any, other: Any) -> Any:
@@ -54,29 +50,6 @@ def test_a_hand_that_turns_through_half_a_turn_is_followed(delay: int, loss: flo
     assert led.sum() > 2000 and away.max() <= 5.0 * TICK * late + 0.006, "at most 5 rad/s, and the deadband"
 
 
-def test_a_device_without_torque_turns_the_tool() -> None:
-    class Silent(OperatorDevice):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments)
-            self.spec = replace(self.spec, torque_n_m=0.0)
-
-        def turn(self, torque: Vector, now: float) -> None:
-            raise AssertionError("a device that displays none is not told")
-
-    ran = run(TURNING, 1.0, device=Silent)
-    assert np.linalg.norm(ran.slave["rotation_output"], axis=1).max() > 0.1
-
-
-def test_figures_of_torque_and_orientation_hold_the_laws_and_are_there_only_with_a_rotation() -> None:
-    summary, _ = simulate(configuration(file="rotation.yaml"), 4.0)
-    torque = summary["torque"]
-    assert torque["packets"] > 20 and 0.0 < torque["error_rms"] < 0.01
-    # A tick for each update, and a few where the two orientations differ by their own deadband.
-    assert torque["violation_fraction"] * torque["samples"] <= 1.5 * torque["packets"]
-    assert torque["coding"]["violation_fraction"] == summary["orientation"]["violation_fraction"] == 0.0
-    assert not {"torque", "orientation"} & set(simulate(configuration(), 0.2)[0])
-
-
 def follows(held: Any, meant: Any) -> None:
     """The tool is as the hand was a tick ago."""
     assert np.linalg.norm(held[501:] - meant[500:-1], axis=1).max() < 0.02
@@ -99,18 +72,3 @@ def test_the_stick_tells_by_torque_which_end_touches_until_it_is_laid_flat() -> 
     assert measured[6300:6800, 1].min() < -0.025
     assert np.abs(measured[7800:8000, 1]).max() < 0.01
     assert degrees(ran.slave["rotation_output"][7900, 1]) == pytest.approx(-10.0, abs=1.0)
-
-
-def test_the_wrench_is_felt_by_torque_and_hardly_by_force() -> None:
-    pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-    ran = run(Kind("mujoco-wrench.yaml", (), 1.0, (), None, None), 4.6)
-    follows(ran.slave["rotation_output"], ran.master["rotation_raw"])
-    spring, stop, other = 1900, 3300, 4550
-    measured, felt = ran.slave["rotation_raw"][:, 2], ran.master["rotation_output"][:, 2]
-    assert -0.15 < measured[spring] < -0.10
-    assert measured[stop] < 2.5 * measured[spring]
-    assert measured[other] > 0.10
-    for tick in (spring, stop, other):
-        assert felt[tick] == pytest.approx(measured[tick], rel=0.15)
-    assert np.linalg.norm(ran.slave["raw"][1000:], axis=1).max() < 1.0
-    assert 10 < int(ran.slave["rotation_updates_sent"][-1] - ran.slave["rotation_updates_sent"][1000]) < 150

@@ -1,9 +1,6 @@
 """What a page is told: the greeting, rows, the felt error, and rates of the last second."""
 
 import json
-import re
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,21 +14,16 @@ from tests.watching.sources import BANK, RATE, description, pieces, records
 from weberlink.protocol.states import State
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.reader import DTYPE
-from weberlink.watching.hello import MOST_HEIGHTS, drawn, hello
+from weberlink.watching.hello import hello
 from weberlink.watching.rows import (
     COLUMNS,
-    LONGEST_WAIT,
     ROTATION,
-    ROWS_PER_S,
     FeltErrorPairs,
     Pace,
     Thinning,
     felt_message,
     samples_message,
 )
-
-PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
 
 
 def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
@@ -48,22 +40,6 @@ def test_greeting_has_scene_settings_choices_and_who_is_there() -> None:
     assert (unknown["readonly"], unknown["changes"], set(unknown["names"].values())) == (True, [], {None})
 
 
-def test_greeting_names_file_drivers_and_sides_as_far_as_they_are_heard() -> None:
-    master = description("master") | {"file": "/etc/weberlink/loopback.yaml", "name": "ann@desk"}
-    slave, found = description("slave"), description("master", "anywhere.yaml") | {"peer": {"name": "arm@lab"}}
-    slave["system"]["link"]["names"]["slave"] = "arm-2"
-    told = hello("7", {"master": master, "slave": slave | {"name": "arm-2"}})["names"]
-    parts = {"file": "loopback.yaml", "device": "operator", "robot": "point", "peer": "127.0.0.1:0"}
-    assert told == parts | {"master": "ann@desk", "slave": "arm-2"}
-    assert hello("7", {"slave": slave})["names"]["slave"] == "arm-2"
-    heard = hello("7", {"slave": slave | {"peer": {"name": "bob@lab"}}})["names"]
-    assert (heard["master"], heard["slave"]) == ("bob@lab", "arm-2")
-    assert hello("7", {"master": description("master", "anywhere.yaml")})["names"]["peer"] is None
-    assert hello("7", {"master": found})["names"]["peer"] == "arm@lab"
-    found["system"]["link"]["peer"] = "arm"
-    assert hello("7", {"master": found})["names"]["peer"] == "arm"
-
-
 @pytest.mark.parametrize(
     "name", sorted(path.name for path in CONFIGS.glob("*.yaml") if "key_file" not in path.read_text())
 )
@@ -73,28 +49,6 @@ def test_every_shipped_scene_can_be_drawn(name: str) -> None:
     for shape in told["scene"]:
         assert shape["shape"] in ("plane", "sphere", "box", "height_field")
         assert shape.get("heights_m", ()) is not None
-
-
-def test_large_height_field_is_thinned_in_place() -> None:
-    heights = [[float(100 * row + column) for column in range(400)] for row in range(201)]
-    scene = [{"shape": "height_field", "center_m": [1.0, 2.0, 0.0], "heights_m": heights, "spacing_m": 0.01}]
-    (shape,) = drawn(scene)
-    rows, columns = len(shape["heights_m"]), len(shape["heights_m"][0])
-    assert max(rows, columns) <= MOST_HEIGHTS
-    step = round(shape["spacing_m"] / 0.01)
-    for row, column in ((0, 0), (rows - 1, columns - 1)):
-        assert shape["heights_m"][row][column] == heights[row * step][column * step]
-        x = shape["center_m"][0] + (column - (columns - 1) / 2) * shape["spacing_m"]
-        y = shape["center_m"][1] + (row - (rows - 1) / 2) * shape["spacing_m"]
-        assert (x, y) == pytest.approx((1.0 + (column * step - 399 / 2) * 0.01, 2.0 + (row * step - 100) * 0.01))
-
-
-def test_heights_of_a_file_are_unknown_when_it_is_gone(tmp_path: Path) -> None:
-    scene = [{"shape": "height_field", "csv": str(tmp_path / "field.csv"), "spacing_m": 0.01}]
-    (tmp_path / "field.csv").write_text("0,1\n2,3\n")
-    assert drawn(scene)[0]["heights_m"] == [[0.0, 1.0], [2.0, 3.0]]
-    (tmp_path / "field.csv").unlink()
-    assert drawn(scene)[0]["heights_m"] is None
 
 
 @given(st.lists(st.integers(0, 2000), max_size=12))
@@ -109,14 +63,6 @@ def test_every_fourth_tick_and_all_events_are_shown(cuts: list[int]) -> None:
     assert ticks == sorted({*range(0, 2000, 4), 7, 41, 501, 502, 503, 801, 1203, 1301, 1999})
 
 
-@pytest.mark.parametrize("rate", [10.0, 200.0, 250.0, 251.0, 1000.0, 4000.0])
-def test_rows_per_second_are_limited(rate: float) -> None:
-    shown = Thinning(rate).choose(records(int(10 * rate)))
-    assert len(shown) <= 10 * min(rate, ROWS_PER_S) + 1
-    if rate <= ROWS_PER_S:
-        assert len(shown) == 10 * rate
-
-
 def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     rows = records(3)
     rows["position"] = [[0.1, 0.2, 0.3]] * 3
@@ -129,15 +75,6 @@ def test_rows_have_their_columns_and_null_for_what_is_unknown() -> None:
     assert told["columns"]["state"] == [4, 4, 4]
     turned = samples_message("master", rows, 0.0, rotation=True)["columns"]
     assert (set(turned), len(turned["rotation_raw"])) == (set(COLUMNS) | set(ROTATION), 3)
-
-
-def test_columns_exist_in_the_record_and_the_page_reads_them() -> None:
-    for columns in (COLUMNS, ROTATION):
-        assert set(columns) < set(DTYPE.names or ())
-        integers = {name for name, digits in columns.items() if digits is None}
-        assert integers == {name for name in columns if DTYPE[name].kind == "u"}
-    scripts = "".join(path.read_text(encoding="utf-8") for path in (PAGE / "js").glob("*.js"))
-    assert [name for name in COLUMNS if not re.search(rf"\b{name}\b", scripts)] == []
 
 
 @examples(40)
@@ -164,15 +101,6 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
     assert np.mean(np.array(errors) > 1.5) == pytest.approx(force["violation_fraction"], abs=2 / len(errors))
 
 
-def test_zero_bound_has_no_error_in_deadbands_and_rows_of_one_side_do_not_wait_for_ever() -> None:
-    assert felt_message(*FeltErrorPairs(RATE).add(records(10), records(10)), 10.0)["deadbands"] == [None] * 9
-    felt = FeltErrorPairs(RATE)
-    for first in range(0, 20_000, 1000):
-        assert not len(felt.add(records(0), records(1000, first=first))[0])
-    _, pairs = felt.add(records(1000, first=17_000), records(0))
-    assert (pairs["tick"][0], pairs["tick"][-1]) == (20_000 - LONGEST_WAIT, 17_998)
-
-
 def test_pace_covers_the_last_second_of_a_session() -> None:
     pace, made = Pace(), records(5000)
     assert (pace.packets_per_s, pace.reduction) == (None, None)
@@ -183,8 +111,3 @@ def test_pace_covers_the_last_second_of_a_session() -> None:
             pace.add(piece)
         assert pace.packets_per_s == pytest.approx(rate, rel=0.11 if rate < 20 else 0.02)
         assert pace.reduction == pytest.approx(reduction, abs=0.005 if reduction < 0.95 else 0.002)
-    alone, unconnected = Pace(), records(100)
-    unconnected["state"] = 2
-    alone.add(unconnected)
-    alone.add(records(0))
-    assert (alone.packets_per_s, alone.reduction) == (0.0, None)

@@ -2,8 +2,8 @@
 
 Three joints move the tip along x, y and z, three turn the tool, and the seventh moves nothing: so the Jacobian is
 constant and everything can be said in numbers. The host name says how it begins, for example "reflex", "offset=8" or
-"offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `trials/franka` compares its names and
-arguments with those of the real library.
+"offset=2,ground=0.4". SIGUSR1 provokes a reflex, SIGUSR2 cuts the link. `trials/franka` drives the real library
+with the same driver.
 """
 
 import enum
@@ -96,11 +96,7 @@ class RobotState:
 
 
 class Arm:
-    """The arm itself, in steps of a millisecond.
-
-    Args:
-        scenario: name=value pairs or words, see the module.
-    """
+    """The arm itself, in steps of a millisecond."""
 
     def __init__(self, scenario: str) -> None:
         words = dict((*word.split("="), "1")[:2] for word in scenario.split(","))

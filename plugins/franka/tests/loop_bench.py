@@ -21,22 +21,14 @@ from weberlink_franka.options import FrankaOptions
 
 
 class LoopBench:
-    """An arm under the loop, after its force was tared.
-
-    Args:
-        scenario: of the arm.
-        options: of the driver.
-
-    Attributes:
-        largest_step: largest change of a torque in a cycle [N m].
-    """
+    """An arm under the loop, after its force was tared."""
 
     def __init__(self, scenario: str = "arm", **options: object) -> None:
         self.arm = Arm(scenario)
         self.arm.mode = RobotMode.Move
         self.now = 100.0
         self.orphaned = False
-        self.largest_step = 0.0
+        self.largest_step = 0.0  # largest change of a torque in a cycle [N m]
         memory = bytearray(MEMORY_SIZE)
         self._written, self._read = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)
         slots = Slot(memory, COMMAND_AT, COMMAND), Slot(memory, STATE_AT, STATE)

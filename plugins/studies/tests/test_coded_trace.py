@@ -1,61 +1,21 @@
-"""A signal through the codec tick by tick: against the replay of the evaluation, and the choice of a window."""
+"""A signal through the codec tick by tick is the replay of the evaluation."""
 
 import numpy as np
 import pytest
 
-from plugins.studies.tests.coded import own, pressed, run
+from tests.system.systems import CONFIGS
 from weberlink.codec import force_channel
-from weberlink_studies.coded_trace import CodedTrace, TickWindow, interesting_window
+from weberlink.master.trace import read_trace
+from weberlink_studies.coded_trace import CodedTrace
 from weberlink_studies.evaluate.replay import replay, signal_of
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
 
-
-@pytest.mark.parametrize("predictor", PREDICTORS)
+@pytest.mark.parametrize("predictor", ["zoh", "hybrid"])
 def test_ticks_are_those_of_the_replay(predictor: str) -> None:
-    counted, coded = replay(signal_of(own()), force_channel(predictor=predictor)), run(predictor)
+    trace, channel = read_trace(CONFIGS / "traces" / "operator.npz"), force_channel(predictor=predictor)
+    counted, coded = replay(signal_of(trace), channel), CodedTrace(trace, channel)
     assert coded.predictor == predictor
-    assert coded.sent.sum() == len(counted.updates)
     assert np.flatnonzero(coded.sent).tolist() == [update.tick for update in counted.updates]
     assert coded.selected[coded.sent].tolist() == [update.selector for update in counted.updates]
     assert np.linalg.norm(coded.displayed_n - coded.trace.force_n, axis=1) == pytest.approx(counted.error_n)
     assert coded.bound_n == pytest.approx(counted.bound_n)
-
-
-# --- the window
-
-
-def test_the_window_has_contact_sends_and_most_variation() -> None:
-    coded = run("zoh")
-    window = interesting_window(coded, 0.5)
-    assert window.until - window.first == 500
-    drawn = slice(*window)
-    force = np.linalg.norm(coded.trace.force_n, axis=1)
-    assert coded.sent[drawn].sum() >= 3
-    assert (force[drawn] > 0.05 * force.max()).mean() >= 0.75
-    others = [force[first : first + 500] for first in range(0, len(force) - 500, 50)]
-    allowed = [other for other in others if (other > 0.05 * force.max()).mean() >= 0.75]
-    assert np.ptp(force[drawn]) >= max(map(np.ptp, allowed))
-
-
-def test_the_window_finds_a_step() -> None:
-    step = pressed(lambda t: 2.0 + 0.3 * float(np.sin(60.0 * t)) + 2.0 * (t >= 1.2))
-    coded = CodedTrace(step, force_channel(predictor="zoh"))
-    window = interesting_window(coded, 0.4)
-    assert window.first < 1200 < window.until
-
-
-def test_without_contact_the_window_has_most_sends() -> None:
-    one_push = CodedTrace(pressed(lambda t: 3.0 * (1.0 <= t < 1.05)), force_channel(predictor="zoh"))
-    window = interesting_window(one_push, 0.5)
-    assert one_push.sent[slice(*window)].sum() == one_push.sent.sum() == 2
-    nothing = CodedTrace(pressed(lambda t: 0.0), force_channel())
-    assert nothing.sent.sum() == 0
-    assert interesting_window(nothing, 0.5) == TickWindow(0, 500)
-
-
-def test_the_length_of_a_window() -> None:
-    assert interesting_window(run("zoh"), 100.0) == TickWindow(0, len(own().time_s))
-    for seconds in (0.0, -1.0, float("nan")):
-        with pytest.raises(ValueError, match="seconds: expected more than 0"):
-            interesting_window(run("zoh"), seconds)

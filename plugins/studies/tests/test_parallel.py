@@ -27,32 +27,16 @@ def note_and_wait(task: tuple[str, int]) -> None:
 
 
 def test_no_worker_outlives_a_killed_program(tmp_path: Path) -> None:
-    script = tmp_path / "asks.py"
+    script, folder = tmp_path / "asks.py", tmp_path / "workers"
     script.write_text(ASKS, encoding="utf-8")
-    folder = tmp_path / "workers"
     folder.mkdir()
-    program = subprocess.Popen(
-        [sys.executable, str(script), str(folder)],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stderr=subprocess.DEVNULL,  # where what tidies up after the dead says so
-    )
+    command = [sys.executable, str(script), str(folder)]
+    # What tidies up after the dead says so.
+    program = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stderr=subprocess.DEVNULL)
     try:
         until(lambda: len(list(folder.iterdir())) == 2, "both tasks to begin")
-        workers = {int(path.suffix[1:]) for path in folder.iterdir()}
     finally:
         program.kill()
         program.wait()
-    try:
-        until(lambda: not any(map(is_running, workers)), "the workers to end")
-    finally:
-        for pid in filter(is_running, workers):
-            os.kill(pid, signal.SIGKILL)
-
-
-def is_running(pid: int) -> bool:
-    """Whether a process is there and more than its exit status is left."""
-    try:
-        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return status.rpartition(")")[2].split()[0] not in ("Z", "X")
+    workers = [Path(f"/proc/{path.suffix[1:]}/stat") for path in folder.iterdir()]
+    until(lambda: not any(path.exists() and ") Z" not in path.read_text() for path in workers), "the workers to end")

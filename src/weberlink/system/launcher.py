@@ -270,7 +270,7 @@ class Session:
             sleep(LOOK_S)
         summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
         self._look()
-        recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
+        recording = {} if self._recorder is None else {"recording": self._recorded(self._recorder)}
         report = self._judged(self._report(summaries) | recording, summaries)
         if self.journal is not None:
             for side, summary in sorted(summaries.items()):
@@ -387,6 +387,12 @@ class Session:
 
             self._recording_ended = True
             self.tell(recording_ended(recorder.path, recorder.finish()["outcome"]))
+
+    def _recorded(self, recorder: "Recorder") -> dict[str, Any]:
+        """The summary of the recorder; says that the recording failed, unless that was said at once."""
+        if not self._recording_ended and (failure := recorder.failure) is not None:
+            self.tell(failure)
+        return recorder.finish()
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]

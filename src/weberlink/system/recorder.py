@@ -22,7 +22,7 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.recording.message import BEGUN, DURING, RANGE
+from weberlink.telemetry.recording.message import BEGUN, COMPLETE, DURING, RANGE
 
 FINISH_LIMIT_S = 10.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish.
@@ -154,6 +154,12 @@ class Recorder:
         if self._summary is None:
             self._summary = self._finish()
         return self._summary
+
+    @property
+    def failure(self) -> str | None:
+        """The line that says why the recording is not whole; None if it is. Waits as `finish` does."""
+        outcome = self.finish()["outcome"]
+        return None if outcome == COMPLETE else f"the recording failed: {outcome}"
 
     def _finish(self) -> dict[str, Any]:
         try:

@@ -1,14 +1,10 @@
 """A simulated person at the keyboard, and the clock of the tests of devices."""
 
 import io
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
-import pytest
-
-from weberlink.apps.device_test import DeviceTestError, Dialog, run
-from weberlink.system.configuration import ConfigurationError
+from weberlink.apps.device_test import Dialog
 
 
 class Clock:
@@ -26,10 +22,10 @@ class Clock:
 class Keyboard(io.StringIO):
     """Types lines; then the input ends.
 
-    A line may be a function that returns it, or a pair of an action before the line is typed, and the line.
+    A line may be a pair of an action before it is typed, and the line.
     """
 
-    def __init__(self, screen: io.StringIO, *lines: str | tuple[Callable[[], None], str] | Callable[[], str]) -> None:
+    def __init__(self, screen: io.StringIO, *lines: str | tuple[Callable[[], None], str]) -> None:
         super().__init__()
         self._screen = screen
         self.left = list(lines)
@@ -41,8 +37,6 @@ class Keyboard(io.StringIO):
         if isinstance(line, tuple):
             line[0]()
             line = line[1]
-        elif callable(line):
-            line = line()
         self._screen.write(f"{line}\n")  # as a terminal echoes it
         return f"{line}\n"
 
@@ -51,12 +45,3 @@ def sitting(clock: Clock, screen: io.StringIO, *lines: Any, yes: bool = False) -
     """A dialog with a person who types these lines; it reads the device at 100 Hz to save time."""
     keyboard = Keyboard(screen, *lines)
     return Dialog(keyboard, screen, yes=yes, clock=lambda: clock.now, pause=clock.pause, poll=0.01), keyboard
-
-
-def complaint(name: str, *lines: Any, file: Path | None = None, overrides: Sequence[str] = ()) -> str:
-    """The one line that a test of a device ends with."""
-    dialog, _ = sitting(Clock(), io.StringIO(), *lines)
-    with pytest.raises((ConfigurationError, DeviceTestError)) as caught:
-        run(name, dialog, file, overrides)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)

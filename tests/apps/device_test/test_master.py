@@ -21,10 +21,8 @@ from weberlink.apps.device_test.master import (
     try_master,
 )
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
-from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
-WIDTH = 80
 BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 PRINT = "a1b2c3d4"
 
@@ -46,7 +44,6 @@ class Handle:
     turn: ClassVar[Callable[[Vector], Vector]]
     log: ClassVar[list[tuple[str, Any]]]
     fails_at: ClassVar[float | None]
-    round_trip_s = 0.00025
 
     @classmethod
     def reset(cls) -> None:
@@ -59,10 +56,7 @@ class Handle:
     def __init__(self, options: HandleOptions) -> None:
         self._armed = options.signs_checked == self.fingerprint(options)
         self._open = False
-        self.spec = DeviceSpec(
-            "handle", self.AXES, 3.0 if self._armed else 0.0, 1000.0, BOX, 1000.0, self._armed,
-            buttons=2, orientation=True, note="hold it at home when it is opened",
-        )  # fmt: skip
+        self.spec = DeviceSpec("handle", self.AXES, 3.0 if self._armed else 0.0, 1000.0, BOX, 1000.0, self._armed)
 
     def open(self, now: float) -> None:
         self._open = True
@@ -71,8 +65,7 @@ class Handle:
     def latest(self, now: float) -> DeviceReading:
         if not self._open or (self.fails_at is not None and now >= self.fails_at):
             raise DeviceFault("handle: unplugged")
-        turned = type(self).turn(Handle.hand)
-        return DeviceReading(now - 0.0004, turned, orientation=(1.0, 0.0, 0.0, 0.0), buttons=0b10)
+        return DeviceReading(now - 0.0004, type(self).turn(Handle.hand))
 
     def command(self, force: Vector, now: float) -> None:
         if self._open:
@@ -141,7 +134,7 @@ def test_good_device_passes_with_gentle_smooth_pushes() -> None:
     at_rest: list[Vector] = []
     answer = (lambda: at_rest.append(forces()[-1]), "y")
     screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", "", answer, "", answer, "", answer)
-    assert (error, screen.count(": right\n"), max(map(len, screen.splitlines())) <= WIDTH) == (None, 3, True)
+    assert error is None
     assert screen.endswith(f"\n  signs_checked: {PRINT}\n")
     assert at_rest == [ZERO] * 3, "each push is over before the question"
     pushes = forces()
@@ -168,13 +161,9 @@ def varied(**attributes: object) -> Any:
     return type("Varied", (Handle,), attributes)
 
 
-LISTED = varied(plugged=classmethod(lambda cls: list[PluggedDevice]()))
-"""Without `plugged`, a driver counts as hardware too."""
 FLAT = varied(AXES="xy", FRAME={"x": "to the right", "y": "away from you"})
-DIGITS = varied(fingerprint=classmethod(lambda cls, options: "12345678"))
 WEAK = varied(__init__=lambda self, options: Handle.__init__(self, HandleOptions()))
 REPEATED = (*OPEN, *SIGNS, "yes", "", "", "r", "", "maybe", "y", "", "y", "", "y")
-BOTH = pytest.mark.parametrize("driver", [Handle, LISTED], ids=["unlisted", "listed"])
 
 
 @pytest.mark.parametrize(
@@ -182,13 +171,11 @@ BOTH = pytest.mark.parametrize("driver", [Handle, LISTED], ids=["unlisted", "lis
     [
         (Handle, REPEATED, False, f"  signs_checked: {PRINT}\n"),
         (Handle, (*OPEN, *SIGNS, *PUSHES[1:]), True, f"  signs_checked: {PRINT}\n"),
-        (LISTED, ALL, False, f"  signs_checked: {PRINT}\n"),
         (varied(COMPUTED=True), ("", *PUSHES[:1], *PUSHES[2:]), False, PRINT),  # its signs are not checked
         (FLAT, (*OPEN, *SIGNS[:4], *PUSHES[:-2]), False, f"  signs_checked: {PRINT}\n"),
-        (DIGITS, ALL, False, '  signs_checked: "12345678"\n'),
         (WEAK, (*OPEN, *SIGNS), False, None),  # without force there is nothing to push
     ],
-    ids=["repeated", "yes in advance", "listed", "computed", "flat", "digits", "weak"],
+    ids=["repeated", "yes in advance", "computed", "flat", "weak"],
 )
 def test_dialog_follows_the_driver(driver: Any, lines: Sequence[Any], yes: bool, part: str | None) -> None:
     screen, error = outcome_of(*lines, driver=driver, yes=yes)
@@ -198,16 +185,17 @@ def test_dialog_follows_the_driver(driver: Any, lines: Sequence[Any], yes: bool,
     assert screen.count("Did it push") == len([line for line in lines if line in ("y", "r", "maybe")])
 
 
-@pytest.mark.parametrize("wrong", "xyz")
-def test_wrong_force_fails_without_fingerprint(wrong: str) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "motor"), [("x", "the direction of its motor"), ("y", "the first of motor_directions")]
+)
+def test_wrong_force_fails_without_fingerprint(wrong: str, motor: str) -> None:
     answers = [each for axis in "xyz" for each in ("", "n" if axis == wrong else "y")]
     screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *answers)
-    assert f"reverse {wrong} ({Handle.FORCE_OPTIONS.get(wrong, 'the direction of its motor')})" in str(error)
+    assert f"reverse {wrong} ({motor}" in str(error)
     assert "signs_checked" not in screen
 
 
-@BOTH
-def test_loose_handle_is_not_pushed_away_and_not_again(driver: Any) -> None:
+def test_loose_handle_is_not_pushed_away_and_not_again() -> None:
     clock, furthest, ended_at = Clock(), 0.0, 0
 
     def runs(_now: float) -> None:
@@ -221,25 +209,23 @@ def test_loose_handle_is_not_pushed_away_and_not_again(driver: Any) -> None:
 
     clock.on_pause = runs
     pushes = [part for answer in "yyy" for part in (CENTRE, answer)]
-    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *pushes, driver=driver, clock=clock)
+    screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *pushes, clock=clock)
     assert (error, screen.count("The handle moved by"), furthest <= GIVES_WAY_M + 0.002) == (None, 3, True)
     assert set(forces()[ended_at:]) == {ZERO}, "it does not begin again"
 
 
-@BOTH
 @pytest.mark.parametrize(
     ("turn", "advice"),
     [
         (lambda p: (-p[0], p[1], p[2]), "reverse x (the second of directions)"),
         (lambda p: (p[0], -p[1], -p[2]), "reverse y (its direction), z (its direction)"),
         (lambda p: (p[1], p[0], p[2]), "(x comes out as y, y comes out as x)"),
-        (lambda p: (-p[2], p[1], p[0]), "(x comes out as z, z comes out as x)"),
     ],
-    ids=["one reversed", "two reversed", "two exchanged", "exchanged and reversed"],
+    ids=["one reversed", "two reversed", "two exchanged"],
 )
-def test_wrong_sign_ends_before_any_force(driver: Any, turn: Callable[[Vector], Vector], advice: str) -> None:
+def test_wrong_sign_ends_before_any_force(turn: Callable[[Vector], Vector], advice: str) -> None:
     Handle.turn = staticmethod(turn)
-    screen, error = outcome_of(*OPEN, *SIGNS, driver=driver)
+    screen, error = outcome_of(*OPEN, *SIGNS)
     assert advice in str(error)
     assert "signs_checked" not in screen
     assert set(forces()) == {ZERO}
@@ -252,8 +238,7 @@ def test_unclear_motion_is_asked_for_again_twice(unclear: Vector) -> None:
     assert "along x" in str(error)
 
 
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("way", [-0.05, 0.05])
+@pytest.mark.parametrize(("axis", "way"), [(0, 0.05), (0, -0.05), (1, 0.05), (2, -0.05)])
 def test_motion_is_classified_by_its_largest_component(axis: int, way: float) -> None:
     components = [0.2 * way] * 3
     components[axis] = way

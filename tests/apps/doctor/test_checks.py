@@ -1,26 +1,19 @@
 """Each check on emulated machines: facts of a machine, the grade that they get, and the fix."""
 
-import gzip
 import os
 import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from errno import EADDRINUSE, EADDRNOTAVAIL, ENETUNREACH
+from errno import EADDRINUSE
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, HOST, REFUSED, STRETCH, TRIAL, look, machine
+from tests.apps.doctor.machines import BUILD, CLOCK, CPU, GRANTS, REFUSED, STRETCH, TRIAL, look, machine
 from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, UNSEEN, DriverStatus
-from weberlink.apps.doctor import CHECKS, Finding, Grade, Machine, Needs, examine
-from weberlink.apps.doctor.kernel import cpu_list
-from weberlink.apps.doctor.machine import Unreadable
+from weberlink.apps.doctor import CHECKS, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.network import CHARGED_BYTES
-from weberlink.apps.doctor.rights import awake_is_better
-from weberlink.apps.doctor.software import optional
 from weberlink.apps.doctor.trial import HostTrial, RightsTrial, Stretch
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
@@ -47,23 +40,9 @@ RING = 10 * 1000 * SLOT_BYTES
 TIGHT = {"space": lambda _path: (64_000_000, int(1.5 * RING))}
 LISTENING = Needs(listen=("0.0.0.0", 47000))
 CALLING = Needs(slave=("robot", 47000))
-IN_CONTAINER: dict[str, str | None] = {".dockerenv": ""}
 LIMITS = "| sudo tee -a /etc/security/limits.d/weberlink.conf"
-UNIT = {"user": 105, "variables": {"USER": "weberlink", "INVOCATION_ID": "0123"}}
-BY_PERSON = {"user": 1000, "variables": {"USER": "ann", "INVOCATION_ID": "0123"}}
-GROUP = "sys/fs/cgroup/cpu/box"
-VERSION_1 = {
-    "proc/self/cgroup": "3:cpuacct:/\n1:cpu:/box\n0::/\n",
-    f"{GROUP}/cpu.cfs_quota_us": "150000",
-    f"{GROUP}/cpu.cfs_period_us": "100000",
-    f"{GROUP}/cpu.rt_runtime_us": "0",
-}
-UNLIMITED = VERSION_1 | {f"{GROUP}/cpu.cfs_quota_us": "-1", f"{GROUP}/cpu.rt_runtime_us": "950000"}
 NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
-LATENCY = "/dev/ttyUSB0 delays replies by 16 ms (latency timer): echo 1 | sudo tee x"
 INSTALL = "sudo weberlink device rules"
-ROWS = {"real-time group": "cpu quota", "driver": "devices", "device": "devices"}
-"""Rows of checks that are not named as their row."""
 # Port 47000 is B798; the tenth column is the inode.
 SOCKETS = {"proc/net/udp": "sl local\n 12: 00000000:B798 00000000:0000 07 0:0 00:0 00000000 0 0 4242 2\n"}
 
@@ -73,10 +52,6 @@ def failing(number: int, kind: type[OSError] = OSError) -> Any:
         raise kind(number, os.strerror(number) if kind is OSError else "Name or service not known")
 
     return fail
-
-
-def silent(_name: str) -> list[str]:
-    raise Unreadable("the name service does not answer within 3 s")
 
 
 def at(*addresses: str) -> dict[str, Any]:
@@ -90,13 +65,9 @@ def rights(*refused: str, p99: float = 60.0, missed: int = 0, **answers: Any) ->
     return {"rights_trial": lambda **_: trial, **answers}
 
 
-def stretches(p99_us: Figures = (60.0,) * 4, steal: Figures = (0.001,) * 4, missed: float = 0.0) -> list[Stretch]:
-    return [{"p99_us": late, "missed": missed, "steal": taken} for late, taken in zip(p99_us, steal, strict=True)]
-
-
-def on_host(asleep: list[Stretch], awake: list[Stretch], not_awake: str | None = None) -> dict[str, Any]:
-    trial = HostTrial(asleep, awake, not_awake)
-    return {"host_trial": lambda **_: trial}
+def on_host(asleep: Stretch, awake: Stretch) -> dict[str, Any]:
+    """A trial whose stretches are all alike."""
+    return {"host_trial": lambda **_: HostTrial([STRETCH | asleep] * 4, [STRETCH | awake] * 4)}
 
 
 def driver(side: str, name: str, state: str, *advice: str) -> dict[str, Any]:
@@ -114,19 +85,16 @@ def has(*names: str) -> dict[str, Any]:
     return {"which": lambda name: f"/bin/{name}" if name in names else None}
 
 
-TAKEN = stretches(steal=[0.2] * 4)
-WORSE_AWAKE = on_host(stretches(steal=[0.0] * 4), stretches(steal=[0.009, 0.03, 0.03, 0.03]))
-MISSED_AWAKE = on_host(stretches(), stretches(missed=0.03))
-UNCOUNTED = on_host(stretches(steal=[None] * 4), stretches(steal=[None] * 4))
-NOT_AWAKE = on_host([STRETCH] * 4, [], "/dev/cpu_dma_latency: Permission denied")
+WORSE_AWAKE = on_host({"steal": 0.0}, {"steal": 0.03})
+MISSED_AWAKE = on_host({}, {"missed": 0.03})
 
 
 @dataclass(frozen=True)
 class Case:
-    """An emulated machine, and the finding expected of one check; None for no such finding."""
+    """An emulated machine, and the finding expected of one check."""
 
     check: str
-    grade: Grade | None
+    grade: Grade
     words: str = ""
     """In what was found or in the fix."""
     files: Mapping[str, str | None] = field(default_factory=dict)
@@ -137,26 +105,14 @@ class Case:
 CASES = [
     # kernel
     Case("preemption", OK, "6.1.0-21-rt-amd64"),
-    Case("preemption", OK, files={"sys/kernel/realtime": None}),
     Case("preemption", OK, files=NOT_RT | {DEBUG: "none voluntary (full)"}),
-    Case("preemption", OK, files=NOT_RT | {DEBUG: "full (lazy)"}),
     Case("preemption", ADVICE, f"echo full | sudo tee /{DEBUG} ", NOT_RT | {DEBUG: "none (voluntary) full"}),
-    Case("preemption", ADVICE, f"echo full | sudo tee /{DEBUG} ", NOT_RT | {DEBUG: "(none) voluntary full lazy"}),
-    Case("preemption", OK, files=NOT_RT | {"proc/cmdline": "quiet preempt=full"}),
     Case("preemption", ADVICE, "parameter preempt=full, then", NOT_RT | {CONFIG: "CONFIG_PREEMPT_VOLUNTARY=y\n"}),
-    Case("preemption", UNKNOWN, f"sudo cat /{DEBUG}", NOT_RT | {CONFIG: None}),
     Case("preemption", ADVICE, "apt install linux-image-rt-amd64", OLD | {"etc/os-release": "ID=debian"}),
-    Case("preemption", ADVICE, "sudo pro enable realtime-kernel", OLD | {"etc/os-release": "NAME=x\nID=ubuntu"}),
-    Case("preemption", ADVICE, "PREEMPT_RT kernel of this", OLD | {"etc/os-release": "ID=arch"}),
     Case("timers", OK),
     Case("timers", PROBLEM, "4 ms", answers={"resolution_ns": lambda: 4e6}),
-    Case("throttling", OK, files={RUNTIME: "-1"}),
-    Case("throttling", OK, files={RUNTIME: "950000"}),
-    Case("throttling", ADVICE, "sched_rt_runtime_us=950000", {RUNTIME: "100000"}),
     Case("throttling", PROBLEM, "sched_rt_runtime_us=950000", {RUNTIME: "0"}),
-    Case("throttling", OK, files={RUNTIME: "0"}, needs=Needs(priority=0)),
     # clocks
-    Case("clock source", OK, files={f"{CLOCK}/current_clocksource": "kvm-clock"}),
     Case("clock source", PROBLEM, f"echo tsc | sudo tee /{CLOCK}/", {f"{CLOCK}/current_clocksource": "hpet"}),
     Case(
         "clock source",
@@ -168,306 +124,80 @@ CASES = [
     Case("wall clock", ADVICE, answers={"clock_is_synchronised": lambda: False}),
     # processors
     Case("processors", PROBLEM, "slave on 7", needs=Needs(cpus=(1, 7))),
-    Case("processors", PROBLEM, "two of 0, 1", needs=Needs(cpus=(1, 7))),
-    Case("processors", OK, needs=Needs(cpus=(1, 7), sides=("master",))),
     Case("processors", ADVICE, answers={"affinity": lambda: frozenset({0})}),
-    Case("processors", OK, needs=Needs(sides=("slave",)), answers={"affinity": lambda: frozenset({0})}),
-    Case("processors", ADVICE, needs=Needs(cpus=(1, 1))),
-    Case("processors", PROBLEM, "realtime: {busy_poll: false}", needs=Needs(busy_poll=True)),
-    Case("processors", OK, needs=Needs(busy_poll=True, sides=("slave",))),
-    Case("isolation", ADVICE, "isolcpus=", needs=Needs(busy_poll=True)),
-    Case("isolation", OK, files={f"{CPU}/isolated": "2-3"}, needs=Needs(busy_poll=True, cpus=(2, 3))),
-    Case("isolation", OK),
-    Case("isolation", OK, files={f"{CPU}/isolated": "2-3"}, needs=Needs(cpus=(2, 3))),
-    Case("isolation", ADVICE, "in the file: realtime: {cpus: [2, 3]}", {f"{CPU}/isolated": "2-3"}),
-    Case("isolation", ADVICE, "isolcpus=2,3, then restart", needs=Needs(cpus=(2, 3))),
-    Case("isolation", ADVICE, "isolcpus=2,3", {f"{CPU}/isolated": "2"}, Needs(cpus=(2, 3))),
     Case("governor", OK),
     Case("governor", ADVICE, f"tee /{CPU}/cpu*/{GOVERNOR}", {f"{CPU}/cpu1/{GOVERNOR}": "schedutil"}),
-    Case("governor", OK, files={f"{CPU}/cpu0/{GOVERNOR}": None, f"{CPU}/cpu1/{GOVERNOR}": None}),
     Case("idle states", ADVICE, "realtime: {wakeful: true}", DEEP, Needs(wakeful=False)),
-    Case("idle states", ADVICE, "C6 (133 us)", DEEP, Needs(wakeful=False)),
-    Case("idle states", OK, files=DEEP),
     Case("idle states", OK, files=DEEP, needs=Needs(wakeful=False, rate_hz=100.0)),
-    Case("idle states", OK, files=DEEP | {f"{CPU}/cpu0/cpuidle/state2/disable": "1"}, needs=Needs(wakeful=False)),
-    Case("cpu quota", OK),
-    Case("cpu quota", OK, files={f"{SLICE}/session-1.scope/cpu.max": "max 100000"}),
     Case("cpu quota", ADVICE, "50 %", {f"{SLICE}/cpu.max": "50000 100000"}),
-    Case("cpu quota", ADVICE, "150 %", VERSION_1),
-    Case("cpu quota", OK, files=UNLIMITED),
-    Case("real-time group", PROBLEM, f"/{GROUP}/cpu.rt_runtime_us", VERSION_1),
-    Case("real-time group", None, files=VERSION_1, needs=Needs(priority=0)),
-    Case("real-time group", None, files=UNLIMITED),
     # rights
     Case("scheduling", OK),
     Case("scheduling", PROBLEM, f"echo 'ann - rtprio 98' {LIMITS}", answers=rights("priority")),
-    Case("scheduling", PROBLEM, "--ulimit rtprio=98", IN_CONTAINER, answers=rights("priority")),
-    Case("scheduling", PROBLEM, "under [Service]: LimitRTPRIO=98", answers=rights("priority", **UNIT)),
-    Case("scheduling", PROBLEM, LIMITS, answers=rights("priority", **BY_PERSON)),
-    Case("scheduling", ADVICE, needs=Needs(priority=0), answers=rights("priority")),
     Case("memory lock", OK, "no limit"),
-    Case("memory lock", OK, answers=rights(limit=lambda _which: 1_000_000_000)),
-    Case("memory lock", ADVICE, "memlock limit 70 MB", answers=rights(limit=lambda _which: 70_000_000)),
-    Case(
-        "memory lock",
-        OK,
-        "no limit",
-        {"proc/self/status": "CapEff:\t0000000000004000\n"},
-        answers=rights(limit=lambda _which: 8_000_000),
-    ),
     Case("memory lock", PROBLEM, f"echo 'ann - memlock unlimited' {LIMITS}", answers=rights("memory")),
-    Case("memory lock", PROBLEM, "--ulimit memlock=-1", IN_CONTAINER, answers=rights("memory")),
-    Case("memory lock", PROBLEM, "under [Service]: LimitMEMLOCK=infinity", answers=rights("memory", **UNIT)),
-    Case("memory lock", ADVICE, needs=Needs(lock_memory=False), answers=rights("memory")),
-    Case("idle latency", OK),
-    Case("idle latency", OK, "not needed", answers=rights("wakeful")),
     Case("idle latency", ADVICE, "(then restart)", DEEP, answers=rights("wakeful")),
-    Case("idle latency", ADVICE, "--device /dev/cpu_dma_latency", DEEP | IN_CONTAINER, answers=rights("wakeful")),
-    Case("idle latency", None, files=DEEP, needs=Needs(wakeful=False), answers=rights("wakeful")),
     Case("timer slack", OK, "1 ns"),
-    Case("timer slack", UNKNOWN, "not permitted", answers=rights("timer_slack")),
     Case("punctuality", OK, answers=rights(p99=200.0)),
     Case("punctuality", ADVICE, "top -H", answers=rights(p99=300.0)),
-    Case("punctuality", ADVICE, answers=rights(p99=200.0, missed=3)),
     Case("punctuality", PROBLEM, answers=rights(p99=1200.0)),
     Case("punctuality", PROBLEM, needs=Needs(rate_hz=4000.0), answers=rights(p99=300.0)),
     # host
-    Case("host", OK),
-    Case("host", OK, "not counted here", answers=UNCOUNTED),
     Case("host", OK, needs=Needs(wakeful=False), answers=MISSED_AWAKE),  # the share is that of the setting in use
     Case("host", ADVICE, "3.00 %", needs=Needs(wakeful=True), answers=MISSED_AWAKE),
-    Case("host", ADVICE, "pinned, not shared", answers=on_host(TAKEN, TAKEN)),
-    Case("host", OK, answers=NOT_AWAKE),
     Case("wakeful", OK, "no clear difference"),
-    Case("wakeful", OK, "no clear difference", answers=UNCOUNTED),
-    Case("wakeful", OK, "not awake is better", needs=Needs(wakeful=False), answers=WORSE_AWAKE),
     Case("wakeful", ADVICE, "in the file: realtime: {wakeful: false}", answers=WORSE_AWAKE),
-    Case("wakeful", UNKNOWN, "Permission denied", answers=NOT_AWAKE),
     # memory
-    Case("swap", OK, needs=Needs(lock_memory=False)),
-    Case("swap", OK, files=SWAP),
     Case("swap", ADVICE, "2048 MB", SWAP, Needs(lock_memory=False)),
-    Case("huge pages", OK),
     Case("huge pages", ADVICE, f"echo madvise | sudo tee /{HUGE}", {HUGE: "[always] madvise never"}),
     Case("shared memory", PROBLEM, "remount", answers=TIGHT),
-    Case("shared memory", OK, needs=Needs(sides=("slave",)), answers=TIGHT),
-    Case("shared memory", OK, needs=Needs(rate_hz=500.0), answers=TIGHT),
-    Case("shared memory", PROBLEM, "--shm-size", {"run/.containerenv": ""}, answers={"space": lambda _path: (1, 0)}),
     # network
     Case("receive buffer", OK, needs=Needs(rate_hz=1000.0)),
     Case("receive buffer", ADVICE, f"={int(2 * 0.1 * 4000 * CHARGED_BYTES)}", needs=Needs(rate_hz=4000.0)),
-    Case("port", OK),
     Case("port", OK, needs=LISTENING),
     Case("port", PROBLEM, "UDP port 47000 is in use", SOCKETS, LISTENING, {"bind": failing(EADDRINUSE)}),
-    Case(
-        "port",
-        PROBLEM,
-        "10.9.9.9:47000 cannot be listened on",
-        needs=Needs(listen=("10.9.9.9", 47000)),
-        answers={"bind": failing(EADDRNOTAVAIL)},
-    ),
-    *(
-        Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at(address))
-        for address in ("192.0.2.1", "198.51.100.7", "203.0.113.9", "2001:db8::5")
-    ),
+    Case("slave address", PROBLEM, "link.slave: ROBOT:PORT", needs=CALLING, answers=at("2001:db8::5")),
     Case("slave address", PROBLEM, "not known", needs=CALLING, answers={"resolve": failing(-2, socket.gaierror)}),
-    Case("slave address", PROBLEM, "ip route get 10.1.2.3", needs=CALLING, answers={"route": failing(ENETUNREACH)}),
-    Case("slave address", OK, "answers a ping", needs=CALLING, answers=has("ping") | {"run": lambda *_: (0, "")}),
-    Case("slave address", UNKNOWN, "ping -c 3", needs=CALLING, answers=has("ping") | {"run": lambda *_: (1, "")}),
     Case("slave address", OK, "robot is this host", needs=CALLING, answers=at("127.0.0.1") | has("ping")),
-    Case("slave address", OK, "no slave is called"),
-    Case("slave address", UNKNOWN, "does not answer", needs=CALLING, answers={"resolve": silent}),
-    Case("firewall", OK, "nothing listens here"),
-    Case("firewall", OK, "loopback", needs=Needs(listen=("127.0.0.1", 47000)), answers=has("nft")),
-    Case("firewall", OK, "no firewall tool found", needs=LISTENING),
-    *(
-        Case("firewall", UNKNOWN, words, needs=LISTENING, answers=has(*installed))
-        for installed, words in (
-            (("iptables",), "sudo iptables -S INPUT | grep -w -e DROP -e REJECT -e 47000"),
-            (("iptables", "nft"), "sudo nft list ruleset | grep -w -e drop -e reject -e 47000"),
-            (("nft", "firewall-cmd"), "sudo firewall-cmd --query-port=47000/udp"),
-            (("nft", "ufw"), "sudo ufw status | grep -w 47000"),
-        )
-    ),
+    Case("firewall", UNKNOWN, "sudo iptables -S INPUT | grep -w -e DROP", needs=LISTENING, answers=has("iptables")),
     # software
     Case("Python", OK, "Python 3."),
     Case("Python", PROBLEM, "release build", answers=python("is_debug")),
-    Case("Python", ADVICE, "ordinary build", answers=python("is_free_threaded")),
-    Case("Python", ADVICE, "-X dev", answers=python("is_dev_mode")),
     Case("build", OK, "is compiled", answers={"is_compiled": lambda: True}),
-    Case("build", OK, "is not compiled", answers={"is_compiled": lambda: False}),
     Case("uvloop", OK),
     Case("uvloop", PROBLEM, " uvloop", answers={"version": lambda _package: None}),
-    Case("extras", OK, "not installed: ", answers={"version": lambda _package: None}),
-    Case("extras", OK),
     # devices
-    Case("devices", OK, "nothing plugged in"),
-    Case("devices", OK, "nothing plugged in", answers=driver("slave", "arm", NOTHING)),
-    Case("devices", OK, "nothing else", needs=NAMED, answers=driver("slave", "paddle", NOTHING)),  # other side
     Case("driver", OK, "ready", needs=NAMED, answers=driver("master", "paddle", READY)),
-    Case("driver", PROBLEM, "plug it in", needs=NAMED, answers=driver("master", "paddle", NOTHING)),
-    Case("driver", OK, "weberlink device test paddle", needs=NAMED, answers=driver("master", "paddle", UNSEEN)),
     Case("driver", PROBLEM, INSTALL, needs=NAMED, answers=driver("master", "paddle", NO_RULES, INSTALL)),
-    Case("driver", ADVICE, LATENCY, needs=NAMED, answers=driver("master", "paddle", READY, LATENCY)),
-    Case("driver", PROBLEM, "pip install x", needs=NAMED, answers=driver("slave", "point", NO_EXTRA, "pip install x")),
     Case("device", ADVICE, "do this", answers=driver("master", "lever", NO_RULES, "do this")),
-    Case("device", OK, answers=driver("master", "lever", READY)),
 ]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.check}-{case.grade}")
 def test_check_on_emulated_machine_gives_grade_and_fix(case: Case, tmp_path: Path) -> None:
-    findings = look(ROWS.get(case.check, case.check), machine(tmp_path, case.files, **case.answers), case.needs)
-    if case.grade is None:
-        assert case.check not in findings
-        return
-    found = findings[case.check]
+    row = "devices" if case.check in ("driver", "device") else case.check
+    found = look(row, machine(tmp_path, case.files, **case.answers), case.needs)[case.check]
     assert found.grade is case.grade, found
     assert case.words in f"{found.found} {found.fix}"
     assert found.fix is not None if found.grade in (ADVICE, PROBLEM) else found.grade is UNKNOWN or found.fix is None
 
 
-def test_every_check_has_a_case_that_passes_and_one_that_fails() -> None:
-    rows = {row.name for row in CHECKS}
-    passed = {case.check for case in CASES if case.grade is OK}
-    failed = {ROWS.get(case.check, case.check) for case in CASES if case.grade not in (OK, None)}
-    by_files = {"key file"}  # see below
-    assert rows - passed == by_files
-    assert rows - failed == by_files | {"build", "extras"}  # these two only inform
-
-
-def test_kernel_options_may_be_compressed_in_proc(tmp_path: Path) -> None:
-    host = machine(tmp_path, NOT_RT | {CONFIG: None})
-    (tmp_path / "proc/config.gz").write_bytes(gzip.compress(b"CONFIG_PREEMPT_NONE=y\nCONFIG_HZ=100\n"))
-    assert "preemption none" in look("preemption", host)["preemption"].found
-    assert "100 Hz" in look("timers", host)["timers"].found
-
-
-@given(st.sets(st.integers(0, 300)))
-def test_cpu_list_parses_kernel_notation(numbers: set[int]) -> None:
-    runs: list[list[int]] = []
-    for number in sorted(numbers):
-        if runs and runs[-1][-1] == number - 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    text = ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
-    assert cpu_list(text) == cpu_list(f"{text}\n") == numbers
-
-
-@pytest.mark.parametrize("text", ["", "x", "1-", "-3"])
-def test_malformed_cpu_list_is_empty(text: str) -> None:
-    assert cpu_list(text) == frozenset()
-
-
-def test_missing_shared_memory_is_a_problem(tmp_path: Path) -> None:
-    host = machine(tmp_path)
-    (tmp_path / "dev/shm/.keep").unlink()
-    (tmp_path / "dev/shm").rmdir()
-    assert look("shared memory", host)["shared memory"].grade is PROBLEM
-
-
-def test_kernel_charges_about_the_assumed_bytes() -> None:
-    """Counts how many datagrams of an update's size a socket holds before it loses one."""
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-    ):
-        receiver.bind(("127.0.0.1", 0))
-        receiver.setblocking(False)
-        size = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-        for _ in range(2 * size // 256):
-            sender.sendto(bytes(48), receiver.getsockname())
-        held = 0
-        while True:
-            try:
-                receiver.recv(64)
-            except BlockingIOError:
-                break
-            held += 1
-    assert 0.5 * CHARGED_BYTES < size / held < 4.0 * CHARGED_BYTES
-
-
-@pytest.mark.parametrize(
-    ("command", "grade", "words"),
-    [
-        ("/usr/bin/netcat -u -l 47000", PROBLEM, "in use by /usr/bin/netcat"),
-        ("python3 -m weberlink.system.daemon {}", OK, "running weberlink daemon"),
-    ],
-)
-def test_holder_of_the_port_is_named(command: str, grade: Grade, words: str, tmp_path: Path) -> None:
-    files = {**SOCKETS, "proc/77/cmdline": command.replace(" ", "\0")}
-    host = machine(tmp_path, files, bind=failing(EADDRINUSE))
-    (tmp_path / "proc/77/fd").mkdir()
-    (tmp_path / "proc/77/fd/5").symlink_to("socket:[4242]")
-    found = look("port", host, LISTENING)["port"]
-    assert found.grade is grade
-    assert words in found.found
-
-
-def test_real_port_and_route_are_checked() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        needs = Needs(listen=taken.getsockname())
-        assert look("port", Machine(), needs)["port"].grade is PROBLEM
-    assert look("port", Machine(), needs)["port"].grade is OK
-    found = look("slave address", Machine(), Needs(slave=("localhost", 47000)))["slave address"]
-    assert (found.grade, found.found) == (OK, "localhost is this host")
-
-
 def test_key_file_problems_come_with_fixes_and_no_key(tmp_path: Path) -> None:
-    good, missing, public, empty = (tmp_path / name for name in ("key", "missing", "public key", "empty"))
+    good, missing, public = (tmp_path / name for name in ("key", "missing", "public key"))
     generate(good)
     generate(public)
     public.chmod(0o640)
-    empty.touch(0o600)
-    (tmp_path / "link").symlink_to(good)
-
-    def found(path: Path | None, here: Machine | None = None) -> Finding:
-        finding = look("key file", here or Machine(), Needs(file=Path("x.yaml"), key_file=path))["key file"]
-        if path is not None and path.is_file() and path != empty:
-            assert path.read_text().split()[1] not in repr(finding)
-        return finding
-
-    assert found(None).grade is OK
-    assert found(good).grade is OK
     stranger = machine(tmp_path, user=good.stat().st_uid + 12345)
-    for finding, fix in (
-        (found(missing), f"weberlink keygen {missing} "),
-        (found(public), f"chmod 600 '{public}'"),
-        (found(empty), "expected one line"),
-        (found(tmp_path / "link"), f"link.key_file: {good}"),
-        (found(good, stranger), "sudo chown"),
-        (found(tmp_path), ""),
+    for path, here, grade, fix in (
+        (None, Machine(), OK, ""),
+        (good, Machine(), OK, ""),
+        (missing, Machine(), PROBLEM, f"weberlink keygen {missing} "),
+        (public, Machine(), PROBLEM, f"chmod 600 '{public}'"),
+        (good, stranger, PROBLEM, "sudo chown"),
+        (tmp_path, Machine(), PROBLEM, ""),
     ):
-        assert finding.grade is PROBLEM
-        assert fix in (finding.fix or "")
-
-
-def test_extras_are_those_for_users() -> None:
-    assert "dev" not in optional()
-    assert optional()["recording"] == ["mcap", "zstandard"]
-
-
-@pytest.mark.parametrize(
-    ("asleep", "awake", "better"),
-    [
-        (stretches(), stretches(), None),
-        (stretches([200.0] * 4), stretches([60.0] * 4), True),
-        (stretches([60.0] * 4), stretches([200.0] * 4), False),
-        (stretches([90.0] * 4), stretches([60.0] * 4), None),  # within the margin
-        (stretches([60.0, 60.0, 60.0, 900.0]), stretches([70.0, 60.0, 60.0, 60.0]), None),  # one bad moment of the host
-        (stretches(steal=[0.0] * 4), stretches(steal=[0.05, 0.03, 0.0, 0.04]), False),
-        (stretches(steal=[0.0, 0.0, 0.06, 0.0]), stretches(steal=[0.1] * 3 + [0.05]), False),
-        (stretches(steal=[0.0, 0.0, 0.2, 0.0]), stretches(steal=[0.15] * 4), None),  # not in every pair
-        (stretches([200.0] * 4, [0.0] * 4), stretches([60.0] * 4, [0.1] * 4), True),  # lateness decides
-        (stretches(steal=[None] * 4), stretches(steal=[None] * 4), None),
-    ],
-)
-def test_only_a_clear_difference_decides(asleep: list[Stretch], awake: list[Stretch], better: bool | None) -> None:
-    assert awake_is_better(HostTrial(asleep, awake), 1000.0) is better
-    if better is not None:
-        assert awake_is_better(HostTrial(awake, asleep), 1000.0) is not better
+        finding = look("key file", here, Needs(file=Path("x.yaml"), key_file=path))["key file"]
+        assert (finding.grade, fix in (finding.fix or "")) == (grade, True)
+        assert good.read_text().split()[1] not in repr(finding)
 
 
 def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
@@ -477,28 +207,4 @@ def test_failed_trial_is_reported_once_and_unknown(tmp_path: Path) -> None:
     assert [(each.check, each.grade, each.found) for each in report.findings] == [
         ("scheduling", UNKNOWN, "scheduling: no processes"),
         ("host", UNKNOWN, "host: its share of missed ticks: not permitted"),
-    ]
-
-
-def test_trials_ask_for_what_the_file_asks_for(tmp_path: Path) -> None:
-    asked: list[dict[str, Any]] = []
-
-    def rights_trial(**request: Any) -> RightsTrial:
-        asked.append(request)
-        return TRIAL
-
-    def host_trial(**request: Any) -> HostTrial:
-        asked.append(request)
-        return HOST
-
-    here = machine(tmp_path, rights_trial=rights_trial, host_trial=host_trial)
-    needs = Needs(priority=7, lock_memory=False, wakeful=False, cpus=(9, 1), rate_hz=500.0, encrypted=False)
-    look("scheduling", here, needs)
-    look("host", here, needs)
-    look("host", here, Needs(priority=0))
-    rights = {"priority": 7, "lock_memory": False, "wakeful": False, "rate_hz": 500.0, "encrypted": False}
-    assert asked == [
-        {**rights, "cpu": 1},  # of the two processors, the one that is there
-        {"priority": 8, "processors": [1], "rate_hz": 500.0},
-        {"priority": 1, "processors": [0, 1], "rate_hz": 1000.0},
     ]

@@ -1,39 +1,105 @@
-"""doctor --link: known links are measured right, in virtual time, and the slave's robot stays at rest."""
+"""doctor --link: known links are measured right, in virtual time, the slave's robot stays at rest, and the report."""
 
+import json
+from dataclasses import asdict
 from math import sqrt
+from pathlib import Path
 from random import Random
 
 import pytest
 
-from tests.apps.doctor.links import MeasuredLink
-from weberlink.apps.doctor.link_figures import LinkFigures, Way, figures, lost_answers, lost_questions
-from weberlink.apps.doctor.link_trial import PERIOD_S
-from weberlink.protocol import UpdateReceived
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
+from tests.system.systems import CONFIGS
+from weberlink.anywhere.nat import ANY, Behaviour, Nat
+from weberlink.anywhere.stun import WayOut
+from weberlink.apps.doctor import DoctorReport, Grade
+from weberlink.apps.doctor.link_figures import LinkTrial, Way, figures, lost_answers, lost_questions
+from weberlink.apps.doctor.link_report import judge, judge_way_out
+from weberlink.apps.doctor.link_trial import PERIOD_S, Measurement, received
+from weberlink.protocol import Role, UpdateReceived
+from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.probing import Heard
+from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
+from weberlink.system.configuration import MASTER as LEADS
+from weberlink.system.configuration import load
 
+LOOPBACK, ANYWHERE = CONFIGS / "loopback.yaml", CONFIGS / "anywhere.yaml"
 TICK_S = 1e-3
 CLEAR = Emulation(delay_s=0.02)
-LINKS = {
-    "asymmetric loss": (Emulation(delay_s=0.02, loss=0.02), Emulation(delay_s=0.02, loss=0.2, burst=4.0)),
-    "jitter and bursts": (Emulation(delay_s=0.08, jitter_s=0.01, loss=0.1, burst=3.0),) * 2,
-    "clear": (CLEAR, CLEAR),
-}
 
 
-@pytest.mark.parametrize("name", LINKS)
-def test_known_link_is_measured_right(name: str) -> None:
-    to_slave, to_master = LINKS[name]
+class _Master(Side):
+    """The side that measures, which takes its events itself."""
+
+    def collect(self, world: float) -> None:
+        pass
+
+
+class MeasuredLink:
+    """The endpoint of a real slave behind known faults, and its measurement by the endpoint of the doctor."""
+
+    def __init__(
+        self, to_slave: Emulation, to_master: Emulation, *, seconds: float = 10.0, silence: float = 1.0, **slave: object
+    ) -> None:
+        self.pair = Pair(
+            forward=to_slave,
+            backward=to_master,
+            seed=1,
+            slave={"silence": silence, **slave},
+            offsets=(0.0, 300.0),
+            on_tick=self._on_tick,
+            every=5,
+        )
+        endpoint = ProbingEndpoint(
+            role=Role.INITIATOR,
+            agreement=AGREEMENT,
+            outgoing=(forms(3),),
+            incoming=(forms(6),),
+            security=PresharedKey(KEY),
+            entropy=Random("doctor").randbytes,
+            epoch=0.0,
+            tick_period=TICK,
+            silence=silence,
+            peer=SLAVE,
+        )
+        self.pair.master = _Master(endpoint, MASTER)
+        self.pair.slave.endpoint.connect(self.pair.slave.local(0.0))
+        self.measurement = Measurement(endpoint, 0.0, seconds)
+        self._due = 0.0
+        self.was_encoding = False
+        """Whether the slave ever took this master for one that leads."""
+
+    def run(self) -> "MeasuredLink":
+        while not self.measurement.is_done:
+            self.pair.run(0.1)
+        self.pair.run(0.5)
+        return self
+
+    def _on_tick(self, pair: Pair, now: float, _tick: int) -> None:
+        if now >= self._due:
+            self._due = self.measurement.service(now)
+        self.was_encoding |= pair.slave.endpoint.is_peer_encoding(pair.slave.local(now))
+
+
+@pytest.mark.parametrize(
+    ("to_slave", "to_master"),
+    [
+        (Emulation(delay_s=0.02, loss=0.02), Emulation(delay_s=0.02, loss=0.2, burst=4.0)),
+        (Emulation(delay_s=0.08, jitter_s=0.01, loss=0.1, burst=3.0),) * 2,
+        (CLEAR, CLEAR),
+    ],
+)
+def test_known_link_is_measured_right_and_nobody_is_led(to_slave: Emulation, to_master: Emulation) -> None:
     link = MeasuredLink(to_slave, to_master, seconds=6.0).run()
-    found = figures(link.trial)
+    found = figures(link.measurement.result())
     least = to_slave.delay_s + to_master.delay_s
     assert found.rtt_s[0] == pytest.approx(least, abs=4 * TICK_S)
     assert found.rtt_s[1] == pytest.approx(least + 0.5 * (to_slave.jitter_s + to_master.jitter_s), abs=2 * TICK_S)
     _is_right(found.to_slave, to_slave, found.questions)
     _is_right(found.to_master, to_master, found.questions)
-    assert found.silences == 0
-    assert found.loop_age_s >= found.rtt_s[1]
+    assert (found.silences, found.loop_age_s >= found.rtt_s[1]) == (0, True)
+    assert (link.measurement.failure, link.was_encoding, link.pair.slave.of(UpdateReceived)) == (None, False, [])
 
 
 def _is_right(way: Way, true: Emulation, sent: int) -> None:
@@ -49,41 +115,31 @@ def _is_right(way: Way, true: Emulation, sent: int) -> None:
         assert way.burst == way.longest_burst == 0
 
 
-def test_measured_slave_is_never_led() -> None:
-    link = MeasuredLink(CLEAR, CLEAR, seconds=1.0).run()
-    assert link.measurement.failure is None
-    assert not link.was_encoding
-    assert link.pair.slave.of(UpdateReceived) == []
+@pytest.mark.parametrize(
+    ("cut_s", "silence", "silences"),
+    [(0.4, 1.0, 0), (0.4, 0.2, 1), (4.0, 0.1, 1)],
+    ids=["within the limit", "past it", "of a new session"],
+)
+def test_outage_is_a_long_loop_age_and_past_the_limit_silence(cut_s: float, silence: float, silences: int) -> None:
+    cut = Emulation(delay_s=0.001, blackouts=((2.0, cut_s),))
+    found = figures(MeasuredLink(cut, cut, seconds=2.5 + cut_s, silence=silence).run().measurement.result())
+    assert found.loop_age_s == pytest.approx(cut_s, abs=max(3 * PERIOD_S, 0.05 * cut_s))
+    assert found.silences == silences
+    if cut_s > 1.0:
+        assert found.to_master.loss < 0.05, "a new session begins new numbers"
 
 
-def test_outage_is_a_long_loop_age() -> None:
-    cut = Emulation(delay_s=0.001, blackouts=((2.0, 0.4),))
-    found = figures(MeasuredLink(cut, cut, seconds=3.0).run().trial)
-    assert found.loop_age_s == pytest.approx(0.4, abs=3 * PERIOD_S)
-    assert found.silences == 0
-
-
-def test_outage_past_the_limit_is_silence() -> None:
-    cut = Emulation(delay_s=0.001, blackouts=((2.0, 0.4),))
-    assert figures(MeasuredLink(cut, cut, seconds=3.0, silence=0.2).run().trial).silences == 1
-
-
-def test_new_session_begins_new_numbers() -> None:
-    cut = Emulation(delay_s=0.001, blackouts=((2.0, 4.0),))
-    found = figures(MeasuredLink(cut, cut, seconds=6.0, silence=0.1).run().trial)
-    assert found.to_master.loss < 0.05
-    assert found.loop_age_s == pytest.approx(4.0, abs=0.2)
-
-
-def test_other_file_at_the_slave_is_a_refusal() -> None:
-    link = MeasuredLink(CLEAR, CLEAR, slave={"agreement": {"rate_hz": 500}}).run()
-    assert link.measurement.failure is not None
-    assert link.measurement.failure.startswith("refused: ")
-
-
-def test_other_key_at_the_slave_is_no_answer() -> None:
-    link = MeasuredLink(CLEAR, CLEAR, slave={"security": PresharedKey(bytes(32))}).run()
-    assert link.measurement.failure == "the slave did not answer in 5 s: is it started, with the same file and key?"
+@pytest.mark.parametrize(
+    ("slave", "failure"),
+    [
+        ({"agreement": {"rate_hz": 500}}, "refused: "),
+        ({"security": PresharedKey(bytes(32))}, "the slave did not answer in 5 s: is it started"),
+    ],
+    ids=["another file", "another key"],
+)
+def test_other_slave_is_a_failure(slave: dict[str, object], failure: str) -> None:
+    link = MeasuredLink(CLEAR, CLEAR, **slave).run()
+    assert (link.measurement.failure or "").startswith(failure)
 
 
 def heard(*numbers: tuple[int, int | None]) -> list[Heard]:
@@ -91,32 +147,76 @@ def heard(*numbers: tuple[int, int | None]) -> list[Heard]:
     return [Heard(0, sequence, 0.0, question, 0.01) for sequence, question in numbers]
 
 
-def test_loss_belongs_to_the_way_where_it_was() -> None:
-    # Questions 1 and 2 never arrived: the slave's numbers go on. Of 4, the answer with number 13 is missing.
-    came = heard((10, 0), (11, 3), (12, None), (14, 5))
-    assert lost_questions(6, came) == [2]
-    assert lost_answers(came) == ([1], 5)
+@pytest.mark.parametrize(
+    ("sent", "came", "questions", "answers"),
+    [
+        # Questions 1 and 2 never arrived: the slave's numbers go on. Of 4, the answer with number 13 is missing.
+        (6, heard((10, 0), (11, 3), (12, None), (14, 5)), [2], ([1], 5)),
+        (5, heard((10, 2)), [2, 2], ([], 1)),  # those at either end count as lost
+        (4, heard((12, 2), (10, 0), (13, 3), (11, 1)), [], ([], 4)),  # another order loses nothing
+    ],
+)
+def test_loss_belongs_to_the_way_where_it_was(
+    sent: int, came: list[Heard], questions: list[int], answers: tuple[list[int], int]
+) -> None:
+    assert (lost_questions(sent, came), lost_answers(came)) == (questions, answers)
 
 
-def test_questions_at_either_end_count_as_lost() -> None:
-    assert lost_questions(5, heard((10, 2))) == [2, 2]
+# --- the report
+
+SERVER, HERE = ("203.0.113.1", 3478), ("198.51.100.7", 20_000)
+INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADDRESS_AND_PORT})
+MAPPED, UNCLEAR = WayOut(Nat(SERVER, HERE, True, BOTH, BOTH)), WayOut(Nat(SERVER, HERE, True, ANY, ANY))
+REACHED = WayOut(Nat(SERVER, HERE, True, INDEPENDENT, INDEPENDENT))
+BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
 
 
-def test_reordered_answers_are_not_lost() -> None:
-    numbers = list(range(100))
-    Random(1).shuffle(numbers)
-    came = heard(*((number + 10, number) for number in numbers))
-    assert lost_questions(100, came) == []
-    assert lost_answers(came)[0] == []
+def report(trial: LinkTrial, way_out: WayOut | None, file: Path, *overrides: str) -> DoctorReport:
+    return judge(load(file, overrides, [LEADS]), way_out, trial)
 
 
-def test_nothing_answered_is_an_error() -> None:
-    link = MeasuredLink(CLEAR, CLEAR)
-    with pytest.raises(ValueError, match="answered no question"):
-        figures(link.trial)
+def test_report_advises_settings_and_its_document_is_json() -> None:
+    faults = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.45, burst=3.0)
+    path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
+    result = MeasuredLink(faults, faults, seconds=2.0).run().measurement.result((path,), "in real time: yes")
+    trial = received(**json.loads(json.dumps(asdict(result))))  # as it comes from its process
+    found = report(trial, None, LOOPBACK, "control.scheme=none", "link.playout_ms=5")
+    fixes = [each.fix or "" for each in found.findings]
+    assert {"--set control.scheme=bounded", "--set link.playout_ms=0"} <= set(fixes)
+    assert any(fix.startswith("--set link.silence_ms=") for fix in fixes)
+    document = json.loads(json.dumps(report(trial, MAPPED, ANYWHERE).document, allow_nan=False))
+    assert (document["nat"]["mapping"], document["nat"]["needs_relay"]) == (["address-and-port-dependent"], True)
+    assert document["link"]["rtt_ms"]["min"] == pytest.approx(41.0, abs=4.0)
+    assert document["paths"][0]["route"] == "relayed"
 
 
-def test_document_has_numbers_only() -> None:
-    found: LinkFigures = figures(MeasuredLink(CLEAR, CLEAR, seconds=1.0).run().trial)
-    assert found.document["rtt_ms"]["p50"] == pytest.approx(41.0, abs=2.0)
-    assert found.document["to_slave"]["loss"] == 0.0
+@pytest.mark.parametrize(
+    ("failure", "way_out", "file"),
+    [
+        ("no path to robot: UDP is blocked", None, LOOPBACK),
+        (None, None, LOOPBACK),
+        ("no path to robot: UDP is blocked between here and relay.example:3478", BLOCKED, ANYWHERE),  # said once
+    ],
+)
+def test_failed_measurement_is_one_problem(failure: str | None, way_out: WayOut | None, file: Path) -> None:
+    found = report(LinkTrial(failure=failure), way_out, file)
+    assert (found.count(Grade.PROBLEM), found.document["link"]) == (1, None)
+    assert failure is None or found.document["failure"] == failure
+
+
+@pytest.mark.parametrize(
+    ("way_out", "overrides", "grade", "fix"),
+    [
+        (REACHED, (), Grade.OK, None),
+        (MAPPED, (), Grade.OK, None),  # the file has a relay
+        (MAPPED, ("link.turn=null",), Grade.ADVICE, "link.turn"),
+        (UNCLEAR, (), Grade.UNKNOWN, "docs/relay.md"),
+        (BLOCKED, (), Grade.PROBLEM, "another network"),
+        (WayOut(None, unresolved=("a.b",)), (), Grade.PROBLEM, "link.stun"),
+    ],
+)
+def test_way_out_is_judged(way_out: WayOut, overrides: tuple[str, ...], grade: Grade, fix: str | None) -> None:
+    first, *others = judge_way_out(way_out, load(ANYWHERE, overrides, [LEADS]).system.link)
+    assert first.grade is grade
+    assert first.fix is None if fix is None else fix in (first.fix or "")
+    assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)

@@ -1,17 +1,13 @@
 """Reading this machine: files, system calls, tools, and the trials in child processes."""
 
 import os
-import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.apps.doctor.machines import GRANTS, machine
-from weberlink.apps.doctor import Machine
-from weberlink.apps.doctor import machine as real
 from weberlink.apps.doctor.machine import Unreadable
-from weberlink.apps.doctor.trial import PAIRS, host_trial, measure, run_host_trial, run_rights_trial
+from weberlink.apps.doctor.trial import PAIRS, run_host_trial, run_rights_trial
 
 
 def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:
@@ -24,41 +20,10 @@ def test_files_are_read_or_say_why_not(tmp_path: Path) -> None:
     assert machine(tmp_path, {"run/.containerenv": ""}).in_container
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_file_of_root_is_unreadable_with_reason(tmp_path: Path) -> None:
-    host = machine(tmp_path, {"proc/secret": "x"})
-    (tmp_path / "proc/secret").chmod(0)
-    with pytest.raises(Unreadable, match="without root"):
-        host.read("/proc/secret")
-
-
-def test_missing_or_hanging_tool_is_unreadable(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert Machine().run(sys.executable, "-c", "print('seen'); raise SystemExit(3)") == (3, "seen\n")
-    monkeypatch.setattr(real, "TOOL_LIMIT_S", 0.2)
-    for tool in (("no-such-tool-of-ours",), (sys.executable, "-c", "import time; time.sleep(60)")):
-        with pytest.raises(Unreadable):
-            Machine().run(*tool)
-    monkeypatch.setattr(real, "LOOK_UP_LIMIT_S", 0.05)
-    monkeypatch.setattr(real.socket, "getaddrinfo", lambda *_, **__: time.sleep(0.2))
-    with pytest.raises(Unreadable):
-        Machine().resolve("robot")
-
-
-def test_defaults_read_this_machine() -> None:
-    host = Machine()
-    assert host.affinity()
-    assert host.resolution_ns() >= 1.0
-    assert isinstance(host.clock_is_synchronised(), bool)
-    total, free = host.space(Path("/"))
-    assert 0 <= free <= total
-    assert (host.resolve("127.0.0.1"), host.route("127.0.0.1")) == (["127.0.0.1"], "127.0.0.1")
-
-
 def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
     before = os.sched_getscheduler(0), os.sched_getaffinity(0)
     trial = run_rights_trial(priority=1, lock_memory=True, wakeful=False, cpu=None, rate_hz=200.0)
     assert (trial.failure, set(trial.grants), trial.grants["cpu"]["granted"]) == (None, set(GRANTS), False)
-    assert trial.memory_bytes > 10_000_000
     assert 0.0 <= trial.lateness_us["p50"] <= trial.lateness_us["p99"]
     result = run_host_trial(priority=1, processors=sorted(os.sched_getaffinity(0)), rate_hz=1000.0)
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
@@ -69,17 +34,9 @@ def test_real_trials_measure_or_say_why_not_and_change_nothing_here() -> None:
     for each in [*result.asleep, *result.awake]:
         assert (each["p99_us"] or 0.0) > 0.0
         assert 0.0 <= (each["missed"] or 0.0) < 1.0
-        assert 0.0 <= (each["steal"] or 0.0) <= 1.0
-
-
-def test_every_deadline_is_a_wake_up_or_missed() -> None:
-    lateness, missed = measure(200.0)
-    assert 0 < len(lateness) <= 100 <= len(lateness) + missed
 
 
 def test_failure_of_the_child_is_reported() -> None:
-    with pytest.raises(ValueError, match="priority"):
-        host_trial(1000, [0], 1000.0)
     rights = run_rights_trial(priority=1000, lock_memory=False, wakeful=False, cpu=None, rate_hz=1000.0)
     for failure in (run_host_trial(priority=1000, processors=[0], rate_hz=1000.0).failure, rights.failure):
         assert "priority must be" in str(failure)

@@ -4,15 +4,11 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
-from matplotlib.image import imread
-from numpy.typing import NDArray
 
 from tests.wait import until
 
@@ -100,19 +96,10 @@ class Browser:
         )
         return int(count)
 
-    def picture_of(self, name: str) -> NDArray[np.float64]:
-        """What is seen of the element with this id: rows, columns, and red, green, blue from 0 to 1."""
-        png = self.driver.find_element("id", name).screenshot_as_png
-        return np.asarray(imread(BytesIO(png), format="png"), dtype=np.float64)[:, :, :3]
-
     def console(self) -> list[str]:
         """Errors and warnings since the page was opened, but for what a graphics driver says of its speed."""
         self._read()
         return list(self._console)
-
-    def forget_console(self) -> None:
-        self._read()
-        self._console.clear()
 
     def hosts(self) -> set[str]:
         """With whom the page wished to speak: host and port."""

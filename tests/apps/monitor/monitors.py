@@ -4,10 +4,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import TracebackType
 from typing import Self
-
-import pytest
 
 from tests.program import ROOT
 from tests.wait import PATIENCE, until
@@ -40,8 +37,9 @@ class Monitor:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.kill()
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
 
     @property
     def pid(self) -> int:
@@ -57,13 +55,11 @@ class Monitor:
         def look() -> re.Match[str] | None:
             has_ended = self._process.poll() is not None
             found = re.search(pattern, self.said)
-            if has_ended and not found:
-                pytest.fail(f"the monitor ended: {self.said}")
+            assert found or not has_ended, f"the monitor ended: {self.said}"
             return found
 
         found = until(look, f"the monitor to say {pattern!r}")
-        assert found is not None
-        return found.group(1) if found.groups() else found.group()
+        return found[found.re.groups]
 
     @property
     def url(self) -> str:
@@ -79,10 +75,6 @@ class Monitor:
     def key(self) -> str:
         """Of who may change something."""
         return self.address.partition("#key=")[2]
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
 
     def send(self, number: int) -> None:
         self._process.send_signal(number)

@@ -4,7 +4,7 @@ import asyncio
 import json
 import threading
 from collections.abc import Callable, Coroutine
-from types import SimpleNamespace, TracebackType
+from types import SimpleNamespace
 from typing import Any, Self
 
 from aiohttp import web
@@ -29,8 +29,6 @@ class ScriptedServer:
         self.asked: list[Message] = []
         self.posted: list[tuple[str, str | None]] = []
         """Paths of the requests by POST with their queries, and their tokens."""
-        self.pictures: list[bytes] = []
-        """Messages to a page that opens the view; empty for a monitor without one."""
         self.followed: list[str | None] = []
         self.viewers: list[Viewer] = []
         self.port = 0
@@ -43,7 +41,7 @@ class ScriptedServer:
         self.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -53,18 +51,19 @@ class ScriptedServer:
     def address(self) -> str:
         return f"http://127.0.0.1:{self.port}/"
 
-    @property
-    def pages(self) -> int:
-        """How many are connected."""
-        return len(self.viewers)
-
-    @property
-    def serves(self) -> bool:
-        return self._runner is not None
-
     def start(self) -> None:
         """Serve, on the same port as before if there was one."""
-        self._wait(self._start())
+
+        async def start() -> None:
+            site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
+            application = site.application()
+            application.middlewares.append(self._answered)
+            self._runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+            await self._runner.setup()
+            await web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True).start()
+            self.port = int(self._runner.addresses[0][1])
+
+        self._wait(start())
 
     def stop(self) -> None:
         if self._runner is not None:
@@ -110,25 +109,9 @@ class ScriptedServer:
 
     @web.middleware
     async def _answered(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Answer what the page asks by HTTP, and send the pictures of the view."""
+        """Answer what the page asks by HTTP."""
         if request.method == "POST":
             self.posted.append((request.path_qs, request.headers.get("X-WeberLink-Token")))
             answer = self.answer({"type": request.path})
             return web.json_response(answer, status=200 if answer and answer["accepted"] else 403)
-        if request.path == "/view" and self.pictures:
-            socket = web.WebSocketResponse()
-            await socket.prepare(request)
-            for picture in self.pictures:
-                await socket.send_bytes(picture)
-            await socket.receive()
-            return socket
         return await handler(request)
-
-    async def _start(self) -> None:
-        site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
-        application = site.application()
-        application.middlewares.append(self._answered)
-        self._runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
-        await self._runner.setup()
-        await web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True).start()
-        self.port = int(self._runner.addresses[0][1])

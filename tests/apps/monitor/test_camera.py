@@ -11,11 +11,12 @@ import aiohttp
 import numpy as np
 import pytest
 from aiohttp import web
+from aiohttp.test_utils import TestServer
 
 from tests.apps.monitor.test_watch import told
 from tests.system.systems import CONFIGS
 from tests.watching.sources import HandSource, description
-from weberlink.apps.monitor.camera import CameraService, View, ViewError, parse_view, robot_of
+from weberlink.apps.monitor.camera import CameraService, View, parse_view, robot_of
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.telemetry.pose import PoseWriter, path_of
@@ -34,20 +35,11 @@ def look_at(view: View, look: Look) -> list[str]:
 
     async def run() -> None:
         watch = SessionWatcher(None, "7", said.append)
-        desk = CameraService(watch, view, said.append)
-        application = web.Application()
+        desk, application = CameraService(watch, view, said.append), web.Application()
         application.router.add_get("/view", desk.serve)
-        runner = web.AppRunner(application)
-        await runner.setup()
-        site = web.TCPSite(runner, "127.0.0.1", 0)
-        await site.start()
-        port = runner.addresses[0][1]
-        try:
-            async with asyncio.timeout(60), aiohttp.ClientSession() as client:
-                await look(client, f"http://127.0.0.1:{port}/view", watch)
-        finally:
+        async with asyncio.timeout(60), TestServer(application) as server, aiohttp.ClientSession() as client:
+            await look(client, str(server.make_url("/view")), watch)
             await desk.close()
-            await runner.cleanup()
 
     asyncio.run(run())
     return said
@@ -71,26 +63,12 @@ def test_camera_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     assert line.startswith(f"view: camera {path}: cannot be opened")
 
 
-@pytest.mark.parametrize("source", ["camera:/dev/none", "camera:77", "wall.mp4", "robots"])
-def test_source_that_is_not_there_is_refused(source: str) -> None:
-    with pytest.raises(ViewError, match=f"--view {source}: "):
-        parse_view(source)
-
-
-def simulated(folder: Path) -> WatchedSession:
-    """A session of the robot `mujoco` with a ring on this host."""
-    source = HandSource("slave", ring=folder / "weberlink-7-slave.ring")
-    source.description = description("slave", "mujoco-arm.yaml") | {
-        "file": str(CONFIGS / "mujoco-arm.yaml"),
-        "changes": [],
-        "pid": PID,
-    }
-    return WatchedSession("7", source)
-
-
 def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
-    session = simulated(tmp_path)
+    source = HandSource("slave", ring=tmp_path / "weberlink-7-slave.ring")
+    file = {"file": str(CONFIGS / "mujoco-arm.yaml"), "changes": [], "pid": PID}
+    source.description = description("slave", "mujoco-arm.yaml") | file
+    session = WatchedSession("7", source)
     model = mujoco.MjModel.from_xml_path(str((robot_of(session) or [""])[0]))
     pose = PoseWriter(path_of(PID), model.nq)
     try:
@@ -118,15 +96,3 @@ def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
         look_at(View("robot"), look)
     finally:
         pose.close()
-
-
-def test_session_without_a_simulated_robot_has_no_view() -> None:
-    async def look(client: aiohttp.ClientSession, url: str, watch: SessionWatcher) -> None:
-        watch.put(WatchedSession("7", HandSource("slave")))
-        viewer = Viewer(None, may_change=False)
-        watch.join(viewer)
-        assert told(viewer)[0]["view"] is None
-        async with client.get(f"{url}?session=7") as response:
-            assert response.status == 404
-
-    look_at(View("robot"), look)

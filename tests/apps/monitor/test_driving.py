@@ -8,7 +8,7 @@ import pytest
 
 from tests.watching.sources import HandSource
 from weberlink.apps.monitor import driving
-from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, REMIND_S, Driving
+from weberlink.apps.monitor.driving import BURST, LEASE_S, MOST_PER_S, Driving
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.geometry.vector import Vector
 from weberlink.watching.session import WatchedSession
@@ -37,14 +37,13 @@ class Device:
 class Visit:
     """A session that pages drive, at a time that the test sets."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, pages: int = 2, driver: str = "pointer") -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.source = HandSource("master", ring=Path("/nonexistent"))
         assert self.source.description is not None
-        self.source.description |= {"pid": PID, "system": {"master": {"device": {"driver": driver}}}}
-        self.session = WatchedSession("7", self.source)
-        self.pages = [Viewer(None, may_change=True) for _ in range(pages)]
+        self.source.description |= {"pid": PID, "system": {"master": {"device": {"driver": "pointer"}}}}
+        self.pages = [Viewer(None, may_change=True) for _ in range(2)]
         self.devices: list[Device] = []
-        self.driving = Driving({"7": self.session}, lambda _: self.pages, self._connect)
+        self.driving = Driving({"7": WatchedSession("7", self.source)}, lambda _: self.pages, self._connect)
         self.now = 100.0
         monkeypatch.setattr(driving, "monotonic", lambda: self.now)
         for page in self.pages:
@@ -80,15 +79,6 @@ def test_first_page_that_holds_drives(visit: Visit) -> None:
     assert refused is not None and (refused["type"], refused["state"]) == ("handle", "taken")
     assert visit.drive(1, BELOW, False) is None
     assert [device.sent for device in visit.devices] == [[(ABOVE, True)]]
-
-
-def test_refused_page_is_reminded_now_and_then(visit: Visit) -> None:
-    visit.drive(0, ABOVE, True)
-    answers = []
-    for _ in range(100):
-        visit.now += REMIND_S / 20
-        answers.append(visit.drive(1, ABOVE, True))
-    assert sum(answer is not None for answer in answers) == 5
 
 
 def test_released_handle_is_kept_for_a_while(visit: Visit) -> None:
@@ -129,24 +119,15 @@ def test_end_of_the_session_frees_the_handle(visit: Visit) -> None:
     assert refused is not None and refused["state"] == "none"
 
 
-@pytest.mark.parametrize("rate_hz", [60, 125, 240])
-def test_usual_rates_of_pointers_pass(visit: Visit, rate_hz: int) -> None:
-    for _ in range(5 * rate_hz):
-        visit.now += 1.0 / rate_hz
-        visit.drive(0, ABOVE, True)
-    assert len(visit.devices[0].sent) == 5 * rate_hz
-
-
 def test_absurd_rate_is_limited_but_releases_pass(visit: Visit) -> None:
+    for _ in range(5 * 240):
+        visit.now += 1.0 / 240
+        visit.drive(0, ABOVE, True)
+    assert len(visit.devices[0].sent) == 5 * 240, "a usual rate of a mouse passes"
+    visit.devices[0].sent.clear()
     for _ in range(10_000):
         visit.now += 1e-4
         visit.drive(0, ABOVE, True)
     assert MOST_PER_S - 1 <= len(visit.devices[0].sent) <= MOST_PER_S + BURST + 1
     visit.drive(0, BELOW, False)
     assert visit.devices[0].sent[-1] == (BELOW, False)
-
-
-def test_read_only_page_never_drives(visit: Visit) -> None:
-    visit.pages[1].may_change = False
-    visit.driving.announce("7")
-    assert visit.states() == ["free", "none"]

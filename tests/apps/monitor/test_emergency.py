@@ -14,23 +14,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from socket import create_connection, create_server, socket
+from socket import create_connection, socket
 from tempfile import TemporaryDirectory
 from threading import Thread
 from time import monotonic, sleep
 
 import numpy as np
 import pytest
-from aiohttp import web
 
 from tests.apps.monitor.monitors import Monitor
+from tests.apps.monitor.test_web import served
 from tests.wait import PATIENCE
 from tests.watching.sources import records, write
-from weberlink.apps.monitor import access
-from weberlink.apps.monitor.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER, Listener
-from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.listener import EMERGENCY, MOST_SILENT, PROOF_HEADER
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.apps.monitor.web import Site
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system.control_socket import ControlSocket, ask
 from weberlink.telemetry.ring import RingWriter
@@ -69,6 +66,7 @@ class Daemon:
         self.ticks = 0
         self.tick(20)
         self.tuning = Tuning(LiveSettings(0.1, "zoh"), {}, lambda *_: None)
+        self.proposed: list[object] = []
         self.halted_at: float | None = None
         self.control = ControlSocket(path, self)
         self.control.open(loop)
@@ -78,7 +76,8 @@ class Daemon:
         self.ticks += count
 
     def propose(self, change: object, now: float) -> str | None:
-        raise AssertionError(change)
+        self.proposed.append(change)
+        return "a daemon of a test makes no change"
 
     def stop(self, now: float, reason: str) -> None:
         raise AssertionError(reason)
@@ -119,34 +118,9 @@ def daemons(folder: Path, session: str = FIRST) -> Iterator[list[Daemon]]:
         loop.close()
 
 
-class Served:
-    """A monitor in this thread, which looks at the sessions of a folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.watch = SessionWatcher(folder, None, lambda _: None)
-        self.listening = create_server(("127.0.0.1", 0))
-        self.port = self.listening.getsockname()[1]
-
-    async def __aenter__(self) -> "Served":
-        allowed = access.names("127.0.0.1")
-        site = Site(self.watch, allowed, exposition(self.watch.sessions.values))
-        self.runner = web.AppRunner(site.application(), access_log=None, shutdown_timeout=0.1)
-        await self.runner.setup()
-        assert self.runner.server is not None
-        self.listener = Listener(self.listening, self.runner.server, allowed, self.watch.requests, self.watch.emergency)
-        self.watch.look(monotonic())
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        self.listener.close()
-        await self.runner.cleanup()
-        for session in self.watch.sessions.values():
-            session.close()
-
-
-def stop(port: int, token: str) -> float:
+def stop(where: str, token: str) -> float:
     """Ask for an emergency stop; returns when [s]."""
-    client = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+    client = http.client.HTTPConnection(where, timeout=PATIENCE)
     at = monotonic()
     client.request("POST", EMERGENCY, headers={PROOF_HEADER: token})
     assert json.loads(client.getresponse().read())["accepted"]
@@ -166,9 +140,7 @@ def direct(sides: list[Daemon]) -> float:
     ("name", "halted"),
     [
         (FIRST, {FIRST}),
-        (SECOND, {SECOND}),
         (None, {FIRST, SECOND}),
-        ("", {FIRST, SECOND}),
         ("1234", {FIRST, SECOND}),
         (ENDED, {FIRST, SECOND}),
     ],
@@ -203,8 +175,9 @@ def test_an_emergency_stop_ends_the_named_session_or_all_if_it_does_not_run(
 
 def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) -> None:
     async def run(sides: list[Daemon]) -> None:
-        async with Served(tmp_path) as served:
-            asker = Thread(target=stop, args=(served.port, served.watch.requests.token))
+        async with served(tmp_path) as (where, watch):
+            watch.look(monotonic())
+            asker = Thread(target=stop, args=(where, watch.requests.token))
             asker.start()
             end = monotonic() + PATIENCE
             while any(side.halted_at is None for side in sides):  # computes, and gives the loop no turn
@@ -217,10 +190,11 @@ def test_stop_reaches_the_daemons_while_the_loop_stands_still(tmp_path: Path) ->
 
 def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_their_place(tmp_path: Path) -> None:
     async def run(sides: list[Daemon]) -> None:
-        async with Served(tmp_path) as served:
+        async with served(tmp_path) as (where, watch):
+            watch.look(monotonic())
 
             def crowd() -> None:
-                address = ("127.0.0.1", served.port)
+                address = ("127.0.0.1", int(where.partition(":")[2]))
                 silent = deque(create_connection(address) for _ in range(MOST_SILENT))
                 for _ in range(300):
                     newest, oldest = socket(), silent.popleft()
@@ -228,7 +202,7 @@ def test_stop_is_answered_after_silent_connections_speak_as_newer_ones_take_thei
                         oldest.send(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
                         newest.connect(address)
                     silent.append(newest)
-                stop(served.port, served.watch.requests.token)
+                stop(where, watch.requests.token)
                 for each in silent:
                     each.close()
 
@@ -252,6 +226,7 @@ def delays(folder: Path, trials: int) -> tuple[list[float], list[float]]:
         Monitor(folder, "--session", 2**22 + os.getpid()) as monitor,
     ):
         url, key = monitor.url, monitor.key
+        assert os.getpriority(os.PRIO_PROCESS, monitor.pid) >= 5, "daemons go before it"
         monitor.until_said("slave at")
         command = [sys.executable, "-c", FLOOD, f"{url}/ws?key={key}", key]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as flood:
@@ -261,7 +236,7 @@ def delays(folder: Path, trials: int) -> tuple[list[float], list[float]]:
             for number in range(trials):
                 sleep(0.02 + 0.001 * (number % 37))  # at every phase of the monitor's period
                 for times, ask_ in zip(
-                    taken, (partial(stop, int(url.rpartition(":")[2]), key), partial(direct, sides)), strict=True
+                    taken, (partial(stop, url.removeprefix("http://"), key), partial(direct, sides)), strict=True
                 ):
                     asked = ask_()
                     times.append(max(side.halted_at - asked for side in sides if side.halted_at is not None))

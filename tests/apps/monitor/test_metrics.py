@@ -7,8 +7,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.watching.sources import HandSource, description, records
-from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
-from weberlink.protocol.aio.hand_over import PathFacts
+from weberlink.apps.monitor.metrics import COUNTERS, exposition
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 from weberlink.watching.session import WatchedSession
@@ -73,38 +72,3 @@ def test_metrics_have_names_units_and_labels() -> None:
     assert {name for name, *labels in values if "master" in labels} == {"weberlink_ticks_total"}, (
         "no values of no records"
     )
-
-
-def test_paths_have_route_relay_interface_and_changes() -> None:
-    relayed = PathFacts(0, "relayed", "relay.example", "wlan0", "198.51.100.7:3478", 3)
-    made = records(100)
-    made["jitter_us"], made["incoming_loss"], made["outgoing_loss"], made["peer_burst"] = 2500.0, 0.25, 0.5, 1.5
-    paths = [relayed._asdict() | {"dscp": 0}, PathFacts(1, "", note="finding")._asdict()]
-    families, values = exposed(watched(made, "master", paths=paths))
-    (info,) = families["weberlink_path_info"].samples
-    assert (info.value, info.labels.items() >= {"side": "master", "place": "0", "route": "relayed"}.items()) == (
-        1,
-        True,
-    )
-    assert [info.labels[name] for name in ("via", "interface", "remote")] == [*relayed[2:5]]
-    assert [values["weberlink_path_changes_total", place, "master"] for place in "01"] == [3, 0]
-    assert values["weberlink_path_dscp", "0", "master"] == 0
-    for name, value in (
-        ("jitter_seconds", 2.5e-3),
-        ("incoming_loss_ratio", 0.25),
-        ("outgoing_loss_ratio", 0.5),
-        ("incoming_burst_datagrams", 1.5),
-    ):
-        assert values[f"weberlink_{name}", "master"] == pytest.approx(value)
-
-
-@pytest.mark.parametrize(
-    ("file", "channels"),
-    [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
-)
-def test_metrics_cover_the_channels_of_the_session(file: str, channels: set[str]) -> None:
-    families, _ = exposed(watched(records(1000, seed=1), file=file))
-    for name in CHANNEL_FIGURES:
-        assert {sample.labels["channel"] for sample in families[f"weberlink_{name}"].samples} == channels
-    names = {name for name, *_ in exposed()[1]}
-    assert {name.startswith("weberlink_monitor_") for name in names} == {True}, "without a session"

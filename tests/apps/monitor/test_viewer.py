@@ -43,22 +43,3 @@ def test_queue_is_bounded_and_keeps_the_newest(topics: list[str]) -> None:
             assert f"{topic} {put[-1]}" in left
         elif put:
             assert not any(text.startswith(f"{topic} ") for text in left)
-
-
-def test_final_figures_precede_the_next_greeting() -> None:
-    viewer = Viewer(None, may_change=False)
-    viewer.put("rows", told("old"))
-    viewer.put("final", told("final"))
-    viewer.greet(told("next"))
-    viewer.put("rows", told("new"))
-    assert drained(viewer) == ["final", "next", "new"]
-
-
-def test_answers_overtake_rows() -> None:
-    viewer = Viewer(None, may_change=True)
-    viewer.put("rows", told("rows"))
-    viewer.put("handle", told("taken"))
-    viewer.answer(told("stopped"))
-    viewer.put("rows", told("more rows"))
-    viewer.put("handle", told("free"))
-    assert drained(viewer) == ["stopped", "rows", "more rows", "free"]

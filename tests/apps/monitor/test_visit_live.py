@@ -5,31 +5,34 @@ Only live processes have a pointer that falls silent, a connection that breaks, 
 
 import asyncio
 import signal
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from time import monotonic, sleep
-from typing import Any
+from typing import Annotated, Any
 
 import aiohttp
 import numpy as np
 import pytest
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from tests.apps.monitor.monitors import Monitor
 from tests.program import ENGAGED, Telemetry, document
-from tests.wait import PATIENCE, soon, until
+from tests.wait import PATIENCE, soon
+from weberlink.apps.monitor import messages
 from weberlink.apps.monitor.listener import PROOF_HEADER
-from weberlink.cli.try_session import LEFT_S
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import default_path
 
-pytestmark = pytest.mark.realtime
 ABOVE, ASIDE, PRESSED = (0.03, 0.03, 0.02), (0.02, 0.03, 0.02), (0.03, 0.03, -0.02)
-SURFACE_M = -0.01
-"""Below the surface of the scenes at these places; the pointer goes 10 mm deeper, the handle does not."""
+SURFACE_M = -0.015
+"""Below the surface of the scenes at these places; the pointer goes deeper, the handle does not."""
 RAMP_TICKS = 51
 """Ticks in which a released force fades: 50 ms, and the tick of the release."""
 Message = dict[str, Any]
+DECLARED: TypeAdapter[Any] = TypeAdapter(
+    Annotated[messages.Message, Field(discriminator="type")], config=ConfigDict(strict=True, extra="forbid")
+)
+Target = tuple[float, float, float]
 
 
 class Page:
@@ -37,39 +40,42 @@ class Page:
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._socket = socket
-        self.newest: dict[str, Message] = {}
-        self.answers: list[Message] = []
+        self.newest: dict[str, Message] = {"hello": {}, "handle": {"state": None}}
 
     async def listen(self) -> None:
         async for message in self._socket:
             told = document(message.data)
+            DECLARED.validate_python(told)
             self.newest[told["type"]] = told
-            if told["type"] == "answer":
-                self.answers.append(told)
 
     @property
     def hello(self) -> Message:
-        return self.newest.get("hello", {})
+        return self.newest["hello"]
 
     @property
     def handle(self) -> str | None:
-        return self.newest.get("handle", {}).get("state")
+        return str(self.newest["handle"]["state"])
+
+    async def send(self, **request: Any) -> None:
+        await self._socket.send_json(request | {"token": self.hello["token"]})
 
     async def answer(self, **request: Any) -> Message:
-        self.answers.clear()
-        await self._socket.send_json(request | {"token": self.hello["token"]})
-        await soon(lambda: self.answers, "the answer")
-        return self.answers[0]
+        self.newest.pop("answer", None)
+        await self.send(**request)
+        await soon(lambda: "answer" in self.newest, "the answer")
+        return self.newest["answer"]
 
-    async def drive(self, target: tuple[float, float, float], condition: Any, what: str) -> None:
+    async def drive(self, target: Target, condition: Callable[[], object], what: str) -> None:
         """Hold the handle, as a page does, until a condition holds."""
-        deadline = monotonic() + PATIENCE
-        while not condition():
-            assert monotonic() < deadline, what
-            await self._socket.send_json(
-                {"type": "drive", "target": target, "held": True, "token": self.hello["token"]}
-            )
-            await asyncio.sleep(1 / 60)
+
+        async def repeat() -> None:
+            while True:
+                await self.send(type="drive", target=target, held=True)
+                await asyncio.sleep(1 / 60)
+
+        repeating = asyncio.create_task(repeat())
+        await soon(condition, what)
+        repeating.cancel()
 
     def abort(self) -> None:
         """Break the connection without a word."""
@@ -79,24 +85,21 @@ class Page:
 
 @asynccontextmanager
 async def opened(client: aiohttp.ClientSession, monitor: Monitor) -> AsyncIterator[Page]:
-    socket = await client.ws_connect(f"{monitor.url}/ws?key={monitor.key}")
-    page = Page(socket)
-    listening = asyncio.get_running_loop().create_task(page.listen())
-    try:
-        await soon(lambda: page.hello.get("present") == ["master", "slave"] and page.handle, "the greeting")
+    async with client.ws_connect(f"{monitor.url}/ws?key={monitor.key}") as socket:
+        page = Page(socket)
+        listening = asyncio.create_task(page.listen())
+        await soon(lambda: page.hello.get("present") == ["master", "slave"] and page.handle != "None", "the greeting")
         yield page
-    finally:
+        assert not listening.done() or listening.exception() is None, "every message is of a declared type"
         listening.cancel()
-        await socket.close()
 
 
 class Ends:
     """What both daemons of a session record."""
 
     def __init__(self, page: Page) -> None:
-        self.master, self.slave = (
-            Telemetry(default_path(f"{page.hello['session']}-{side}")) for side in ("master", "slave")
-        )
+        session = page.hello["session"]
+        self.master, self.slave = (Telemetry(default_path(f"{session}-{side}")) for side in ("master", "slave"))
 
     async def engage(self) -> None:
         await soon(lambda: self.master.last["state"] == self.slave.last["state"] == ENGAGED, "the session")
@@ -105,10 +108,9 @@ class Ends:
     def force_n(self) -> float:
         return float(np.linalg.norm(self.master.last["output"]))
 
-    def is_at(self, target: tuple[float, float, float]) -> bool:
-        return all(
-            np.linalg.norm(of - target) < 2e-3 for of in (self.master.last["position"], self.slave.last["output"])
-        )
+    def is_at(self, target: Target) -> bool:
+        both = (self.master.last["position"], self.slave.last["output"])
+        return all(np.linalg.norm(of - target) < 2e-3 for of in both)
 
     def close(self) -> None:
         self.master.close()
@@ -118,14 +120,12 @@ class Ends:
 async def one_drives(driver: Page, watcher: Page) -> None:
     ends = Ends(driver)
     await ends.engage()
-    assert (driver.handle, watcher.handle) == ("free", "free")
     for target in (ABOVE, ASIDE, ABOVE):
         await driver.drive(target, lambda target=target: ends.is_at(target), "the handle to follow the pointer")
     await watcher.drive(PRESSED, lambda: watcher.handle == "taken", "the handle to be taken")
     assert (driver.handle, ends.master.last["position"][2] > 0.0) == ("yours", True), "who watches does not drive"
     await driver.drive(PRESSED, lambda: ends.force_n > 1.0, "the wall")
     assert ends.master.last["position"][2] > SURFACE_M > PRESSED[2]
-    assert int(ends.slave.last["updates_sent"]) > 0
     assert (await driver.answer(type="change", weber=0.05))["accepted"]
     linked = await driver.answer(type="change", delay_ms=10.0, loss=0.01)
     assert linked["link"] == {"delay_ms": 10.0, "jitter_ms": 0.0, "loss": 0.01}
@@ -147,7 +147,6 @@ async def another_scene_until_the_emergency(client: aiohttp.ClientSession, monit
     await soon(lambda: page.hello["session"] != former and page.hello["present"] == ["master", "slave"], "the scene")
     await soon(lambda: page.newest["figures"].get("settings", {}).get("weber") == 0.05, "the setting of before")
     await soon(lambda: page.hello["link"]["delay_ms"] == 10.0, "the link of before")
-    assert (page.hello["rooms"]["scene"], page.hello["link"]["loss"]) == ("plane", 0.01)
     ends = Ends(page)
     await ends.engage()
     assert (await page.answer(type="change", delay_ms=0.0, loss=0.0))["accepted"]
@@ -160,6 +159,7 @@ async def another_scene_until_the_emergency(client: aiohttp.ClientSession, monit
     ends.close()
 
 
+@pytest.mark.realtime
 def test_a_visit(tmp_path: Path) -> None:
     async def visit(monitor: Monitor) -> None:
         async with (
@@ -168,10 +168,8 @@ def test_a_visit(tmp_path: Path) -> None:
             opened(client, monitor) as driver,
             opened(client, monitor) as watcher,
         ):
-            hello = driver.hello
-            assert (hello["drivable"], hello["workspace_m"], bool(hello["token"])) == (True, 0.06, True)
-            assert (hello["names"]["device"], hello["rooms"]["start"]) == ("pointer", True)
-            assert hello["link"] == {"delay_ms": 0.0, "jitter_ms": 0.0, "loss": 0.0}
+            assert (driver.hello["drivable"], driver.hello["rooms"]["start"]) == (True, True)
+            assert (driver.handle, watcher.handle) == ("free", "free")
             await one_drives(driver, watcher)
             await another_scene_until_the_emergency(client, monitor, watcher)
 
@@ -180,36 +178,3 @@ def test_a_visit(tmp_path: Path) -> None:
         monitor.send(signal.SIGINT)
         status, said = monitor.finish()
     assert (status, "emergency stop" in said, said.count("weberlink try  ")) == (1, True, 1), "one report"
-
-
-@pytest.mark.hunt
-def test_session_ends_with_its_killed_parent(tmp_path: Path) -> None:
-    with Monitor(tmp_path, command="try") as monitor:
-        session = int(monitor.until_said(r"session (\d+): master"))
-        monitor.kill()
-        until(lambda: not Path(f"/proc/{session}").exists(), "the session to end")
-
-
-@pytest.mark.hunt
-def test_visit_of_limited_length_ends_with_status_0(tmp_path: Path) -> None:
-    with Monitor(tmp_path, "--duration", 1, "--scripted", "--set", "link.silence_ms=2000", command="try") as monitor:
-        status, said = monitor.finish()
-    assert (status, "completed" in said) == (0, True), said
-
-
-@pytest.mark.hunt
-def test_page_that_is_closed_for_a_minute_ends_the_visit(tmp_path: Path) -> None:
-    async def look(monitor: Monitor) -> None:
-        async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
-            for _ in range(2):  # the second time within the minute
-                async with opened(client, monitor):
-                    await asyncio.sleep(1.0)
-                await asyncio.sleep(1.0)
-
-    with Monitor(tmp_path, command="try") as monitor:
-        asyncio.run(look(monitor))
-        sleep(LEFT_S / 2)
-        assert "has been closed" not in monitor.said
-        sleep(LEFT_S / 2)
-        status, said = monitor.finish()
-    assert (status, said.count("has been closed"), "interrupted" in said) == (0, 1, True), said

@@ -1,10 +1,9 @@
 """A program that pushes with a device until it is stopped; run as a process of its own.
 
-Arguments: the driver, its options as JSON, and the force [N]. A line on standard input is how long the loop then stands
-still [s], while the thread of the device goes on.
+Arguments: the driver, its options as JSON, and the force along y [N]. A line on standard input is how long the loop
+then stands still [s], while the thread of the device goes on.
 """
 
-import json
 import sys
 from select import select
 from time import monotonic, sleep
@@ -19,12 +18,11 @@ def main(name: str, options: str, force: str) -> None:
     driver: Any = load(name)
     wanted = driver.Options.model_validate_json(options)
     device = driver(wanted.model_copy(update={"signs_checked": driver.fingerprint(wanted)}), TICK)
-    x, y, z = json.loads(force)
     device.open(monotonic())
     while True:
         now = monotonic()
         device.latest(now)
-        device.command((x, y, z), now)
+        device.command((0.0, float(force), 0.0), now)
         sleep(TICK)
         if select((sys.stdin,), (), (), 0.0)[0]:
             sleep(float(sys.stdin.readline()))

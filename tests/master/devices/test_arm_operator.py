@@ -10,7 +10,7 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.arms.models import NAMES, load
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.master.devices.arm_operator import ArmOperator, ArmOperatorOptions, JointHand
+from weberlink.master.devices.arm_operator import ArmOperator, ArmOperatorOptions
 
 TICK = 0.001
 REST = [{"motion": "hold", "duration_s": 1.0}]
@@ -30,18 +30,6 @@ def run(made: ArmOperator, ticks: int, torques: Joints = NONE) -> ArmReading:
     return reading
 
 
-def test_every_axis_moves_without_a_script() -> None:
-    hand = JointHand(stiffness_nm_rad=50.0, damping_nm_s_rad=1.0)
-    made = ArmOperator(ArmOperatorOptions(hand=hand, steps=1), 0.005)
-    made.open(0.0)
-    farthest = [0.0] * made.spec.axes
-    for tick in range(1, 4_401):
-        reading = made.latest(tick * 0.005)
-        assert not reading.ended
-        farthest = [max(most, abs(angle)) for most, angle in zip(farthest, reading.angles, strict=True)]
-    assert min(farthest) > 0.15
-
-
 def test_it_comes_where_the_script_says() -> None:
     script = [
         {"motion": "move", "joints_rad": (0.5, -0.6, 0.4, -0.3, 0.2), "duration_s": 1.0},
@@ -57,48 +45,18 @@ def test_it_comes_where_the_script_says() -> None:
     assert reading.angles == pytest.approx((0.5, -0.6, 0.4, -0.3, 0.2, 1.0), abs=friction + 2e-3)
 
 
-def test_it_begins_again_and_ends_with_its_duration() -> None:
-    script = [{"motion": "move", "joints_rad": (0.5, 0.0, 0.0, 0.0, 0.0)}]
-    made = operator(script=script, duration_s=4.5)
-    turned = []
-    for tick in range(1, 4600):
-        reading = made.latest(tick * TICK)
-        turned.append(reading.angles[0])
-        assert reading.ended == (tick >= 4500)
-    assert max(turned[500:1500]) > 0.4
-    assert min(turned[1900:2500]) < 0.1
-    assert max(turned[2500:3500]) > 0.4
-
-
-def test_the_hand_yields_to_displayed_torque() -> None:
-    """By its own compliance, but for the friction of the arm."""
+def test_the_hand_yields_to_displayed_torque_within_its_limit() -> None:
+    """By its own compliance, but for the friction of the arm, whose gravity is compensated."""
     made = operator(script=REST)
     torques = (0.1, -0.1, 0.1, -0.1, 0.1, 0.15)
     reading = run(made, 700, torques)
     for angle, torque in zip(reading.angles, torques, strict=True):
         assert angle == pytest.approx(torque / 2.0, abs=0.0049 / 2.0 + 1e-3)
     assert reading.torques == NONE
-
-
-def test_displayed_torque_is_limited_to_the_motors() -> None:
     held = [run(operator(script=REST), 500, (torque, *NONE[1:])).angles[0] for torque in (0.215, 1e9)]
     assert held[0] == held[1]
-
-
-def test_a_wall_takes_more_energy_than_it_gives() -> None:
-    """A spring of half the stiffness that the spec calls stable, at one joint: the hand comes to rest against it."""
-    made = operator(script=[{"motion": "move", "joints_rad": (0.3, 0.0, 0.0, 0.0, 0.0)}, *REST, *REST], torque_nm=100.0)
-    stiffness = 0.5 * made.spec.stiffness_nm_rad[0]
-    before, work = 0.0, 0.0
-    for tick in range(1, 3001):
-        angle = made.latest(tick * TICK).angles[0]
-        torque = -stiffness * max(0.0, angle - 0.1)
-        work += torque * (angle - before)
-        before = angle
-        made.display((torque, *NONE[1:]), tick * TICK)
-    assert work < 0.0
-    assert 0.1 < angle < 0.1 + 1.1 * 2.0 * 0.2 / stiffness
-    assert abs(made._simulation.speeds[0]) < 1e-3
+    home = (0.0, 0.6, 0.3, 0.2, 0.0, 0.5)
+    assert run(operator(model="omx_leader", script=REST, home_rad=home), 500).angles == pytest.approx(home, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -107,43 +65,21 @@ def test_no_hand_and_no_torque_makes_it_diverge(name: str, stiffness: float) -> 
     """Torques that turn in every tick, on an arm that is pushed against its end stops."""
     hand = {"stiffness_nm_rad": stiffness, "damping_nm_s_rad": 0.0, "inertia_kg_m2": 0.0}
     made = operator(model=name, hand=hand, torque_nm=5.0)
-    for tick in range(1, 500):
+    for tick in range(1, 300):
         angles = made.latest(tick * TICK).angles
         assert is_finite(angles)
-        way = 1.0 if tick % 7 < 3 or tick > 300 else -1.0
+        way = 1.0 if tick % 7 < 3 or tick > 180 else -1.0
         made.display((way * 1e3,) * made.spec.axes, tick * TICK)
     beyond = (a - high for a, high in zip(angles, made.spec.upper, strict=True))
     assert max(beyond) < 0.3
 
 
-def test_same_times_give_the_same_motion() -> None:
-    def angles() -> list[Joints]:
-        made = operator()
-        found = []
-        for tick in range(1, 800):
-            found.append(made.latest(tick * TICK).angles)
-            made.display((0.01 * (tick % 5),) * 6, tick * TICK)
-        return found
-
-    assert angles() == angles()
-
-
-def test_gravity_of_the_leader_is_compensated() -> None:
-    made = operator(model="omx_leader", script=REST, home_rad=(0.0, 0.6, 0.3, 0.2, 0.0, 0.5))
-    assert run(made, 1000).angles == pytest.approx((0.0, 0.6, 0.3, 0.2, 0.0, 0.5), abs=1e-6)
-
-
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_torques_that_are_not_finite_are_refused(value: float) -> None:
+def test_torques_that_are_not_finite_and_readings_when_closed_are_refused(value: float) -> None:
     made = operator()
     with pytest.raises(ValueError, match="arm_operator: expected 6 finite torques"):
         made.display((value, *NONE[1:]), TICK)
     assert is_finite(made.latest(TICK).angles)
-
-
-def test_it_is_read_only_while_open() -> None:
-    made = operator()
     made.close()
     with pytest.raises(ArmFault, match="not open"):
         made.latest(1.0)
-    made.display(NONE, 1.0)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from time import monotonic
 
 import pytest
@@ -66,7 +67,7 @@ def test_readings_advance_without_jumps(bench: Bench) -> None:
     device = bench.device
     device.open(bench.tick())
     lower, upper = device.spec.workspace_m
-    readings = []
+    readings, away = [], [0.0]
     for now in bench.hold(ZERO, 1000 if bench.displayed is None else 300):
         reading = device.latest(now)
         assert device.latest(now) == reading
@@ -75,6 +76,8 @@ def test_readings_advance_without_jumps(bench: Bench) -> None:
         assert all(a <= p <= b for a, p, b in zip(lower, reading.position, upper, strict=True))
         assert (reading.orientation is not None) == device.spec.orientation
         assert 0 <= reading.buttons < 1 << device.spec.buttons
+        if bench.hand is not None:
+            away.append(distance(bench.hand(), reading.position))
         readings.append(reading)
     # In real time an answer may have waited for a machine that stalls, and the hand has gone on.
     slack = 1e-6 if bench.displayed is None else 0.03
@@ -83,6 +86,7 @@ def test_readings_advance_without_jumps(bench: Bench) -> None:
         step = max(abs(p - q) for p, q in zip(a.position, b.position, strict=True))
         assert step <= 0.6 * (b.at - a.at) + slack, "a hand's speed"
     assert readings[0].position != readings[-1].position
+    assert median(away) < 0.005, "the hand goes on while this machine stalls"
 
 
 def test_force_that_is_not_finite_raises(bench: Bench) -> None:

@@ -1,4 +1,4 @@
-"""Gamepad: axes, triggers, buttons, lost events and rumble; the kernel's bytes come through a pipe."""
+"""Gamepad: axes, triggers, buttons, lost events and rumble, on a queue of events like the kernel's."""
 
 import errno
 import os
@@ -12,10 +12,10 @@ import evdev
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from weberlink.geometry.vector import ZERO
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN, EVENT, event
+from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN
 from weberlink.master.devices.gamepad import (
     EV_FF,
     FF_RUMBLE,
@@ -37,136 +37,28 @@ class Range(NamedTuple):
     max: int
 
 
+STICK, TRIGGER = Range(0, -32768, 32767), Range(0, 0, 255)
+AXES = {**dict.fromkeys((ABS_X, ABS_Y, ABS_RX, ABS_RY), STICK), ABS_Z: TRIGGER, ABS_RZ: TRIGGER}
+
+
 class Pad:
-    """What the driver uses of `evdev.InputDevice`; events are the kernel's bytes in a pipe."""
+    """What the driver uses of `evdev.InputDevice`, on the kernel's queue of a client (drivers/input/evdev.c).
 
-    def __init__(self, *, rumbles: bool = True, axes: dict[int, Range] | None = None) -> None:
-        self.fd, self.kernel = os.pipe()
-        os.set_blocking(self.fd, False)
-        stick, trigger = Range(0, -32768, 32767), Range(0, 0, 255)
-        self.axes = axes or {
-            **dict.fromkeys((ABS_X, ABS_Y, ABS_RX, ABS_RY), stick), ABS_Z: trigger, ABS_RZ: trigger,
-        }  # fmt: skip
-        self.keys: list[int] = []
-        self.rumbles = rumbles
-        self.uploaded: list[tuple[int, int, int]] = []
-        self.written: list[tuple[int, int, int]] = []
-        self.refusal: int | None = None
-
-    def read(self) -> Iterator[evdev.InputEvent]:
-        data = os.read(self.fd, 24 * 64)
-        if not data:
-            raise OSError(errno.ENODEV, "No such device")
-        for at in range(0, len(data), 24):
-            yield evdev.InputEvent(*EVENT.unpack(data[at : at + 24]))
-
-    def capabilities(self) -> dict[int, Any]:
-        found: dict[int, Any] = {EV_KEY: list(KEYS), EV_ABS: list(self.axes.items())}
-        return {**found, EV_FF: [FF_RUMBLE]} if self.rumbles else found
-
-    def absinfo(self, code: int) -> Range:
-        return self.axes[code]
-
-    def active_keys(self) -> list[int]:
-        return self.keys
-
-    def upload_effect(self, effect: Any) -> int:
-        if self.refusal is not None:
-            raise OSError(self.refusal, os.strerror(self.refusal))
-        rumble = effect.u.ff_rumble_effect
-        assert effect.type == FF_RUMBLE
-        assert rumble.strong_magnitude == rumble.weak_magnitude
-        self.uploaded.append((effect.id, rumble.strong_magnitude, effect.ff_replay.length))
-        return 7
-
-    def write(self, kind: int, code: int, value: int) -> None:
-        self.written.append((kind, code, value))
-
-    def close(self) -> None:
-        for descriptor in (self.fd, self.kernel):
-            if descriptor >= 0:
-                os.close(descriptor)
-        self.fd = self.kernel = -1
-
-    def happen(self, *changes: tuple[int, int, int]) -> None:
-        os.write(self.kernel, b"".join(event(*change, 1.5) for change in (*changes, (EV_SYN, 0, 0))))
-
-
-@pytest.fixture
-def pad() -> Iterator[Pad]:
-    pad = Pad()
-    yield pad
-    pad.close()
-
-
-def opened(pad: Pad, **options: Any) -> GamepadExchange:
-    exchange = GamepadExchange(GamepadOptions(**options), lambda: [PluggedDevice("pad")], lambda path: pad)
-    exchange.open()
-    return exchange
-
-
-def test_sticks_move_in_the_plane_and_in_depth(pad: Pad) -> None:
-    exchange = opened(pad)
-    pad.happen((EV_ABS, ABS_X, 32767), (EV_ABS, ABS_Y, -32768), (EV_ABS, ABS_RY, -32768))
-    assert exchange.exchange(ZERO).move == pytest.approx((-1.0, 1.0, 1.0), abs=1e-4)
-
-
-def test_pad_at_rest_is_in_the_middle(pad: Pad) -> None:
-    assert opened(pad).exchange(ZERO).move == pytest.approx(ZERO, abs=1e-4)
-
-
-def test_triggers_are_buttons_or_depth(pad: Pad) -> None:
-    exchange = opened(pad)
-    pad.happen((EV_ABS, ABS_RZ, 200), (EV_KEY, KEYS[0], 1))
-    assert exchange.exchange(ZERO).buttons == 0b1000_0001
-    deep = opened(pad, axes=("ABS_Y", "ABS_X", "triggers"))
-    pad.happen((EV_ABS, ABS_RZ, 255))
-    assert deep.exchange(ZERO).move[2] == pytest.approx(-1.0)
-    assert deep.exchange(ZERO).buttons == 0
-
-
-def test_keys_are_buttons_while_they_are_held(pad: Pad) -> None:
-    pad.keys = [KEYS[1]]
-    exchange = opened(pad)
-    assert exchange.exchange(ZERO).buttons == 0b10
-    pad.happen((EV_KEY, KEYS[1], 0), (EV_KEY, 0x138, 1), (EV_KEY, KEYS[5], 1))
-    assert exchange.exchange(ZERO).buttons == 0b110_0000
-
-
-def test_lost_events_are_asked_for(pad: Pad) -> None:
-    exchange = opened(pad)
-    pad.axes[ABS_X] = Range(32767, -32768, 32767)
-    pad.keys = [KEYS[0]]
-    pad.happen((EV_SYN, SYN_DROPPED, 0))
-    seen = exchange.exchange(ZERO)
-    assert seen.move[1] == pytest.approx(1.0)
-    assert seen.buttons == 1
-
-
-@pytest.mark.parametrize("apart", [False, True], ids=["in one read", "in two"])
-def test_events_behind_lost_ones_are_older_than_the_state(pad: Pad, apart: bool) -> None:
-    exchange = opened(pad)
-    lost, rest = [(EV_SYN, SYN_DROPPED, 0)], [(EV_KEY, KEYS[0], 1), (EV_ABS, ABS_X, 32767), (EV_SYN, 0, 0)]
-    parts = [lost, rest] if apart else [[*lost, *rest, (EV_KEY, KEYS[1], 1), (EV_SYN, 0, 0)]]
-    for part in parts:
-        os.write(pad.kernel, b"".join(event(*change, 1.5) for change in part))
-        seen = exchange.exchange(ZERO)
-        assert (seen.buttons, seen.move[1]) == (0, pytest.approx(0.0, abs=1e-4))
-    pad.happen((EV_KEY, KEYS[2], 1))
-    assert exchange.exchange(ZERO).buttons == 0b100
-
-
-class QueuedPad(Pad):
-    """The kernel's queue of a client (drivers/input/evdev.c): it overflows, and whoever asks for the keys empties it of
-    their events."""
+    It overflows, and whoever asks for the keys empties it of their events.
+    """
 
     SIZE = 6
 
-    def __init__(self) -> None:
-        super().__init__(rumbles=False)
+    def __init__(self, axes: dict[int, Range] | None = None) -> None:
+        self.fd, self.kernel = os.pipe()
+        self.axes = dict(axes or AXES)
         self.queue: list[tuple[int, int, int]] = []
         self.readable = 0
         self.pressed: set[int] = set()
+        self.rumbles = True
+        self.uploaded: list[tuple[int, int, int]] = []
+        self.written: list[tuple[int, int, int]] = []
+        self.refuses = False
 
     def change(self, kind: int, code: int, value: int) -> None:
         """An event of the hardware; a report ends with one of EV_SYN, and only then it can be read."""
@@ -182,6 +74,10 @@ class QueuedPad(Pad):
             self.readable = len(self.queue)
             os.write(self.kernel, b"x")
 
+    def report(self, *changes: tuple[int, int, int]) -> None:
+        for change in (*changes, (EV_SYN, 0, 0)):
+            self.change(*change)
+
     def read(self) -> Iterator[evdev.InputEvent]:
         os.read(self.fd, 1000)
         taken, self.queue = self.queue[: self.readable], self.queue[self.readable :]
@@ -193,6 +89,66 @@ class QueuedPad(Pad):
         self.queue = [change for change in self.queue if change[0] != EV_KEY]
         return list(self.pressed)
 
+    def capabilities(self) -> dict[int, Any]:
+        found: dict[int, Any] = {EV_KEY: list(KEYS), EV_ABS: list(self.axes.items())}
+        return {**found, EV_FF: [FF_RUMBLE]} if self.rumbles else found
+
+    def absinfo(self, code: int) -> Range:
+        return self.axes[code]
+
+    def upload_effect(self, effect: Any) -> int:
+        if self.refuses:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        rumble = effect.u.ff_rumble_effect
+        assert rumble.strong_magnitude == rumble.weak_magnitude
+        self.uploaded.append((effect.id, rumble.strong_magnitude, effect.ff_replay.length))
+        return 7
+
+    def write(self, kind: int, code: int, value: int) -> None:
+        self.written.append((kind, code, value))
+
+    def unplug(self) -> None:
+        os.close(self.kernel)
+        self.kernel = -1
+
+    def close(self) -> None:
+        for descriptor in {self.fd, self.kernel} - {-1}:
+            os.close(descriptor)
+        self.fd = self.kernel = -1
+
+
+@pytest.fixture
+def pad() -> Iterator[Pad]:
+    pad = Pad()
+    yield pad
+    pad.close()
+
+
+def opened(pad: Pad, **options: Any) -> GamepadExchange:
+    exchange = GamepadExchange(GamepadOptions(**options), lambda: [PluggedDevice("pad")], lambda path: pad)
+    exchange.open()
+    return exchange
+
+
+PULLED = ("ABS_Y", "ABS_X", "triggers")
+
+
+@pytest.mark.parametrize(
+    ("axes", "happens", "move", "buttons"),
+    [
+        (None, [], ZERO, 0),
+        (None, [(EV_ABS, ABS_X, 32767), (EV_ABS, ABS_Y, -32768), (EV_ABS, ABS_RY, -32768)], (-1.0, 1.0, 1.0), 0),
+        (None, [(EV_ABS, ABS_RZ, 200), (EV_KEY, KEYS[0], 1)], ZERO, 0b1000_0001),
+        (None, [(EV_KEY, 0x138, 1), (EV_KEY, KEYS[5], 1)], ZERO, 0b110_0000),
+        (PULLED, [(EV_ABS, ABS_RZ, 255)], (0.0, 0.0, -1.0), 0),
+        (PULLED, [(EV_ABS, ABS_Z, 255)], (0.0, 0.0, 1.0), 0),
+    ],
+)
+def test_sticks_triggers_and_keys_are_read(pad: Pad, axes: Any, happens: Any, move: Vector, buttons: int) -> None:
+    exchange = opened(pad, **({} if axes is None else {"axes": axes}))
+    pad.report(*happens)
+    assert exchange.exchange(ZERO) == (pytest.approx(move, abs=1e-4), ZERO, buttons)
+
 
 HAPPENS = st.one_of(
     st.tuples(st.just(EV_KEY), st.sampled_from(KEYS[:3]), st.integers(0, 1)),
@@ -202,16 +158,17 @@ HAPPENS = st.one_of(
 )
 
 
-@given(st.lists(HAPPENS, max_size=60), st.integers(0, 60))
-@example([(EV_KEY, KEYS[0], 0), *[(EV_ABS, ABS_X, 0)] * 6, (EV_KEY, KEYS[0], 1), (EV_SYN, 0, 0), None], 1)
-def test_state_is_right_whenever_events_are_lost_and_read(happens: list[Any], late: int) -> None:
+@given(st.lists(HAPPENS, max_size=60), st.integers(0, 60), st.booleans())
+@example([(EV_KEY, KEYS[0], 0), *[(EV_ABS, ABS_X, 0)] * 6, (EV_KEY, KEYS[0], 1), (EV_SYN, 0, 0), None], 1, False)
+def test_state_is_right_whenever_events_are_lost_and_read(happens: list[Any], late: int, pressed: bool) -> None:
     """None: the driver looks. More happens between its reading of events and its asking for the state."""
-    pad = QueuedPad()
+    pad = Pad()
+    pad.pressed = {KEYS[1]} if pressed else set()
     exchange = opened(pad)
     meanwhile = happens[:late]
 
     def read() -> Iterator[evdev.InputEvent]:
-        events = list(QueuedPad.read(pad))
+        events = list(Pad.read(pad))
         while meanwhile and (change := meanwhile.pop(0)) is not None:
             pad.change(*change)
         return iter(events)
@@ -233,17 +190,13 @@ def test_state_is_right_whenever_events_are_lost_and_read(happens: list[Any], la
     pad.close()
 
 
-def test_missing_axis_names_those_there_are() -> None:
-    pad = Pad(axes={ABS_X: Range(0, -1, 1), ABS_Y: Range(0, -1, 1), ABS_Z: Range(0, 0, 1)})
+def test_missing_axis_and_unplugging_are_faults(pad: Pad) -> None:
+    few = Pad({ABS_X: Range(0, -1, 1), ABS_Y: Range(0, -1, 1), ABS_Z: Range(0, 0, 1)})
     with pytest.raises(HardwareFault, match=r"has no axis ABS_RY, it has ABS_X, ABS_Y, ABS_Z; set master.device.axes"):
-        opened(pad)
-    assert pad.fd == -1
-
-
-def test_unplugged_pad_is_a_fault(pad: Pad) -> None:
+        opened(few)
+    assert few.fd == -1
     exchange = opened(pad)
-    os.close(pad.kernel)
-    pad.kernel = -1
+    pad.unplug()
     with pytest.raises(HardwareFault, match="pad: unplugged"):
         exchange.exchange(ZERO)
 
@@ -265,26 +218,14 @@ def test_rumble_follows_the_force_and_stops(pad: Pad) -> None:
     assert RENEW_S < RUMBLE_S
 
 
-def test_refused_rumble_ends_rumbling_only(pad: Pad) -> None:
+@pytest.mark.parametrize(("rumbles", "refuses"), [(True, False), (True, True), (False, False)])
+def test_a_pad_may_rumble_and_stops_when_closed(pad: Pad, rumbles: bool, refuses: bool) -> None:
+    pad.rumbles, pad.refuses = rumbles, refuses
     exchange = opened(pad)
-    pad.refusal = errno.ENOSPC
     exchange.exchange((0.0, 0.0, 3.0))
-    pad.refusal = None
+    pad.refuses = False
     exchange.exchange((0.0, 0.0, 5.0))
-    assert pad.uploaded == []
-
-
-def test_pad_without_rumble_is_driven_all_the_same() -> None:
-    pad = Pad(rumbles=False)
-    opened(pad).exchange((0.0, 0.0, 3.0))
-    assert pad.written == []
-    pad.close()
-
-
-def test_close_stops_the_rumble(pad: Pad) -> None:
-    exchange = opened(pad)
-    exchange.exchange((0.0, 0.0, 3.0))
     exchange.close()
     exchange.close()
-    assert pad.written[-1] == (EV_FF, 7, 0)
+    assert pad.written[-1:] == ([(EV_FF, 7, 0)] if rumbles and not refuses else [])
     assert pad.fd == -1

@@ -1,7 +1,6 @@
 """The modelled hand: exact integration, passivity and tremor."""
 
 from random import Random
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -11,40 +10,10 @@ from scipy.linalg import expm
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, add
-from weberlink.master.devices.hand import GraspingHand, Tremor, modelled_hand, transition
-from weberlink.master.devices.hand_options import GRASPS, GraspOptions, HandOptions
+from weberlink.master.devices.hand import GraspingHand, Tremor, modelled_hand
+from weberlink.master.devices.hand_options import GraspOptions, HandOptions
 
 positive = st.floats(0.01, 100.0)
-
-
-@examples(30)
-@given(force=st.tuples(*[st.floats(-10.0, 10.0)] * 3), stiffness=st.floats(50.0, 1000.0))
-def test_it_yields_by_force_over_stiffness(force: tuple[float, float, float], stiffness: float) -> None:
-    hand = modelled_hand(HandOptions(stiffness_n_m=stiffness), ZERO)
-    for _ in range(5000):
-        hand.advance((0.01, 0.0, 0.0), force, 0.001)
-    expected = (0.01 + force[0] / stiffness, force[1] / stiffness, force[2] / stiffness)
-    assert hand.position == pytest.approx(expected, abs=1e-9)
-
-
-@examples(30)
-@given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(0.1, 1e4), step=st.floats(1e-5, 0.2))
-def test_two_steps_are_one_of_twice_the_length(mass: float, damping: float, stiffness: float, step: float) -> None:
-    """exp(A h) exp(A h) = exp(A 2h): an exact discretisation composes, in every damping regime."""
-    a, b, c, d = transition(mass, damping, stiffness, step)
-    twice = transition(mass, damping, stiffness, 2.0 * step)
-    squared = (a * a + b * c, a * b + b * d, c * a + d * c, c * b + d * d)
-    scale = 1.0 + (stiffness / mass) ** 0.5 + stiffness / mass
-    assert squared == pytest.approx(twice, abs=1e-9 * scale)
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.03, 0.0632, 0.1])
-def test_very_short_step_still_moves(damping: float) -> None:
-    """1 - a = k/m h^2/2 (1 - b h/3m + ...): 3e-13, and all that a held force moves it by."""
-    a, b, _, d = transition(10.0, damping, 1e-4, 0.00025)
-    assert 1.0 - a == pytest.approx(1e-5 * 0.00025**2 / 2.0, rel=2e-3, abs=0.0)
-    assert b == pytest.approx(0.00025 - damping / 10.0 * 0.00025**2 / 2.0, rel=1e-9, abs=0.0)
-    assert 1.0 - d == pytest.approx(damping / 10.0 * 0.00025, rel=1e-5, abs=1e-12)
 
 
 @examples(30)
@@ -61,23 +30,17 @@ def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: fl
 
 @pytest.mark.parametrize("damping", [0.0, 2.0, 19.99999, 20.0, 20.00001, 100.0])
 def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None:
-    """Against ten thousand steps of a second-order integrator; m = 0.25 and k = 400 are critically damped at 20."""
+    """Against the matrix exponential of another library; m = 0.25 and k = 400 are critically damped at 20."""
     hand = modelled_hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
     hand.advance((0.005, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
-    x, v, step = 0.02, 0.0, 1e-5
-    for _ in range(10_000):
-        a = (400.0 * (0.005 - x) - damping * v + 1.0) / 0.25
-        middle_x, middle_v = x + 0.5 * step * v, v + 0.5 * step * a
-        x += step * middle_v
-        v += step * (400.0 * (0.005 - middle_x) - damping * middle_v + 1.0) / 0.25
-    assert hand.position[0] == pytest.approx(x, abs=1e-7)
-    assert hand.velocity[0] == pytest.approx(v, abs=1e-5)
+    rates = [[0.0, 1.0, 0.0], [-1600.0, -damping / 0.25, (400.0 * 0.005 + 1.0) / 0.25], [0.0, 0.0, 0.0]]
+    expected = expm(np.asarray(rates) * 0.1) @ [0.02, 0.0, 1.0]
+    assert (hand.position[0], hand.velocity[0]) == pytest.approx(expected[:2], abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_tremor_has_stated_amplitude_and_band(seed: int) -> None:
+def test_tremor_has_stated_amplitude_and_band() -> None:
     options = HandOptions()
-    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), modelled_hand(options, ZERO)
+    tremor, hand = Tremor(30e-6, options.oscillator, Random(1).random), modelled_hand(options, ZERO)
     positions = []
     for tick in range(22_000):
         hand.advance(add(ZERO, tremor.at(tick * 0.001)), ZERO, 0.001)
@@ -118,35 +81,3 @@ def test_a_grasping_hand_takes_the_exact_step(grasp: GraspOptions, step: float, 
     hand.advance(ZERO, (force, 0.0, 0.0), step)
     found = (hand.position[0], hand.velocity[0], hand.arm[0], hand.arm_velocity[0])
     assert found == pytest.approx(expected[:4], rel=1e-7, abs=1e-9)
-
-
-@examples(30)
-@given(grasp=GRASPS_TRIED, step=st.floats(1e-4, 1.0))
-def test_no_step_makes_a_grasping_hand_gain_energy(grasp: GraspOptions, step: float) -> None:
-    hand = modelled_hand(HandOptions(grasp=grasp), (0.01, 0.0, 0.0))
-    energy = hand.stored(ZERO)
-    for _ in range(20):
-        hand.advance(ZERO, ZERO, step)
-        assert hand.stored(ZERO) <= energy * (1.0 + 1e-9) + 1e-15
-        energy = hand.stored(ZERO)
-
-
-@pytest.mark.parametrize("grasp", ["pinch", "fingertip"])
-def test_a_grasping_hand_yields_by_its_springs_in_series(grasp: Literal["pinch", "fingertip"]) -> None:
-    options = HandOptions(grasp=grasp)
-    hand = modelled_hand(options, ZERO)
-    for _ in range(3000):
-        hand.advance(ZERO, (2.0, 0.0, 0.0), 0.01)
-    assert hand.position[0] == pytest.approx(2.0 / 300.0 + 2.0 / GRASPS[grasp].stiffness_n_m)
-    assert hand.position[0] == pytest.approx(2.0 / options.static_stiffness)
-
-
-@pytest.mark.parametrize("frequency", [1.0, 8.0, 30.0])
-def test_the_gain_of_a_grasping_hand_is_that_of_its_motion(frequency: float) -> None:
-    options, omega, step = HandOptions(grasp="pinch"), 2.0 * np.pi * frequency, 1e-4
-    hand = modelled_hand(options, ZERO)
-    heights = []
-    for tick in range(30_000):
-        hand.advance((np.sin(omega * tick * step), 0.0, 0.0), ZERO, step)
-        heights.append(hand.position[0])
-    assert max(heights[20_000:]) == pytest.approx(options.gain(omega), rel=0.01)

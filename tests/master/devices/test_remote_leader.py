@@ -19,7 +19,7 @@ class Program:
     """Targets by the time of the tick, at 30 Hz, between two times [s]."""
 
     def __init__(self, target: Joints, begins: float = 0.0, ends: float = inf) -> None:
-        self.target, self._begins, self._ends = target, begins, ends
+        self.target, self._begins, self.ends = target, begins, ends
         self.axes = 0
         self._tick = 0
 
@@ -28,39 +28,46 @@ class Program:
 
     def newest(self) -> LeaderTarget | None:
         self._tick += 1
-        is_due = self._tick % 33 == 1 and self._begins <= self._tick * TICK < self._ends
+        is_due = self._tick % 33 == 1 and self._begins <= self._tick * TICK < self.ends
         return LeaderTarget(self.target, True) if is_due else None
 
     def close(self) -> None: ...
 
 
-def led(program: Program, seconds: float, **options: object) -> list[ArmReading]:
-    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS | options), TICK, program)
-    arm.open(START)
-    return [arm.latest(START + (tick + 1) * TICK) for tick in range(round(seconds / TICK))]
+class Led:
+    """An arm that is led, tick by tick."""
+
+    def __init__(self, program: Program) -> None:
+        self.program, self._tick = program, 0
+        self.arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program)
+        self.arm.open(START)
+
+    def go(self, ticks: int) -> list[ArmReading]:
+        self._tick += ticks
+        return [self.arm.latest(START + (tick + 1) * TICK) for tick in range(self._tick - ticks, self._tick)]
 
 
 def fastest(readings: list[ArmReading]) -> float:
     return max(abs(b - a) for p, q in pairwise(readings) for a, b in zip(p.angles, q.angles, strict=True)) / TICK
 
 
-def test_arm_begins_where_the_program_is() -> None:
+@pytest.mark.parametrize(
+    ("target", "goes_to"), [((0.5, -0.5, 0.6), (0.5, -0.5, 0.6)), ((9.0, -9.0, -9.0), (1.0, -1.5, 0.0))]
+)
+def test_arm_begins_where_the_program_is_within_its_limits(target: Joints, goes_to: Joints) -> None:
     """The follower approaches from where it is, so the leader need not come from its home."""
-    program = Program((0.5, -0.5, 0.6), begins=0.1)
-    readings = led(program, 0.5)
-    assert program.axes == 3
-    assert readings[50].angles == (0.0, 0.0, 0.0)
-    assert readings[50].buttons == 0
-    assert readings[-1].angles == (0.5, -0.5, 0.6)
-    assert readings[-1].buttons == 1
+    led = Led(Program(target, begins=0.1))
+    readings = led.go(500)
+    assert led.program.axes == 3
+    assert (readings[50].angles, readings[50].buttons) == ((0.0, 0.0, 0.0), 0)
+    assert (readings[-1].angles, readings[-1].buttons) == (goes_to, 1)
 
 
 def test_jump_becomes_a_bounded_straight_motion() -> None:
-    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program := Program((0.0, 0.0, 0.0)))
-    arm.open(START)
-    readings = [arm.latest(START + (tick + 1) * TICK) for tick in range(100)]
-    program.target = (0.5, -1.0, 0.25)
-    readings += [arm.latest(START + (tick + 101) * TICK) for tick in range(1500)]
+    led = Led(Program((0.0, 0.0, 0.0)))
+    readings = led.go(100)
+    led.program.target = (0.5, -1.0, 0.25)
+    readings += led.go(1500)
     assert 1.8 < fastest(readings) <= 2.0 * (1 + 1e-9)
     assert readings[-1].angles == pytest.approx((0.5, -1.0, 0.25), abs=1e-6)
     for reading in readings:
@@ -68,23 +75,17 @@ def test_jump_becomes_a_bounded_straight_motion() -> None:
         assert (2.0 * pan, 4.0 * gripper) == pytest.approx((-lift, -lift), abs=1e-9)
 
 
-def test_targets_are_kept_within_the_limits() -> None:
-    assert led(Program((9.0, -9.0, -9.0)), 0.2)[-1].angles == (1.0, -1.5, 0.0)
-
-
 def test_silent_program_has_let_go() -> None:
     """The arm stops where it is, and leads again when the program returns, without a jump."""
-    arm = RemoteLeader(RemoteLeaderOptions.model_validate(OPTIONS), TICK, program := Program((0.0, 0.0, 0.0), ends=0.3))
-    arm.open(START)
-    readings = [arm.latest(START + (tick + 1) * TICK) for tick in range(250)]
-    program.target = (1.0, 0.0, 0.0)
-    readings += [arm.latest(START + (tick + 251) * TICK) for tick in range(750)]
-    pressed = [reading.buttons for reading in readings]
-    assert pressed.index(0, 1) == pytest.approx((0.298 + 0.2) / TICK, abs=2)
+    led = Led(Program((0.0, 0.0, 0.0), ends=0.3))
+    readings = led.go(250)
+    led.program.target = (1.0, 0.0, 0.0)
+    readings += led.go(750)
+    assert [reading.buttons for reading in readings].index(0, 1) == pytest.approx((0.298 + 0.2) / TICK, abs=2)
     held = readings[-1].angles
     assert 0.05 < held[0] < 1.0
     assert readings[-400].angles == held
-    program._ends = inf
-    again = [arm.latest(START + (tick + 1001) * TICK) for tick in range(1000)]
+    led.program.ends = inf
+    again = led.go(1000)
     assert fastest([readings[-1], *again]) <= 2.0 * (1 + 1e-9)
     assert (again[-1].angles[0], again[-1].buttons) == (pytest.approx(1.0, abs=1e-6), 1)

@@ -1,6 +1,5 @@
 """Every emulated device of the table has what a person needs to choose and to break it."""
 
-from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
@@ -21,37 +20,19 @@ every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
 
 
 @every_emulator
-def test_emulator_is_named_like_its_driver(name: str) -> None:
+def test_emulator_has_a_driver_and_its_named_faults_happen(name: str) -> None:
     assert name in {**devices.drivers(), **leaders.drivers()}
-
-
-@every_emulator
-def test_emulator_names_transport_and_faults(name: str) -> None:
     emulator_class = load(name)
-    assert emulator_class.transport in ("serial", "hid", "evdev", "websocket")
-    assert isinstance(emulator_class.OWN_FAULTS, Mapping)
-    assert all(word.isidentifier() and what for word, what in emulator_class.OWN_FAULTS.items())
     emulator = emulator_class(emulator_class.Options())
     assert emulator.faults == WireFaults()
     assert hasattr(emulator, "identity") == (emulator_class.transport in ("hid", "evdev"))
-
-
-@every_emulator
-def test_named_faults_happen_and_others_raise(name: str) -> None:
-    emulator_class = load(name)
-    emulator = emulator_class(emulator_class.Options())
-    for word in emulator_class.OWN_FAULTS:
+    for word, what in emulator_class.OWN_FAULTS.items():
+        assert what
         emulator.inject(word, 1.0)
     emulator.advance(1.0)
     emulator.advance(2.0)
     with pytest.raises(ValueError, match="flood"):
         emulator.inject("flood", 1.0)
-
-
-@every_emulator
-def test_unknown_options_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="colour"):
-        load(name).Options(colour="red")
 
 
 ZERO_TORQUES = VERSIONS["v3"].board.torques(0.0, 0.0)
@@ -88,6 +69,24 @@ def test_no_bytes_at_no_time_break_a_board(board: str, pieces: list[tuple[bytes,
     assert size in (0, len(answers[-1]))
 
 
-def test_an_unknown_device_names_the_nearest() -> None:
-    with pytest.raises(ValueError, match=r"'polhem_cereal'.*'polhem_serial'"):
-        load("polhem_cereal")
+@pytest.mark.parametrize(
+    ("name", "message", "watchdog_s"),
+    [
+        ("polhem_serial", encode_currents((500, -6000, 0)), 0.1),
+        ("polhem_hid", encode_command((500, -2999, 0), LONG), 0.5),
+    ],
+)
+def test_a_board_that_hears_nothing_switches_its_motors_off(name: str, message: bytes, watchdog_s: float) -> None:
+    """And on again at the next message."""
+    emulator_class: Any = load(name)
+    emulator, heard = emulator_class(emulator_class.Options()), 100.0
+    emulator.advance(heard)
+    for turn in range(2):
+        emulator.receive(message, heard)
+        emulator.advance(heard + watchdog_s - 0.005)
+        assert emulator.enabled
+        assert min(emulator.currents_ma) < -2990.0
+        emulator.advance(heard + watchdog_s + 0.005)
+        assert (emulator.enabled, emulator.currents_ma, emulator.watchdog_trips) == (False, (0.0, 0.0, 0.0), turn + 1)
+        heard += 10.0
+        emulator.advance(heard)

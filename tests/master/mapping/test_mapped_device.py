@@ -1,7 +1,6 @@
 """A mapped device: what is sent of position and orientation, what is felt, indexing and walls."""
 
 from itertools import pairwise
-from math import radians
 
 import pytest
 from hypothesis import given
@@ -55,18 +54,11 @@ class Hands:
     """A mapped handle, moved, turned and told tick by tick."""
 
     def __init__(
-        self,
-        frame: FrameMap = SAME,
-        *,
-        clutch: bool = False,
-        walls: float | None = None,
-        limit: float = 10.0,
-        torque_n_m: float = 0.4,
+        self, frame: FrameMap = SAME, *, walls: float | None = None, limit: float = 10.0, torque_n_m: float = 0.4
     ) -> None:
         self.handle = Handle(torque_n_m)
         wall = None if walls is None else Walls(BOX, walls)
-        index = Clutch(1) if clutch else None
-        self.device = MappedDevice(self.handle, frame, clutch=index, walls=wall, force_limit=limit, ramp=0.05)
+        self.device = MappedDevice(self.handle, frame, clutch=Clutch(1), walls=wall, force_limit=limit, ramp=0.05)
         self.now = 0.0
         self.device.open(0.0)
 
@@ -76,72 +68,67 @@ class Hands:
         self.now += TICK
         return self.device.latest(self.now)
 
-    def tick(self, position: Vector, force: Vector = ZERO, *, pressed: bool = False, count: int = 1) -> Vector:
+    def tick(
+        self, position: Vector, force: Vector = ZERO, torque: Vector = ZERO, *, pressed: bool = False, count: int = 1
+    ) -> Vector:
         """The position that is sent, at the last of `count` ticks."""
         for _ in range(count):
             reading = self.read(position, pressed=pressed)
             self.device.command(force, self.now)
+            self.device.turn(torque, self.now)
         return reading.position
 
-    def turn(self, turn: Vector, torque: Vector = ZERO, *, pressed: bool = False) -> Quaternion:
-        """The orientation that is sent."""
-        orientation = self.read(turn=turn, pressed=pressed).orientation
-        self.device.turn(torque, self.now)
-        assert orientation is not None
-        return orientation
 
-
-def test_motion_force_and_spec_are_in_robot_frame() -> None:
+def test_motion_force_turn_torque_and_spec_are_in_robot_frame() -> None:
     hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 0.5, (0.0, 0.0, 0.1)))
-    assert hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0)) == pytest.approx((0.0, 0.02, 0.1))
+    assert isinstance(hands.device, TorqueDevice)
+    place = hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.6, 0.1))
+    assert place == pytest.approx((0.0, 0.02, 0.1))
     assert hands.handle.felt == pytest.approx((1.5, 0.0, 0.0))
+    assert hands.handle.turned == pytest.approx((0.3, 0.0, 0.05))
+    orientation = hands.read(turn=(0.3, 0.0, 0.2)).orientation
+    assert orientation is not None
+    assert vector(orientation) == pytest.approx((0.0, 0.3, 0.2))
     spec = hands.device.spec
-    assert (spec.force_n, spec.stiffness_n_m) == (16.0, 2000.0), "8 N in the hand"
+    assert (spec.force_n, spec.stiffness_n_m, spec.torque_n_m) == (16.0, 2000.0, 0.8), "8 N and 0.4 N m in the hand"
     assert spec.workspace_m[0] == pytest.approx((-0.12, -0.12, -0.02))
     assert spec.workspace_m[1] == pytest.approx((0.12, 0.12, 0.22))
 
 
-def test_orientation_torque_and_spec_are_in_robot_frame() -> None:
-    hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 0.5, ZERO))
-    assert isinstance(hands.device, TorqueDevice)
-    assert (hands.device.spec.orientation, hands.device.spec.torque_n_m) == (True, 0.8), "0.4 N m in the hand"
-    assert vector(hands.turn((0.3, 0.0, 0.2), (0.0, 0.6, 0.1))) == pytest.approx((0.0, 0.3, 0.2))
-    assert hands.handle.turned == pytest.approx((0.3, 0.0, 0.05))
-    without = Hands(torque_n_m=0.0)
-    without.turn(ZERO, scale((0.0, 0.0, 1.0), radians(10.0)))
-    assert (without.handle.turned, without.device.spec.torque_n_m) == (ZERO, 0.0)
-
-
-def test_the_limit_is_that_of_the_hand() -> None:
-    hands = Hands(FrameMap((0.0, 0.0, 0.0), 1.0, 4.0, ZERO), limit=6.0)
-    hands.tick(ZERO, (0.0, 100.0, 0.0))
+def test_the_limit_is_that_of_the_hand_and_no_torque_is_told_to_a_device_without() -> None:
+    hands = Hands(FrameMap((0.0, 0.0, 0.0), 1.0, 4.0, ZERO), limit=6.0, torque_n_m=0.0)
+    hands.tick(ZERO, (0.0, 100.0, 0.0), (0.0, 0.0, 0.2))
     assert norm(hands.handle.felt) == pytest.approx(6.0)
-    assert hands.device.spec.force_n == 1.5
+    assert (hands.device.spec.force_n, hands.handle.turned) == (1.5, ZERO)
 
 
-def test_held_clutch_keeps_position_and_orientation() -> None:
-    hands = Hands(clutch=True, walls=500.0)
-    assert hands.tick((0.02, 0.0, 0.0)) == (0.02, 0.0, 0.0)
-    for place in ((0.01, 0.01, 0.0), (-0.02, 0.03, 0.0)):
-        assert hands.tick(place, pressed=True) == (0.02, 0.0, 0.0)
-    assert hands.tick((-0.02, 0.03, 0.0)) == pytest.approx((0.02, 0.0, 0.0))
-    assert hands.tick((-0.01, 0.03, 0.0)) == pytest.approx((0.03, 0.0, 0.0))
-    turning = Hands(clutch=True)
-    before = turning.turn((0.5, 0.0, 0.0))
-    for turn in ((0.2, 0.3, 0.0), (0.0, 0.0, -0.4)):
-        assert turning.turn(turn, pressed=True) == before
-    assert angle_between(turning.turn((0.0, 0.0, -0.4)), before) < 1e-12
-    on = turning.turn((0.0, 0.0, -0.3))
-    assert vector(product(on, inverse(before))) == pytest.approx((0.0, 0.0, 0.1)), "about z, as the hand turned"
+def test_held_clutch_keeps_position_and_orientation_until_a_new_session() -> None:
+    hands = Hands(walls=500.0)
+    before = hands.read((0.02, 0.0, 0.0), (0.5, 0.0, 0.0))
+    for place, turn in (((0.01, 0.01, 0.0), (0.2, 0.3, 0.0)), ((-0.02, 0.03, 0.0), (0.0, 0.0, -0.4))):
+        held = hands.read(place, turn, pressed=True)
+        assert (held.position, held.orientation) == (before.position, before.orientation)
+    assert hands.read((-0.02, 0.03, 0.0), (0.0, 0.0, -0.4)).position == pytest.approx((0.02, 0.0, 0.0))
+    on = hands.read((-0.01, 0.03, 0.0), (0.0, 0.0, -0.3))
+    assert on.position == pytest.approx((0.03, 0.0, 0.0))
+    assert on.orientation is not None
+    assert before.orientation is not None
+    turned = product(on.orientation, inverse(before.orientation))
+    assert vector(turned) == pytest.approx((0.0, 0.0, 0.1)), "about z, as the hand turned"
+    hands.device.close()
+    assert not hands.handle.is_open
+    hands.device.open(hands.now)
+    assert hands.tick((0.01, 0.0, 0.0)) == (0.01, 0.0, 0.0)
 
 
-def test_force_fades_with_the_clutch_without_jumps() -> None:
-    hands, force = Hands(clutch=True, walls=500.0), (0.0, 0.0, 5.0)
+def test_force_and_torque_fade_with_the_clutch_without_jumps() -> None:
+    hands, force = Hands(walls=500.0), (0.0, 0.0, 5.0)
     hands.tick(ZERO, force, count=100)
     felt = [hands.handle.felt[2]]
     for pressed in [True] * 80 + [False] * 80:
-        hands.tick(ZERO, force, pressed=pressed)
+        hands.tick(ZERO, force, (0.0, 0.0, 0.3), pressed=pressed)
         felt.append(hands.handle.felt[2])
+        assert hands.handle.turned[2] == pytest.approx(0.3 * felt[-1] / 5.0)
     assert (felt[0], felt[60], felt[-1]) == (5.0, 0.0, 5.0)
     assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
 
@@ -154,6 +141,9 @@ def test_walls_bound_position_and_push_back() -> None:
     hands.tick((0.02, 0.0, 0.0))
     assert hands.handle.felt == ZERO
     assert hands.device.spec.workspace_m == BOX
+    corner = Hands(walls=400.0)
+    assert corner.tick((0.03, -0.058, 0.055), count=100) == (0.03, -0.05, 0.05)
+    assert corner.handle.felt == pytest.approx((0.0, 400.0 * 0.008, -400.0 * 0.005)), "each axis by itself"
 
 
 @pytest.mark.parametrize("stalls", [False, True], ids=["open", "stall"])
@@ -177,7 +167,7 @@ triples = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 @given(st.lists(st.tuples(st.booleans(), triples), min_size=1, max_size=60))
 def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, Vector]]) -> None:
     """What is sent moves and turns no further than the hand does, whatever is pressed."""
-    hands = Hands(clutch=True, walls=500.0)
+    hands = Hands(walls=500.0)
     before, hand, turned = hands.read(), ZERO, ZERO
     for pressed, turn in script:
         place = scale(turn, EDGE)
@@ -189,15 +179,3 @@ def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, Vect
         way = angle_between(quaternion(turned), quaternion(turn))
         assert angle_between(before.orientation, sent.orientation) <= way + 1e-7
         before, hand, turned = sent, place, turn
-
-
-def test_new_session_starts_without_indexing() -> None:
-    hands = Hands(clutch=True, walls=500.0)
-    hands.tick((0.02, 0.0, 0.0))
-    hands.tick(ZERO, pressed=True)
-    hands.tick(ZERO)
-    hands.device.close()
-    assert not hands.handle.is_open
-    hands.device.open(10.0)
-    hands.now = 10.0
-    assert hands.tick((0.01, 0.0, 0.0)) == (0.01, 0.0, 0.0)

@@ -1,6 +1,6 @@
 """A leader in the frame of the follower: which joint drives which, by how much, and what is felt of it."""
 
-from math import inf, nan
+from math import inf, isnan, nan
 from typing import Any
 
 import pytest
@@ -47,18 +47,21 @@ def angles_of(leader: Joints, **settings: Any) -> Joints:
     return angles
 
 
-def test_angles_are_those_of_the_follower() -> None:
-    assert angles_of((0.4, 0.2, -1.0, 0.35), **MOVED) == pytest.approx((0.1, 0.2, 0.3, -1.0, 0.75))
+WHOLE: dict[str, Any] = MOVED | {"gripper": {"follower_rad": [0.0, 1.0]}}
 
 
-def test_gripper_maps_range_to_range_and_stays_within() -> None:
-    ends = [angles_of((0.0, 0.0, 0.0, angle), **MOVED)[-1] for angle in (0.0, 0.1, 0.35, 0.6, 0.9)]
-    assert ends == pytest.approx([1.5, 1.5, 0.75, 0.0, 0.0])
-
-
-def test_gripper_uses_whole_range_of_leader_by_default() -> None:
-    settings = MOVED | {"gripper": {"follower_rad": [0.0, 1.0]}}
-    assert [angles_of((0.0, 0.0, 0.0, angle), **settings)[-1] for angle in (0.1, 0.6)] == pytest.approx([0.0, 1.0])
+@pytest.mark.parametrize(
+    ("settings", "leader", "follower"),
+    [
+        (MOVED, (0.4, 0.2, -1.0, 0.35), (0.1, 0.2, 0.3, -1.0, 0.75)),
+        (MOVED, (0.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.3, 0.0, 1.5)),  # a gripper stays within its range
+        (MOVED, (0.0, 0.0, 0.0, 0.9), (0.5, 0.0, 0.3, 0.0, 0.0)),
+        (WHOLE, (0.0, 0.0, 0.0, 0.1), (0.5, 0.0, 0.3, 0.0, 0.0)),  # the whole one of the leader by default
+        (WHOLE, (0.0, 0.0, 0.0, 0.6), (0.5, 0.0, 0.3, 0.0, 1.0)),
+    ],
+)
+def test_angles_are_those_of_the_follower(settings: dict[str, Any], leader: Joints, follower: Joints) -> None:
+    assert angles_of(leader, **settings) == pytest.approx(follower)
 
 
 @given(
@@ -98,50 +101,60 @@ def test_spec_is_in_the_frame_of_the_follower() -> None:
     assert found.stiffness_nm_rad[:2] == pytest.approx((8.0 / 1.0, 10.0 / 0.0625))
     assert min(found.stiffness_nm_rad) > 0.0
 
-
-def test_largest_torque_of_spec_is_largest_on_leader() -> None:
     hand = Hand(LEADER)
-    arm = mapped(hand, **MOVED)
-    arm.display(arm.spec.torque_nm, 0.0)
-    assert [abs(torque) for torque in hand.felt[-1]] == pytest.approx(LEADER.torque_nm)
+    mapped(hand, **MOVED).display(found.torque_nm, 0.0)
+    assert [abs(torque) for torque in hand.felt[-1]] == pytest.approx(LEADER.torque_nm), "the largest on the leader"
 
 
-def test_by_order_joints_at_the_same_place_drive() -> None:
-    joints = ("a", "b", "c")
-    hand = Hand(LEADER)
-    hand.angles = (0.1, 0.2, 0.3, 0.4)
-    assert mapped(hand, joints).latest(0.0).angles == (0.1, 0.2, 0.3, 0.4)
-    assert mapped(hand, joints[:2], has_gripper=False).latest(0.0).angles == (0.1, 0.2)
-
-
-def test_by_name_joints_of_the_same_name_drive() -> None:
+@pytest.mark.parametrize(
+    ("names", "how", "follower"),
+    [
+        (("a", "b", "c"), {}, (0.1, 0.2, 0.3, 0.4)),
+        (("a", "b"), {"has_gripper": False}, (0.1, 0.2)),
+        (("roll", "pan"), {"match": "name"}, (0.3, 0.1, 0.4)),
+    ],
+)
+def test_joints_drive_by_order_or_by_name(names: tuple[str, ...], how: dict[str, Any], follower: Joints) -> None:
     hand = Hand(LEADER)
     hand.angles = (0.1, 0.2, 0.3, 0.4)
-    assert mapped(hand, ("roll", "pan"), match="name").latest(0.0).angles == (0.3, 0.1, 0.4)
+    assert mapped(hand, names, **how).latest(0.0).angles == follower
 
 
-def test_leader_without_gripper_leaves_it_at_rest() -> None:
-    short = spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0))
-    hand = Hand(short)
+def test_leader_without_gripper_leaves_it_at_rest_and_drives_none() -> None:
+    hand = Hand(spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0)))
     arm = mapped(hand, ("a", "b"), gripper={"rest_rad": 0.2})
     assert arm.latest(0.0).angles == (0.0, 0.0, 0.2)
     arm.display((0.1, 0.2, 5.0), 0.0)
     assert hand.felt[-1] == (0.1, 0.2)
+    with pytest.raises(ValueError, match="gripper: arm has none; give rest_rad"):
+        mapped(hand, ("a", "b"))
+
+
+def test_the_arm_is_opened_and_closed_with_its_map() -> None:
+    class Noting(Hand):
+        def open(self, now: float) -> None:
+            calls.append(("open", now))
+
+        def close(self) -> None:
+            calls.append("close")
+
+    calls: list[Any] = []
+    arm = mapped(Noting(LEADER), **MOVED)
+    arm.open(3.0)
+    arm.close()
+    assert calls == [("open", 3.0), "close"]
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_angles_that_are_not_finite_stay_so(value: float) -> None:
-    for axis in range(4):
-        leader = tuple(value if axis == place else 0.2 for place in range(4))
-        angles = angles_of(leader, **(MOVED | {"gripper": {}}))
-        assert not is_finite(angles)
-    assert not is_finite(angles_of((0.0, 0.0, 0.0, nan), **MOVED))
-
-
-def test_torques_that_are_not_finite_are_refused() -> None:
+@pytest.mark.parametrize("axis", range(4))
+def test_what_is_not_finite_stays_so_and_is_not_displayed(value: float, axis: int) -> None:
+    leader = tuple(value if axis == place else 0.2 for place in range(4))
+    assert not is_finite(angles_of(leader, **(MOVED | {"gripper": {}})))
+    if isnan(value):
+        assert not is_finite(angles_of(leader, **MOVED))
     hand = Hand(LEADER)
     with pytest.raises(ValueError, match="finite"):
-        mapped(hand, **MOVED).display((0.0, nan, 0.0, 0.0, 0.0), 0.0)
+        mapped(hand, **MOVED).display((*leader, 0.0), 0.0)
     assert hand.felt == []
 
 
@@ -164,9 +177,3 @@ def test_torques_that_are_not_finite_are_refused() -> None:
 def test_map_that_cannot_be_is_refused(settings: dict[str, Any], complaint: str) -> None:
     with pytest.raises((ValueError, ValidationError), match=complaint):
         mapped(**settings)
-
-
-def test_leader_without_gripper_drives_none() -> None:
-    short = spec(gripper=False, lower=(-1.0, -1.0), upper=(1.0, 1.0))
-    with pytest.raises(ValueError, match="gripper: arm has none; give rest_rad"):
-        mapped(Hand(short), ("a", "b"))

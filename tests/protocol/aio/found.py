@@ -6,7 +6,8 @@ from collections.abc import Callable
 from time import monotonic
 
 from tests.protocol.harness import forms, make_endpoint, sample_update
-from weberlink.protocol import Endpoint, Event, Role, UpdateReceived
+from tests.wait import soon
+from weberlink.protocol import Connected, Endpoint, Event, Role, State, UpdateReceived
 from weberlink.protocol.aio import UdpShell, hand_over
 from weberlink.protocol.aio.hand_over import PathFound
 from weberlink.protocol.events import Address
@@ -38,8 +39,8 @@ class End:
         self.events: list[Event] = []
         self.shell = UdpShell(self.endpoint, now=monotonic, dscp=46, finder=ours, on_no_path=self.complaints.append)
 
-    async def open(self, loop: asyncio.AbstractEventLoop) -> None:
-        await self.shell.open(loop)
+    async def open(self) -> None:
+        await self.shell.open(asyncio.get_running_loop())
         self.endpoint.connect(monotonic())
         self.shell.flush(monotonic())
 
@@ -48,12 +49,9 @@ class End:
         with bound:
             assert hand_over.send(self.finder, found, bound)
 
-    def collect(self) -> None:
+    def of(self, kind: type[Event]) -> list[Event]:
         while (event := self.endpoint.next_event()) is not None:
             self.events.append(event)
-
-    def of(self, kind: type[Event]) -> list[Event]:
-        self.collect()
         return [event for event in self.events if isinstance(event, kind)]
 
     def ticks(self) -> list[int]:
@@ -84,8 +82,8 @@ class Middle:
         is_repeating: whether every datagram is forwarded twice.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
         self._ports = [self._port(0), self._port(1)]
         self._ends: list[Address | None] = [None, None]
         self.is_up = True
@@ -146,9 +144,9 @@ def connect(master: End, slave: End, number: int = 1, place: int = 0, middle: Mi
         end.find(bound, PathFound(number, place, end.peer, remote, route="punched", interface="lo"))
 
 
-async def until(condition: Callable[[], object]) -> None:
-    while not condition():
-        await asyncio.sleep(0.001)
+async def engage(master: End, slave: End) -> None:
+    await soon(lambda: master.of(Connected) and slave.of(Connected), "a session", pause=0.001)
+    await soon(lambda: master.endpoint.state is slave.endpoint.state is State.ENGAGED, "an engaged one", pause=0.001)
 
 
 async def send_ticks(master: End, first: int, count: int, during: Callable[[int], None] = lambda tick: None) -> None:

@@ -3,11 +3,13 @@
 import asyncio
 import socket
 import time
+from collections.abc import Callable
 from errno import ENETDOWN
 from typing import Any
 
 import pytest
 
+from tests.wait import soon
 from weberlink.protocol.aio.queue import MOST_S, SLICE_S, ReceiveQueue, WorkBudget
 from weberlink.protocol.events import Address
 
@@ -23,18 +25,17 @@ def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     budget.limit(0.5)
     budget.spend(0.003, 11.0)
     assert budget.wait() == pytest.approx(0.002)
+    budget.spend(0.1, 11.0)
+    assert budget.wait() == pytest.approx(0.004), "the debt after a stall is bounded"
+    assert budget.left(5.0) == -0.002, "nothing returns while the clock stands"
 
 
-def test_debt_after_a_stall_is_bounded() -> None:
-    budget = WorkBudget(0.3, 0.002, 0.0)
-    budget.spend(0.1, 0.0)
-    assert budget.wait() == pytest.approx(0.002 / 0.3), "far below any limit of silence"
-
-
-def test_budget_does_not_grow_while_the_clock_stands() -> None:
-    budget = WorkBudget(0.5, 1.0, 5.0)
-    budget.spend(1.0, 5.0)
-    assert budget.left(4.0) == 0.0
+def listening(take: Callable[[bytes, Address, float], None], *, share: float) -> ReceiveQueue:
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind(("127.0.0.1", 0))
+    bound.setblocking(False)
+    loop = asyncio.get_running_loop()
+    return ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=share)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
@@ -42,10 +43,6 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
     """Every datagram costs at least 50 us, so their number is bounded by the share and by what was saved up."""
 
     async def flooded() -> tuple[float, int]:
-        loop = asyncio.get_running_loop()
-        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        bound.bind(("127.0.0.1", 0))
-        bound.setblocking(False)
         taken = 0
 
         def take(data: bytes, source: Address, now: float) -> None:
@@ -55,10 +52,10 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
                 pass
             taken += 1
 
-        queue = ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=share)
         began = time.monotonic()
+        queue = listening(take, share=share)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            sender.connect(bound.getsockname())
+            sender.connect(queue.socket.getsockname())
             while time.monotonic() - began < 0.5:
                 for _ in range(50):
                     sender.send(b"flood")
@@ -74,72 +71,67 @@ def test_flooded_socket_costs_its_share_only(share: float) -> None:
 
 
 def test_a_queue_that_has_paused_goes_on() -> None:
-    async def scenario() -> int:
-        loop = asyncio.get_running_loop()
-        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        bound.bind(("127.0.0.1", 0))
-        bound.setblocking(False)
+    async def scenario() -> None:
         taken: list[bytes] = []
-        done = asyncio.Event()
 
         def take(data: bytes, source: Address, now: float) -> None:
             taken.append(data)
             time.sleep(0.02)
-            if len(taken) == 6:
-                done.set()
 
-        queue = ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=0.1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            queue = listening(take, share=0.1)
             for number in range(6):
-                sender.sendto(bytes([number]), bound.getsockname())
+                sender.sendto(bytes([number]), queue.socket.getsockname())
         assert queue.read()
         assert not queue.read(), "the budget is used up"
-        await asyncio.wait_for(done.wait(), 30.0)
+        await soon(lambda: len(taken) == 6, "the others")
         queue.close()
-        return len(taken)
 
-    assert asyncio.run(scenario()) == 6
-
-
-def nobody(data: bytes, source: Address, now: float) -> None:
-    raise AssertionError(data)
+    asyncio.run(scenario())
 
 
-class Broken(socket.socket):
-    """A socket with something to read, which the system refuses to give; each refusal takes 50 us on its own clock."""
+class Endless(socket.socket):
+    """A socket with something to read in every case; each datagram or refusal takes 50 us on its own clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_broken: bool) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
-        self.refusals = 0
+        self.bind(("127.0.0.1", 0))
+        self.setblocking(False)
+        self.is_broken, self.reads = is_broken, 0
 
     def recvfrom(self, *arguments: Any) -> Any:
-        self.refusals += 1
-        assert self.refusals < 1000, "without end"
-        raise OSError(ENETDOWN, "Network is down")
+        self.reads += 1
+        assert self.reads < 1000, "without end"
+        if self.is_broken:
+            raise OSError(ENETDOWN, "Network is down")
+        return b"x", ("127.0.0.1", 1)
+
+    recvmsg = None  # type: ignore[assignment]
 
     def now(self) -> float:
-        return 50e-6 * self.refusals
+        return 50e-6 * self.reads
 
 
-def test_errors_without_end_cost_the_budget_and_end_the_slice() -> None:
+@pytest.mark.parametrize("is_broken", [False, True])
+def test_datagrams_and_errors_without_end_cost_the_budget_and_end_the_slice(is_broken: bool) -> None:
     async def scenario() -> list[int]:
-        bound = Broken()
-        bound.bind(("127.0.0.1", 0))
-        bound.setblocking(False)
+        bound, loop = Endless(is_broken=is_broken), asyncio.get_running_loop()
+        counts, taken = [], []
         queue = ReceiveQueue(
-            bound, loop=asyncio.get_running_loop(), now=bound.now, take=nobody, on_datagrams=lambda: None, share=0.1
+            bound, loop=loop, now=bound.now, take=lambda *each: taken.append(each), on_datagrams=lambda: None, share=0.1
         )
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.sendto(b"x", bound.getsockname())
-        counts = []
         for _ in range(100):
-            assert not queue.read(), "nothing was received"
-            counts.append(bound.refusals)
+            before = bound.reads
+            assert queue.read() is (not is_broken and bound.reads > before)
+            counts.append(bound.reads)
         queue.close()
+        assert len(taken) == (0 if is_broken else bound.reads)
         return counts
 
     counts = asyncio.run(scenario())
-    assert 0 < counts[0] * 50e-6 < 2 * SLICE_S
+    assert SLICE_S <= (counts[0] - 1) * 50e-6 < SLICE_S + 100e-6
     assert counts[-1] * 50e-6 < 1.5 * MOST_S, "then it waits until there is time again"
     assert counts[-1] == counts[-2]
 
@@ -151,21 +143,11 @@ def test_a_datagram_behind_an_error_is_taken() -> None:
         taken: list[bytes] = []
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.bind(("127.0.0.1", 0))
-            bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            bound.bind(("127.0.0.1", 0))
-            bound.connect(("127.0.0.1", 1))  # nobody listens there
-            bound.send(b"x")
-            bound.connect(peer.getsockname())
-            bound.setblocking(False)
-            peer.sendto(b"behind", bound.getsockname())
-            queue = ReceiveQueue(
-                bound,
-                loop=asyncio.get_running_loop(),
-                now=time.monotonic,
-                take=lambda data, _source, _now: taken.append(data),
-                on_datagrams=lambda: None,
-                share=0.3,
-            )
+            queue = listening(lambda data, _source, _now: taken.append(data), share=0.3)
+            queue.socket.connect(("127.0.0.1", 1))  # nobody listens there
+            queue.socket.send(b"x")
+            queue.socket.connect(peer.getsockname())
+            peer.sendto(b"behind", queue.socket.getsockname())
             queue.read()
             queue.close()
         return taken

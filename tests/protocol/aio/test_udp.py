@@ -2,9 +2,7 @@
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable
-from ipaddress import IPv6Address
-from pathlib import Path
+from collections.abc import Awaitable, Callable, Iterator
 from random import Random
 from time import monotonic, sleep
 from typing import Any
@@ -13,8 +11,10 @@ import pytest
 import uvloop
 
 from tests.protocol.harness import forms, make_endpoint, sample_update
+from tests.wait import soon
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
+from weberlink.protocol.aio.address import address_of, name_of
 from weberlink.protocol.aio.queue import MOST_S
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
@@ -24,13 +24,13 @@ HANG_S = 10.0
 SHELLS: list[UdpShell] = []
 
 
-def live(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> Callable[[], None]:
+def live(main: Callable[[], Awaitable[None]]) -> Callable[[], None]:
     """Make a test of a coroutine, in an event loop of its own; the shells that it made are closed at the end."""
 
     async def bounded() -> None:
         try:
             async with asyncio.timeout(HANG_S):
-                await main(asyncio.get_running_loop())
+                await main()
         finally:
             while SHELLS:
                 SHELLS.pop().close()
@@ -52,57 +52,80 @@ def make(role: Role, **changes: object) -> Endpoint:
     return make_endpoint(role, epoch=monotonic(), outgoing=(forms(3),), incoming=(forms(3),), **settings)
 
 
-async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> Event:
+async def until(endpoint: Endpoint, kind: type[Event]) -> Event:
     """Wait for an event of a kind; the endpoint is driven by its socket and timers alone."""
-    while True:
-        while (event := endpoint.next_event()) is not None:
-            events.append(event)
-            if isinstance(event, kind):
-                return event
-        await asyncio.sleep(0.001)
+    return await soon(
+        lambda: next((event for event in events(endpoint) if isinstance(event, kind)), None), kind.__name__
+    )
 
 
-async def until_true(condition: Callable[[], object]) -> None:
-    while not condition():
-        await asyncio.sleep(0.001)
+def events(endpoint: Endpoint) -> Iterator[Event]:
+    while (event := endpoint.next_event()) is not None:
+        yield event
+
+
+async def open_slave(silence: float = 2.0, **arguments: Any) -> tuple[UdpShell, Endpoint]:
+    slave = make(Role.RESPONDER, silence=silence)
+    shell = shell_of(slave, **{"listen": ANY, **arguments})
+    await shell.open(asyncio.get_running_loop())
+    slave.connect(monotonic())
+    return shell, slave
+
+
+async def open_master(peer: Address, silence: float = 2.0, **arguments: Any) -> tuple[UdpShell, Endpoint]:
+    master = make(Role.INITIATOR, peer=peer, silence=silence)
+    shell = shell_of(master, **arguments)
+    await shell.open(asyncio.get_running_loop())
+    master.connect(monotonic())
+    shell.flush(monotonic())
+    return shell, master
 
 
 async def engage(
-    loop: asyncio.AbstractEventLoop,
-    link: EmulatedLink[Address] | None = None,
-    host: str = "127.0.0.1",
-    *,
-    silence: float = 2.0,
-    slave_now: Callable[[], float] = monotonic,
-    listen: Address = ANY,
+    link: EmulatedLink[Address] | None = None, host: str = "127.0.0.1", *, silence: float = 2.0, **of_slave: Any
 ) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
-    slave = make(Role.RESPONDER, silence=silence)
-    slave_shell = shell_of(slave, now=slave_now, listen=listen)
-    await slave_shell.open(loop)
-    slave.connect(monotonic())
-    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]), silence=silence)
-    master_shell = shell_of(master, link=link)
-    await master_shell.open(loop)
-    master.connect(monotonic())
-    master_shell.flush(monotonic())
-    await until(master, Connected, [])
-    await until(slave, Connected, [])
+    slave_shell, slave = await open_slave(silence, **of_slave)
+    peer = (host, slave_shell.address[1])
+    master_shell, master = await open_master(peer, silence, link=link)
+    assert (await until(master, Connected)).address == peer  # type: ignore[attr-defined]
+    await until(slave, Connected)
     return master_shell, master, slave_shell, slave
 
 
-@live
-async def test_two_shells_connect_exchange_updates_and_part(loop: asyncio.AbstractEventLoop) -> None:
-    master_shell, master, slave_shell, slave = await engage(loop)
-    for tick in range(20):
-        now = monotonic()
-        for shell in (master_shell, slave_shell):
-            shell.service(now)
-        assert master.send_update(now, sample_update(tick))
-        master_shell.flush(now)
-        event = await until(slave, UpdateReceived, [])
-        assert event.update == sample_update(tick)
-    slave.close(monotonic(), "slave: done")
-    assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
+@pytest.mark.parametrize(
+    ("called", "listens"), [("127.0.0.1", "127.0.0.1"), ("localhost", "127.0.0.1"), ("127.0.0.2", "0.0.0.0")]
+)
+def test_two_shells_connect_exchange_updates_and_part(called: str, listens: str) -> None:
+    """By a name, which is kept in events; a slave on all addresses answers from the one that was called."""
+
+    @live
+    async def session() -> None:
+        master_shell, master, slave_shell, slave = await engage(host=called, listen=(listens, 0))
+        for tick in range(20):
+            now = monotonic()
+            for shell in (master_shell, slave_shell):
+                shell.service(now)
+            assert master.send_update(now, sample_update(tick))
+            master_shell.flush(now)
+            event = await until(slave, UpdateReceived)
+            assert event.update == sample_update(tick)  # type: ignore[attr-defined]
+        slave.close(monotonic(), "slave: done")
+        assert await until(master, PeerClosed) == PeerClosed("slave: done")
+
+    session()
+
+
+@pytest.mark.parametrize(
+    ("name", "address"),
+    [
+        (("fe80::1%eth0", 5, 0, 3), ("fe80::1%3", 5)), (("fe80::1", 5, 0, 3), ("fe80::1%3", 5)),
+        (("::1", 5, 0, 0), ("::1", 5)), (("127.0.0.1", 5), ("127.0.0.1", 5)),
+    ],
+)  # fmt: skip
+def test_a_link_local_address_keeps_its_zone(name: Any, address: Address) -> None:
+    """Of a direct cable: the system takes it with its zone only, to bind, to connect and to answer."""
+    assert address_of(name) == address
+    assert name_of(address) == (("fe80::1", 5, 0, 3) if "%" in address[0] else address)
 
 
 @pytest.mark.parametrize("is_under_way", [False, True])
@@ -110,76 +133,41 @@ def test_a_farewell_leaves_with_the_socket(is_under_way: bool) -> None:
     """It waits in the endpoint, or in an emulated link of ten seconds, when the shell is closed."""
 
     @live
-    async def session(loop: asyncio.AbstractEventLoop) -> None:
+    async def session() -> None:
         link: EmulatedLink[Address] = EmulatedLink(Emulation(), Random(1).random)
-        master_shell, master, _slave_shell, slave = await engage(loop, link=link)
+        master_shell, master, _slave_shell, slave = await engage(link=link)
         link.change(Emulation(delay_s=10.0))
         master.close(monotonic(), "master: device fault")
         if is_under_way:
             master_shell.flush(monotonic())
         master_shell.close()
-        assert await until(slave, PeerClosed, []) == PeerClosed("master: device fault")
+        assert await until(slave, PeerClosed) == PeerClosed("master: device fault")
 
     session()
 
 
 @live
-async def test_host_names_are_resolved_and_kept_in_events(loop: asyncio.AbstractEventLoop) -> None:
-    slave = make(Role.RESPONDER)
-    slave_shell = shell_of(slave, listen=ANY)
-    await slave_shell.open(loop)
-    slave.connect(monotonic())
-    peer = ("localhost", slave_shell.address[1])
-    master = make(Role.INITIATOR, peer=peer)
-    master.connect(monotonic())  # the first HELLO waits for the socket
-    master_shell = shell_of(master, listen=ANY)
-    await master_shell.open(loop)
-    event = await until(master, Connected, [])
-    assert isinstance(event, Connected)
-    assert event.address == peer
-
-
-@live
-async def test_emulated_faults_act_on_real_sockets(loop: asyncio.AbstractEventLoop) -> None:
-    link: EmulatedLink[Address] = EmulatedLink(
-        Emulation(delay_s=0.03, duplicate=0.5, corrupt=0.2), Random(3).random, monotonic()
-    )
-    master_shell, master, _slave_shell, slave = await engage(loop, link)
-    sent_at = monotonic()
-    while slave.statistics.updates_received[0] < 10:
-        master.send_update(monotonic(), sample_update(1))
-        master_shell.flush(monotonic())
-        await asyncio.sleep(0.005)
-    assert monotonic() - sent_at >= 0.03
-    assert link.counters.duplicated > 0
-    assert slave.statistics.dropped.total() > 0
-    rtt = master.statistics.rtt
-    assert rtt is not None
-    assert rtt >= 0.03
-
-
-@live
-async def test_port_in_use_is_named(loop: asyncio.AbstractEventLoop) -> None:
+async def test_port_in_use_is_named() -> None:
     """By another program, or by a slave in a session, which could share it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(ANY)
-        _master_shell, _, slave_shell, _ = await engage(loop)
+        _master_shell, _, slave_shell, _ = await engage()
         for address in (other.getsockname(), slave_shell.address):
             with pytest.raises(AddressInUseError, match=f"127.0.0.1:{address[1]} is in use"):
-                await shell_of(make(Role.RESPONDER), listen=address).open(loop)
+                await shell_of(make(Role.RESPONDER), listen=address).open(asyncio.get_running_loop())
 
 
 @live
-async def test_wrong_addresses_are_refused_by_name(loop: asyncio.AbstractEventLoop) -> None:
+async def test_wrong_addresses_are_refused_by_name() -> None:
     shell = shell_of(make(Role.INITIATOR, peer=("no.such.host.invalid", 1)))
     with pytest.raises(OSError, match=r"no\.such\.host\.invalid:1 cannot be resolved"):
-        await shell.open(loop)
+        await shell.open(asyncio.get_running_loop())
     with pytest.raises(OSError, match="assign"):
-        await shell_of(make(Role.RESPONDER), listen=("192.0.2.1", 0)).open(loop)
+        await shell_of(make(Role.RESPONDER), listen=("192.0.2.1", 0)).open(asyncio.get_running_loop())
 
 
 @live
-async def test_a_send_that_the_system_refuses_is_a_loss(loop: asyncio.AbstractEventLoop) -> None:
+async def test_a_send_that_the_system_refuses_is_a_loss() -> None:
     """A broadcast is not permitted; to a port of nobody the answer is an error. The peer is called again."""
     broadcast = ("255.255.255.255", 9)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
@@ -188,56 +176,9 @@ async def test_a_send_that_the_system_refuses_is_a_loss(loop: asyncio.AbstractEv
         with pytest.raises(PermissionError):
             plain.sendto(b"x", broadcast)
     for peer in (broadcast, nobody):
-        master = make(Role.INITIATOR, peer=peer)
-        shell = shell_of(master)
-        await shell.open(loop)
-        master.connect(monotonic())
-        shell.flush(monotonic())
-        await until_true(lambda told=master.statistics: told.sent >= 4)
+        _, master = await open_master(peer)
+        await soon(lambda told=master.statistics: told.sent >= 4, "what must come", pause=0.001)
         assert master.state is State.CONNECTING
-
-
-@live
-async def test_slave_on_all_addresses_answers_from_the_called_one(loop: asyncio.AbstractEventLoop) -> None:
-    master_shell, master, _, slave = await engage(loop, host="127.0.0.2", listen=("0.0.0.0", 0))
-    for tick in range(20):  # the master follows to the address from which the slave then sends
-        now = monotonic()
-        assert master.send_update(now, sample_update(tick))
-        master_shell.flush(now)
-        assert (await until(slave, UpdateReceived, [])).update == sample_update(tick)  # type: ignore[attr-defined]
-
-
-def link_local() -> str | None:
-    """An address of this host with its zone, "fe80::1%eth0"; None if it has none."""
-    listed = Path("/proc/net/if_inet6")
-    for line in listed.read_text(encoding="utf-8").splitlines() if listed.exists() else ():
-        digits, _, _, scope, _, interface = line.split()
-        if scope == "20":
-            return f"{IPv6Address(bytes.fromhex(digits))}%{interface}"
-    return None
-
-
-@pytest.mark.skipif(link_local() is None, reason="this host has no link-local IPv6 address")
-@live
-async def test_a_link_local_address_keeps_its_zone(loop: asyncio.AbstractEventLoop) -> None:
-    """Of a direct cable: the system takes it with its zone only, to bind, to connect and to answer."""
-    host = link_local()
-    assert host is not None
-    slave = make(Role.RESPONDER)
-    slave_shell = shell_of(slave, listen=(host, 0))
-    await slave_shell.open(loop)
-    slave.connect(monotonic())
-    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]))
-    master_shell = shell_of(master)
-    await master_shell.open(loop)
-    master.connect(monotonic())
-    master_shell.flush(monotonic())
-    for endpoint, shell in ((master, master_shell), (slave, slave_shell)):
-        await until(endpoint, Connected, [])
-        # The socket that is connected to the peer hears it too.
-        before = endpoint.statistics.received
-        await until_true(lambda told=endpoint.statistics, before=before: told.received > before + 3)
-        assert "%" in shell.paths[0].remote
 
 
 class SlowClock:
@@ -260,28 +201,25 @@ class SlowClock:
 
 
 @live
-async def test_short_stall_is_no_silence_with_slow_reads(loop: asyncio.AbstractEventLoop) -> None:
+async def test_short_stall_is_no_silence_with_slow_reads() -> None:
     """Waiting datagrams are read before the loop age is judged, although each one takes a whole slice."""
     clock = SlowClock()
-    master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
+    master_shell, master, slave_shell, slave = await engage(silence=0.2, now=clock)
     for tick, wait in enumerate((0.0, 0.01, 0.01, 0.06, 0.0), 1):
         sleep(wait)  # the loop stands still, and with it the slave
         assert master.send_update(monotonic(), sample_update(tick))
         master_shell.flush(monotonic())
     slave_shell.service(clock.begin(slave))
-    events: list[Event] = []
-    while (event := slave.next_event()) is not None:
-        events.append(event)
     assert slave.state is State.ENGAGED
-    assert not any(isinstance(event, PeerSilent) for event in events)
+    assert not any(isinstance(event, PeerSilent) for event in events(slave))
     assert slave.statistics.received > 1
 
 
 @live
-async def test_flood_of_garbage_from_peer_counts_as_silence(loop: asyncio.AbstractEventLoop) -> None:
+async def test_flood_of_garbage_from_peer_counts_as_silence() -> None:
     """Before the peer counts as silent, more than one slice is read, within the budget."""
     clock = SlowClock()
-    master_shell, _, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
+    master_shell, _, slave_shell, slave = await engage(silence=0.2, now=clock)
     before = slave.statistics.drops
     sleep(0.25)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
@@ -295,9 +233,9 @@ async def test_flood_of_garbage_from_peer_counts_as_silence(loop: asyncio.Abstra
 
 
 @live
-async def test_strangers_fill_a_buffer_of_their_own(loop: asyncio.AbstractEventLoop) -> None:
+async def test_strangers_fill_a_buffer_of_their_own() -> None:
     """A datagram of the peer arrives at once while strangers have filled their buffer."""
-    master_shell, master, slave_shell, slave = await engage(loop)
+    master_shell, master, slave_shell, slave = await engage()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for _ in range(5000):
             stranger.sendto(b"\x03" + bytes(60), slave_shell.address)
@@ -306,21 +244,20 @@ async def test_strangers_fill_a_buffer_of_their_own(loop: asyncio.AbstractEventL
         before = sum(slave.statistics.dropped.values())
         slave_shell.service(monotonic())  # of the peer alone; the loop is woken for the others
         assert sum(slave.statistics.dropped.values()) == before
-        events: list[Event] = []
-        while (event := slave.next_event()) is not None:
-            events.append(event)
-        assert [event.update.tick for event in events if isinstance(event, UpdateReceived)] == [1]
+        assert [event.update.tick for event in events(slave) if isinstance(event, UpdateReceived)] == [1]
 
 
 @live
-async def test_a_peer_that_moves_is_followed(loop: asyncio.AbstractEventLoop) -> None:
-    master_shell, master, slave_shell, slave = await engage(loop)
-    await until_true(lambda: slave_shell.paths[0].remote == f"127.0.0.1:{master_shell.address[1]}")
+async def test_a_peer_that_moves_is_followed() -> None:
+    master_shell, master, slave_shell, slave = await engage()
+    await soon(
+        lambda: slave_shell.paths[0].remote == f"127.0.0.1:{master_shell.address[1]}", "what must come", pause=0.001
+    )
     assert slave_shell.paths[0][:4] == (0, "direct", "", "")
     assert slave_shell.paths[0].changes == 0
     moved = shell_of(master, listen=ANY)
     master_shell.close()
-    await moved.open(loop)
+    await moved.open(asyncio.get_running_loop())
     ticks: list[int] = []
 
     def is_followed() -> bool:
@@ -329,7 +266,7 @@ async def test_a_peer_that_moves_is_followed(loop: asyncio.AbstractEventLoop) ->
         moved.flush(monotonic())
         return slave_shell.paths[0].remote == f"127.0.0.1:{moved.address[1]}"
 
-    await until_true(is_followed)
+    await soon(is_followed, "what must come", pause=0.001)
     assert slave.peer == moved.address
     assert slave.state is State.ENGAGED
     assert slave_shell.paths[0].changes == 1
@@ -342,26 +279,24 @@ def test_class_of_service_is_asked_for_and_seen(host: str, dscp: int) -> None:
         pytest.skip("this Python has no IPv6")
 
     @live
-    async def session(loop: asyncio.AbstractEventLoop) -> None:
-        slave_shell = shell_of(slave := make(Role.RESPONDER), listen=(host, 0), dscp=dscp)
+    async def session() -> None:
         try:
-            await slave_shell.open(loop)
+            slave_shell, _ = await open_slave(listen=(host, 0), dscp=dscp)
         except OSError:
             pytest.skip("this host has no IPv6 loopback")
-        slave.connect(monotonic())
-        master = make(Role.INITIATOR, peer=slave_shell.address)
-        master_shell = shell_of(master, dscp=7)
-        await master_shell.open(loop)
-        master.connect(monotonic())
-        master_shell.flush(monotonic())
-        await until_true(lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None)
+        master_shell, _ = await open_master(slave_shell.address, dscp=7)
+        await soon(
+            lambda: master_shell.paths[0].dscp is not None and slave_shell.paths[0].dscp is not None,
+            "what must come",
+            pause=0.001,
+        )
         assert (master_shell.paths[0].dscp, slave_shell.paths[0].dscp) == (dscp, 7)
 
     session()
 
 
 @live
-async def test_a_timer_wakes_the_loop_once_for_what_is_due(loop: asyncio.AbstractEventLoop) -> None:
+async def test_a_timer_wakes_the_loop_once_for_what_is_due() -> None:
     """Not again and again in the last millisecond, the resolution of the loop's timers."""
     wakes = 0
 
@@ -370,7 +305,7 @@ async def test_a_timer_wakes_the_loop_once_for_what_is_due(loop: asyncio.Abstrac
         wakes += 1
         return monotonic()
 
-    *_, endpoint = await engage(loop, slave_now=now, silence=0.2)
+    *_, endpoint = await engage(now=now, silence=0.2)
     wakes, sent, before = 0, -endpoint.statistics.sent, endpoint.statistics.received
     await asyncio.sleep(0.5)
     sent += endpoint.statistics.sent

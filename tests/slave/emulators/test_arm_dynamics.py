@@ -1,15 +1,12 @@
 """Mechanics of the emulated arm against laws and against MuJoCo."""
 
 from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.slave.emulators.arm_dynamics import (
-    STILL,
-    EmulatedArm,
     mass_matrix,
     sliding,
     times,
@@ -24,11 +21,8 @@ from weberlink.slave.robots.dynamixel.arm import (
     Joints,
     arm_pose,
 )
-from weberlink.slave.scenes.settings import build, object_settings
 
 NO_FRICTION = [0.0] * 4
-SETTLES: dict[str, Any] = {"rotor_inertia": 0.005, "viscous": (0.02, 0.02, 0.02, 0.02)}
-"""An arm that comes to rest soon."""
 angles = st.floats(-1.5, 1.5)
 impulses = st.floats(-0.01, 0.01)
 
@@ -92,20 +86,3 @@ def test_each_joint_slides_with_full_friction_or_sticks(
         assert abs(friction) <= limit + 1e-12
         if velocity != 0.0 and limit > 0.0:
             assert abs(friction - (limit if velocity > 0.0 else -limit)) < 1e-12
-
-
-@pytest.mark.parametrize("stiffness", [300.0, 1e7])
-def test_a_dropped_arm_comes_to_rest_on_a_table(stiffness: float) -> None:
-    table = object_settings(
-        shape="plane", point_m=(0.0, 0.0, 0.05), stiffness_n_m=stiffness, friction={"static": 0.5, "dynamic": 0.4}
-    )
-    arm = EmulatedArm(build([table]), (0.0, -0.2, 0.3, 0.4), **SETTLES)
-    for _ in range(5500):
-        arm.step(STILL)
-    assert arm.velocities == STILL
-    angles = arm.angles
-    arm.step(STILL)
-    assert arm.angles == angles
-    assert arm.force[2] > 0.2
-    assert abs(arm.force[0]) > 0.1  # friction carries a part
-    assert arm.force[2] == pytest.approx(stiffness * (0.05 - arm.tip[2]), rel=1e-6)

@@ -1,15 +1,12 @@
 """Which integrator and how many steps `auto` takes."""
 
-from collections.abc import Callable
 from itertools import count
 from math import sqrt
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.slave.integrators.problems import ball, wall
-from weberlink.slave.integrators import INTEGRATORS, ControlledMass
+from weberlink.slave.integrators import ControlledMass
 from weberlink.slave.integrators.choice import BUDGET, SPLITTING_S, chosen
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import FrictionCone
@@ -46,27 +43,3 @@ def test_a_live_robot_measures_its_steps(scene: Scene, step_s: float, substeps: 
     robot = SimulatedRobot(SimulatedOptions(), scene, TICK)
     robot.measure_steps(count(step=step_s).__next__)
     assert (robot.integrator, robot.substeps) == ("exact", substeps)
-
-
-@given(
-    st.floats(1e-6, 1000.0),
-    st.floats(1e-3, 1e9),
-    st.floats(1e-3, 1e9),
-    st.one_of(st.none(), st.floats(0.0, 1e6)),
-    st.floats(1e-4, 1e-1),
-    st.sampled_from([wall, ball]),
-    st.sampled_from([None, CONE]),
-)
-def test_auto_gains_no_energy_and_keeps_its_budget(
-    mass: float,
-    control: float,
-    stiffness: float,
-    damping: float | None,
-    tick: float,
-    solid: Callable[[float, float | None, FrictionCone | None], Scene],
-    cone: FrictionCone | None,
-) -> None:
-    name, substeps, reason = chosen(body(mass, control), solid(stiffness, damping, cone), tick)
-    assert INTEGRATORS[name].gains_nothing
-    assert substeps == 1 or substeps * SPLITTING_S <= BUDGET * tick
-    assert reason

@@ -1,6 +1,6 @@
 """`exact` against solutions that share nothing with it, at any step: flat contact, and one rough plane."""
 
-from math import asin, atan2, cos, log10, pi, sin, sqrt
+from math import log10, pi, sqrt
 
 import pytest
 from hypothesis import given
@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.slave.integrators.problems import UP, difference, moving, run, wall
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import PlaneShape
 
@@ -67,51 +67,3 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
     assert end.velocity == pytest.approx((speed * n[0], speed * n[1], speed * n[2]), rel=1e-9, abs=1e-9 * speed)
     assert dot(end.position, n) == pytest.approx(0.002, rel=1e-9)
     assert end.force == ZERO
-
-
-BODY = ControlledMass(0.05, 2000.0, 4.0)
-
-
-def test_it_slides_as_under_a_constant_force_and_stops_for_good() -> None:
-    """Pressed at a constant depth, thrown along the surface: half a swing about the goal displaced by the friction."""
-    depth, stiffness, mass, static, mu, speed = 1e-3, 1e4, 0.1, 0.5, 0.4, 0.5
-    body, scene = ControlledMass(mass, 50.0, 0.0), wall(stiffness, None, FrictionCone(static, mu))
-    scene.touch((0.0, 0.0, 1e-3))
-    start, goal = (0.0, 0.0, -depth), (0.0, 0.0, -depth * (1.0 + stiffness / body.stiffness))
-    motion = moving(scene, start, (speed, 0.0, 0.0))
-    integrator = INTEGRATORS["exact"].build(body, scene)
-    # It slips where the spring has taken up the static friction, and from there swings about -mu k depth / k_control.
-    stuck, sliding = sqrt((stiffness + body.stiffness) / mass), sqrt(body.stiffness / mass)
-    slipped = static * depth
-    rate = sqrt(speed * speed - (stuck * slipped) ** 2)
-    rest = -mu * stiffness * depth / body.stiffness
-    turn = atan2(rate, sliding * (slipped - rest)) / sliding
-    farthest = rest + sqrt((slipped - rest) ** 2 + (rate / sliding) ** 2)
-    began = asin(stuck * slipped / speed) / stuck
-    motion = integrator.advance(motion, goal, began + turn)
-    assert motion.position == pytest.approx((farthest, 0.0, -depth), abs=1e-12)
-    assert motion.velocity == pytest.approx(ZERO, abs=1e-9)
-    centre = (farthest - mu * depth) * stiffness / (stiffness + body.stiffness)
-    for _ in range(100):  # it swings about its anchor and does not slide back
-        motion = integrator.advance(motion, goal, 1e-3)
-        assert 2.0 * centre - farthest - 1e-12 < motion.position[0] < farthest + 1e-12
-
-
-def test_where_sliding_turns_the_order_is_two() -> None:
-    def path(substeps: int) -> list[Vector]:
-        scene = Scene([SceneObject(PlaneShape(ZERO, unit((0.2, -0.3, 1.0))), 5000.0, FrictionCone(0.5, 0.3))])
-        integrator = INTEGRATORS["exact"].build(BODY, scene)
-        motion, places = moving(scene, (0.0, 0.0, 4e-4), ZERO), []
-        for tick in range(40):
-            goal = (0.004 * sin(0.13 * tick), 0.004 * (1.0 - cos(0.13 * tick)), -0.002)
-            for _ in range(substeps):
-                motion = integrator.advance(motion, goal, 1e-3 / substeps)
-            places.append(motion.position)
-        return places
-
-    truth = path(128)
-    errors = [
-        max(norm(subtract(a, b)) for a, b in zip(path(substeps), truth, strict=True)) for substeps in (4, 8, 16, 32)
-    ]
-    assert errors[0] < 1e-5
-    assert errors[0] / errors[-1] > 30.0  # of 64

@@ -1,6 +1,5 @@
 """What the two computed robots keep beyond the contract: virtual time, bit for bit, exactly."""
 
-from math import exp, sqrt
 from typing import Any
 
 import pytest
@@ -25,14 +24,14 @@ def robot_of(name: str, scene: Scene | None = None, **options: Any) -> Robot:
     return driver(driver.Options(**options), scene, TICK)
 
 
-def ground() -> Scene:
-    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)])
+def wall(stiffness: float = 500.0) -> Scene:
+    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), stiffness)])
 
 
 @every_driver
 def test_runs_are_reproducible(name: str) -> None:
     def run() -> list[tuple[Vector, Vector]]:
-        robot = robot_of(name, ground())
+        robot = robot_of(name, wall())
         readings = []
         for _ in range(2):  # a second session starts as afresh
             robot.open(0.0)
@@ -52,7 +51,7 @@ def test_runs_are_reproducible(name: str) -> None:
 @every_driver
 def test_the_sensor_saturates_at_its_range(name: str) -> None:
     """And `reading.force` never says more than the spec."""
-    robot = robot_of(name, ground(), force_n=2.0)
+    robot = robot_of(name, wall(), force_n=2.0)
     robot.open(0.0)
     for tick in range(1, 300):
         robot.command((0.0, 0.0, -0.03), tick * TICK)
@@ -85,28 +84,6 @@ def test_a_point_feels_the_softer_of_wall_and_coupling_and_its_tip_is_where_its_
     assert robot.latest(3.0 * TICK)[1:3] == ((0.0, 0.0, 0.001), ZERO)
 
 
-UP = (0.0, 0.0, 1.0)
-
-
-def wall(stiffness: float, damping: float | None = None) -> Scene:
-    return Scene([SceneObject(PlaneShape(ZERO, UP), stiffness, None, damping)])
-
-
-@pytest.mark.parametrize(
-    ("integrator", "share"), [("auto", 1e-12), ("exact", 1e-12), ("implicit", 0.01), ("semi_implicit", 0.05)]
-)
-def test_free_step_is_critically_damped(integrator: Any, share: float) -> None:
-    """x(t) = x_d + (x_0 - x_d)(1 + w t) exp(-w t), as well as the integrator can at a tick of half a radian."""
-    robot = SimulatedRobot(SimulatedOptions(mass_kg=0.2, integrator=integrator, stiffness_n_m=50_000.0), None, TICK)
-    omega = sqrt(50_000.0 / 0.2)
-    robot.open(0.0)
-    robot.command((0.0, 0.0, 0.02), 0.0)
-    for tick in range(1, 21):
-        x = robot.latest(tick * TICK).position[2]
-        t = omega * tick * TICK
-        assert x == pytest.approx(0.02 + 0.01 * (1.0 + t) * exp(-t), abs=0.01 * share)
-
-
 def test_unstable_choice_error_names_alternative() -> None:
     options = SimulatedOptions(mass_kg=1e-4, stiffness_n_m=1e7, integrator="semi_implicit")
     with pytest.raises(ValueError, match=r"integrator: semi_implicit is unstable .* 0.0001 kg .* integrator: auto"):
@@ -114,7 +91,7 @@ def test_unstable_choice_error_names_alternative() -> None:
 
 
 def test_extreme_command_is_a_robot_fault() -> None:
-    robot = SimulatedRobot(SimulatedOptions(), wall(500.0), TICK)
+    robot = SimulatedRobot(SimulatedOptions(), wall(), TICK)
     robot.open(0.0)
     robot.command((1e308, 0.0, 0.0), 0.0)
     with pytest.raises(RobotFault, match="motion is not finite"):

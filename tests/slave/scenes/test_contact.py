@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import GROUND
-from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
+from weberlink.geometry.vector import Vector, dot, norm, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.solids import SphereShape
@@ -42,13 +42,6 @@ def test_stepwise_positions_keep_the_sliding_force() -> None:
             assert force[0] == pytest.approx(-DYNAMIC * STIFFNESS * DEPTH)
 
 
-def test_lifting_off_forgets_where_it_stuck() -> None:
-    scene = pressed()
-    scene.force((0.001, 0.0, -DEPTH), TICK)
-    scene.force((0.001, 0.0, 0.001), TICK)
-    assert scene.force((0.001, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
-
-
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
 def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
     ball = SphereShape((0.0, 0.0, -0.03), 0.03)
@@ -65,18 +58,3 @@ def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
             tangential = norm(subtract(force, (normal[0] * pressing, normal[1] * pressing, normal[2] * pressing)))
             assert pressing > 0.0
             assert tangential <= STATIC * pressing * (1.0 + 1e-6) + 1e-9
-
-
-def damped() -> Scene:
-    return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
-
-
-@given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
-def test_damping_never_pulls(heights: list[float], dt: float) -> None:
-    scene = damped()
-    scene.force((0.0, 0.0, 0.02), dt)
-    for z in heights:
-        force = scene.force((0.0, 0.0, z), dt)
-        assert force[2] >= 0.0
-        if z > 0.0:
-            assert force == ZERO

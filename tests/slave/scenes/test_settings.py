@@ -20,17 +20,6 @@ def force_of(scene: list[dict[str, Any]], position: tuple[float, float, float]) 
     return force
 
 
-def test_a_bounded_field_ends_at_its_border() -> None:
-    field = {
-        "shape": "height_field",
-        "bumps": {"amplitude_m": 0.002, "wavelength_m": 0.02, "size_m": 0.04},
-        "stiffness_n_m": 500,
-    }
-    assert force_of([field], (0.03, 0.0, -0.001))[2] > 0.0
-    assert force_of([field | {"bounded": True}], (0.03, 0.0, -0.001)) == (0.0, 0.0, 0.0)
-    assert force_of([field | {"bounded": True}], (0.01, 0.01, -0.001))[2] > 0.0
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [

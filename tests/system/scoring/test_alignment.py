@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.system.scoring.test_session import NONE, RATE, records, score
+from tests.system.scoring.test_session import RATE, records, score
 from weberlink.system.scoring.alignment import MARGIN_S, AlignedError
-from weberlink.system.scoring.session import Records
 
 TICK = 0.01
 """Long, so that a second is few ticks [s]."""
@@ -69,37 +68,13 @@ def test_a_side_that_begins_anew_and_a_long_gap_cost_nothing() -> None:
     assert (error, lag) == (pytest.approx(0.0, abs=1e-4), pytest.approx(0.08))
 
 
-def test_of_lags_that_are_alike_it_is_none() -> None:
-    aligned = AlignedError(TICK, 3)
-    aligned.add(np.arange(900), np.full((900, 3), 3.0), np.full((900, 3), 1.0))
-    assert aligned.best(0.5) == (pytest.approx(12.0**0.5), 0.0)
-
-
-def delayed(lag: int, axes: str) -> tuple[Records, Records]:
-    master, slave = records(3000), records(3000)
-    felt, measured = ("output", "raw") if axes == "xyz" else ("joint_output", "joint_raw")
-    whole = walk(np.random.default_rng(1), 3100)
-    slave[measured][:, :3] = whole[:3000]
-    master[felt][lag:, :3] = whole[: 3000 - lag]
-    master["ramping"][:lag] = 1
-    master["rtt_us"] = 2e3 * lag
-    return master, slave
-
-
 def test_the_summary_tells_what_is_left_without_the_delay() -> None:
-    force = score(*delayed(52, "xyz"), pieces=3)["force"]
+    master, slave = records(3000), records(3000)
+    slave["raw"] = walk(np.random.default_rng(1), 3000)
+    master["output"][52:] = slave["raw"][:-52]
+    master["ramping"][:52] = 1
+    master["rtt_us"] = 2e3 * 52
+    force = score(master, slave, pieces=3)["force"]
     assert force["error_rms"] > 5.0
     assert force["aligned_rms"] == pytest.approx(0.0, abs=1e-3)
     assert force["aligned_lag_s"] == pytest.approx(52.0 / RATE)
-
-
-def test_one_side_alone_has_none() -> None:
-    force = score(delayed(52, "xyz")[0], NONE)["force"]
-    assert force["aligned_rms"] is force["aligned_lag_s"] is None
-
-
-def test_of_axes_it_is_the_largest() -> None:
-    ticks, whole = np.arange(2000), walk(np.random.default_rng(2), 2000)
-    aligned = AlignedError(TICK, 3, each=True)
-    aligned.add(ticks, whole + np.array([1.0, 2.0, 3.0]), whole)
-    assert aligned.best(0.1) == (pytest.approx(3.0, abs=0.01), 0.0)

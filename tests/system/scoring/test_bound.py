@@ -1,23 +1,17 @@
 """The bound of the energy out of the hand, on records made by hand and in whole sessions."""
 
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.examples import examples
 from tests.system.scoring.test_session import NONE, RATE, records
 from tests.system.systems import configuration
-from weberlink.control.account import Account
 from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.system.scoring.bound import accounts_in
 from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.simulate import simulate
 
 OF_HAND = AccountParameters(allowance=0.02, refill=0.01, damping=1.0, rise=160.0)
 TICK = 1.0 / RATE
@@ -40,7 +34,7 @@ def pushed_out(force: float, speed: float, ticks: int = 1001) -> Records:
     return made
 
 
-@pytest.mark.parametrize("pieces", [1, 7, 1001])
+@pytest.mark.parametrize("pieces", [1, 7])
 def test_every_term_is_allowed(pieces: int) -> None:
     """1 s at 50 mm/s with 1 N: 50 mJ come out, evenly; the share is largest at the end."""
     made = pushed_out(1.0, 0.05)
@@ -63,22 +57,6 @@ def test_each_session_has_an_allowance_and_a_credit_that_counts_from_zero() -> N
     assert told["bound_j"] == pytest.approx(2 * 0.02 + 0.01 + 0.0025 + 0.001 + 0.05e-3), "the credit before was spent"
 
 
-def test_nothing_out_is_a_share_of_nothing() -> None:
-    told = energy(pushed_out(-1.0, 0.05), OF_HAND)
-    assert (told["generated_j"], told["bound_share"]) == (0.0, 0.0)
-    assert told["bound_j"] == pytest.approx(0.02 + 0.01 + 0.0025)
-
-
-def test_what_was_put_in_before_the_records_begin_or_while_they_are_lost_may_come_out() -> None:
-    made = pushed_out(1.0, 0.05)
-    made["energy"] = 0.05
-    before = energy(made, OF_HAND)["bound_j"]
-    assert before == pytest.approx(0.05 + 0.01 + 0.0025 + 0.05e-3, rel=1e-5)
-    made["energy"][:500], made["output"][:500, 2] = 0.01, 0.1
-    lost = energy(np.delete(made, slice(500, 600)), OF_HAND)["bound_j"]
-    assert lost == pytest.approx(0.02 + 0.04 + 0.01 + 0.0025 * 0.9 + 0.05e-3, rel=1e-3)
-
-
 def test_force_and_torque_add() -> None:
     """1 N over 50 mm and 0.1 N m over half a radian: 50 mJ each."""
     made = pushed_out(1.0, 0.05)
@@ -88,26 +66,6 @@ def test_force_and_torque_add() -> None:
     told = energy(made, OF_HAND, of_handle)
     assert told["generated_j"] == pytest.approx(0.1, rel=1e-4)
     assert told["bound_j"] == pytest.approx(0.06 + 0.0025 + (HANDLE * 0.5) ** 2 + 0.1e-3, rel=1e-4)
-
-
-@examples(100)
-@given(seed=st.integers(0, 2**32 - 1), stiffness=st.floats(50.0, 5000.0), ticks=st.integers(2, 300))
-def test_what_an_account_lets_through_stays_within_the_bound(seed: int, stiffness: float, ticks: int) -> None:
-    """Of any force on any motion, with any credit; the account is not asked by the score."""
-    rng = np.random.default_rng(seed)
-    made = records(ticks)
-    made["position"] = np.cumsum(rng.normal(scale=1e-3 * rng.uniform(), size=(ticks, 3)), axis=0)
-    wanted = np.cumsum(rng.normal(size=(ticks, 3)), axis=0)
-    made["credit"] = np.cumsum(rng.exponential(1e-4, ticks) * (rng.uniform(size=ticks) < 0.1))
-    account, held, before = Account(OF_HAND), np.zeros(3), made[0]
-    for record, force in zip(made, wanted, strict=True):
-        way = record["position"] - before["position"]
-        account.book(float(held @ way), float(way @ way), TICK, float(record["credit"] - before["credit"]))
-        held = force * account.share(float(np.linalg.norm(force)), stiffness, TICK)
-        record["output"], before = held, record
-    assert energy(made, OF_HAND)["bound_share"] <= 1.0 + 1e-9
-    made["output"] = wanted
-    assert energy(made)["bound_share"] is energy(made)["bound_j"] is None
 
 
 def test_accounts_are_those_of_the_configuration() -> None:
@@ -121,11 +79,3 @@ def test_accounts_are_those_of_the_configuration() -> None:
     assert [each.damping for each in of(file="arms.yaml")] == pytest.approx([LEVER**2])
     mapped = of("master.mapping={scale: 2, force_scale: 4}")[0]
     assert mapped == AccountParameters(allowance=0.01, refill=0.005, damping=0.125, rise=40.0)
-
-
-@pytest.mark.parametrize("file", ["loopback.yaml", "delay.yaml", "rotation.yaml"])
-def test_a_session_stays_within_its_bound(file: str) -> None:
-    summary, _ = simulate(configuration("link.emulate.delay_ms=40", file=file), 3.0)
-    told = summary["energy"]
-    assert 0.0 < told["bound_j"] < inf
-    assert 0.0 <= told["bound_share"] <= 1.0

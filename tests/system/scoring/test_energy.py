@@ -1,13 +1,11 @@
 """Work at one port, as laws; both ports of a session are in test_session."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
+from weberlink.system.scoring.energy import PortWork, Records
 from weberlink.telemetry.reader import DTYPE
 
 
@@ -30,15 +28,6 @@ def test_work_does_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int, 
     assert parts.least <= min(0.0, parts.total)
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans())
-def test_a_constant_force_is_conservative(seed: int, held: bool) -> None:
-    way = np.random.default_rng(seed).normal(size=(30, 3))
-    way[-1] = way[0]
-    port = PortWork("output", "raw", held=held)
-    port.add(records(np.tile([1.0, -2.0, 3.0], (30, 1)), way))
-    assert port.total == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_held_force_and_one_that_changes_linearly() -> None:
     """1 N, then 3 N, over 1 m towards the force: what is held does 1 J, what changes linearly 2 J."""
     force, way = np.zeros((2, 3)), np.zeros((2, 3))
@@ -47,17 +36,3 @@ def test_a_held_force_and_one_that_changes_linearly() -> None:
         port = PortWork("output", "raw", held=held)
         assert port.add(records(force, way)) == pytest.approx([0.0, -work])
         assert port.least == -work
-
-
-@given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.booleans()), max_size=40), st.integers(1, 9))
-def test_link_energy_is_the_difference_of_both_ports(steps: list[tuple[float, float, bool]], pieces: int) -> None:
-    given_, taken = (np.cumsum([step[port] for step in steps]) for port in (0, 1))
-    engaged = np.array([step[2] for step in steps], dtype=bool)
-    link = LinkEnergy()
-    for piece in np.array_split(np.arange(len(steps)), pieces):
-        link.add(given_[piece], taken[piece], engaged[piece])
-    total, least = 0.0, 0.0
-    for before, after in pairwise(steps):
-        total += (after[0] - after[1]) if before[2] and after[2] else 0.0
-        least = min(least, total)
-    assert link.least == pytest.approx(least)

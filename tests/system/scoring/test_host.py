@@ -1,14 +1,12 @@
 """Which missed ticks are the host's, on made-up ticks and stalls."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.realtime.host import WakeUp
-from weberlink.system.host_watch import farthest
-from weberlink.system.scoring.host import Gap, HostShare, gaps, missed_by_host
+from weberlink.system.scoring.host import Gap, HostShare, missed_by_host
 from weberlink.telemetry.reader import DTYPE
 
 PERIOD = 1e-3
@@ -16,11 +14,8 @@ INTERVAL = 2e-3
 Pauses = list[tuple[float, float]]
 
 
-def ticks(pauses: Pauses, until: float, lost: range = range(0)) -> np.ndarray:
-    """Records of a daemon that could not run in these pauses (begin, end), as its ticker keeps deadlines.
-
-    A late wake-up serves the newest deadline that has passed; `lost` are numbers of records that nobody read.
-    """
+def ticks(pauses: Pauses, until: float) -> np.ndarray:
+    """Records of a daemon that could not run in these pauses (begin, end): a late one serves the newest deadline."""
     rows, index, missed, now = [], 0, 0, 0.0
     while now < until:
         now = max(now, index * PERIOD)
@@ -31,7 +26,7 @@ def ticks(pauses: Pauses, until: float, lost: range = range(0)) -> np.ndarray:
         index = newest + 1
     records = np.zeros(len(rows), DTYPE)
     records["at"], records["ticks_missed"], records["lateness_us"] = np.transpose(rows)
-    return np.delete(records, [number for number in lost if number < len(records)])
+    return records
 
 
 def stalls(pauses: Pauses, until: float, phase: float = 0.0005) -> list[WakeUp]:
@@ -63,7 +58,7 @@ PAUSES = st.lists(st.tuples(st.floats(0.05, 0.2), st.floats(0.0, 0.05)), max_siz
 )
 
 
-@examples(100)
+@examples(40)
 @given(PAUSES, st.integers(1, 5), st.floats(0.0, INTERVAL))
 def test_long_stalls_of_the_host_explain_every_missed_tick(pauses: Pauses, pieces: int, phase: float) -> None:
     long = [(begin, end) for begin, end in pauses if end - begin >= INTERVAL + 0.5 * PERIOD]
@@ -71,7 +66,7 @@ def test_long_stalls_of_the_host_explain_every_missed_tick(pauses: Pauses, piece
     assert attributed(records, stalls(long, 1.5, phase), pieces) == records["ticks_missed"][-1]
 
 
-@examples(100)
+@examples(40)
 @given(PAUSES, PAUSES)
 def test_pauses_of_the_daemon_are_not_the_hosts(own: Pauses, of_host: Pauses) -> None:
     """At most an interval of the watcher is wrong for each stall; nothing where none touches a pause of the daemon."""
@@ -86,12 +81,6 @@ def test_pauses_of_the_daemon_are_not_the_hosts(own: Pauses, of_host: Pauses) ->
         assert attributed(records, seen) == 0
 
 
-def test_a_stall_in_a_long_pause_explains_only_its_own_ticks() -> None:
-    records = ticks([(0.1, 0.2)], 0.3)
-    assert records["ticks_missed"][-1] == pytest.approx(100, abs=1)
-    assert attributed(records, [WakeUp(0.1485, 0.1505, 0.1545)]) == 6
-
-
 def test_a_stall_while_the_daemon_ticked_explains_nothing() -> None:
     """The daemon runs again when the stall begins: ticks missed just before are its own."""
     gap = Gap(0.0995, 3, 0.1030)
@@ -99,48 +88,13 @@ def test_a_stall_while_the_daemon_ticked_explains_nothing() -> None:
     assert missed_by_host(gap, [WakeUp(0.0900, 0.0920, 0.0990)], PERIOD) == 0
 
 
-def test_only_the_processor_of_the_daemon_counts() -> None:
+def test_a_gap_waits_for_the_stalls_of_its_own_processor() -> None:
     share = HostShare({"master": {0}, "slave": {0, 1}}, PERIOD)
     for side in ("master", "slave"):
         share.add_records(side, ticks([(0.1, 0.15)], 0.3))
-    for stall in stalls([(0.1, 0.15)], 0.3):
-        share.add_stall(1, stall)
-    share.settle(np.inf)
-    assert share.missed["master"] == 0
-    assert share.missed["slave"] >= 49
-
-
-def test_where_records_were_lost_no_tick_is_attributed() -> None:
-    pause = [(0.1, 0.15)]
-    records = ticks(pause, 0.3, lost=range(80, 120))
-    assert records["ticks_missed"][-1] > 40
-    assert gaps(records, PERIOD) == []
-
-
-def test_gaps_wait_for_the_stalls_that_explain_them() -> None:
-    share = HostShare({"master": {0}}, PERIOD)
-    share.add_records("master", ticks([(0.1, 0.15)], 0.3))
     share.settle(0.12)
     for stall in stalls([(0.1, 0.15)], 0.3):
-        share.add_stall(0, stall)
-    share.settle(0.3)
-    first = share.missed["master"]
+        share.add_stall(1, stall)
     share.settle(100.0)
-    assert first == share.missed["master"] >= 49
-
-
-def test_processors_that_stall_together_count_once() -> None:
-    share = HostShare({"master": {0, 1}}, PERIOD)
-    for processor, due in ((0, 1.0), (1, 1.001), (0, 2.0)):
-        share.add_stall(processor, WakeUp(due - INTERVAL, due, due + 0.01))
-    assert share.stalls == 2
-    assert share.longest == pytest.approx(0.01)
-
-
-@examples(50)
-@given(st.lists(st.floats(0.0, 10.0), min_size=1, max_size=2))
-def test_watchers_wake_up_far_from_ticks(deadlines: list[float]) -> None:
-    phase = farthest(deadlines, PERIOD)
-    for deadline in deadlines:
-        apart = (deadline - phase) % PERIOD
-        assert min(apart, PERIOD - apart) >= 0.25 * PERIOD - 1e-9
+    assert share.missed["master"] == 0
+    assert share.missed["slave"] >= 49

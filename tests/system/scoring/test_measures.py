@@ -1,24 +1,18 @@
 """Errors are scored in the measure of the session's own deadband, also after a live change of its Weber factor."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.system.systems import configuration, steps
-from tests.watching.sources import HandSource
-from weberlink.apps.recordings import describe
 from weberlink.control.tuning import LiveSettings
-from weberlink.system import description
 from weberlink.system.composition.channels import banks, force_deadband, measures_in, measures_of
-from weberlink.system.configuration import Configuration, ConfigurationError
+from weberlink.system.configuration import Configuration
 from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.session import Records, SessionScore
-from weberlink.system.simulate import VirtualRecording, build_simulation
+from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import as_array
-from weberlink.watching.rows import FeltErrorPairs, Thinning
-from weberlink.watching.session import WatchedSession
 
 WEBERS = (0.25, 0.05)
 SHAPES = ("cone", "level_crossing")
@@ -63,49 +57,10 @@ def test_what_the_peer_holds_is_within_the_deadband_of_its_shape_and_factor(scor
     assert any(error(loaded, one, one["decoded"], WEBERS[0]) > one["bound"] for one in counted), "nor the file's k"
 
 
-def test_a_recording_has_the_figures_of_the_session(scored, tmp_path: Path) -> None:
-    loaded, master, slave, figures = scored
-    path = tmp_path / "r.mcap"
-    recording = VirtualRecording(loaded, path, print)
-    recording.add(master, slave)
-    recording.finish()
-    found = describe([path]).document["force"]
-    for name in ("violation_fraction", "violation_longest_ticks"):
-        assert (found[name], found["coding"][name]) == (figures[name], figures["coding"][name])
-
-
-def test_the_monitor_has_the_figures_of_the_session(scored) -> None:
-    loaded, master, slave, figures = scored
-    sources = {side: HandSource(side) for side in ("slave", "master")}
-    for side, source in sources.items():
-        source.description = description.describe(loaded, side)
-    watched = WatchedSession("7", sources["slave"])
-    watched.admit(sources["master"])
-    sources["master"].put(master)
-    sources["slave"].put(slave)
-    told = next(message for message in watched.look() if message["type"] == "felt")
-    found = watched.figures()["figures"]["force"]
-    for name in ("violation_fraction", "violation_longest_ticks"):
-        assert (found[name], found["coding"][name]) == (figures[name], figures["coding"][name])
-    matched, now = FeltErrorPairs(1000.0).add(master, Thinning(1000.0).choose(slave))
-    expected = [error(loaded, one, other["output"]) / one["bound"] for one, other in zip(now, matched, strict=True)]
-    assert told["deadbands"] == pytest.approx(expected, abs=1e-4)
-
-
-def test_a_recording_of_an_unknown_deadband_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded = configuration()
-    dump = loaded.system.model_dump(mode="json")
+def test_a_recording_of_an_unknown_deadband_is_refused() -> None:
+    dump = configuration().system.model_dump(mode="json")
     dump["codec"]["force"]["deadband"] = {"shape": "wedge"}
     with pytest.raises(ValueError, match="wedge"):
         measures_in(dump)
     with pytest.raises(ValueError, match="deadband"):
         measures_in({})
-    monkeypatch.setattr("weberlink.system.recorder.yaml.safe_dump", lambda *_, **__: "codec: {force: [{}]}")
-    path = tmp_path / "r.mcap"
-    recording = VirtualRecording(loaded, path, print)
-    simulation = build_simulation(loaded)
-    seen = list(steps(simulation, 0.2))
-    recording.add(as_array([step.master for step in seen]), as_array([step.slave for step in seen]))
-    recording.finish()
-    with pytest.raises(ConfigurationError, match="no settings known here"):
-        describe([path])

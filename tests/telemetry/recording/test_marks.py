@@ -1,7 +1,6 @@
 """Marks in a recording, by our reader and by independent ones."""
 
 import mcap_ros2.decoder
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -25,12 +24,6 @@ def test_mark_is_read_as_it_was_packed(wall_ns: int, text: str) -> None:
 def test_shortened_text_is_one_line(text: str) -> None:
     short = shortened(text)
     assert short and "\n" not in short and shortened(short) == short
-
-
-@pytest.mark.parametrize("cut", range(0, 44, 3))
-def test_cut_mark_is_refused(cut: int) -> None:
-    with pytest.raises(ValueError, match="mark"):
-        read_mark((ENCAPSULATION + pack_mark(Mark(7, "a mark")))[:cut])
 
 
 def test_other_decoders_read_marks(tmp_path) -> None:

@@ -44,11 +44,9 @@ def test_a_definition_in_any_order_is_read_as_an_independent_encoder_packs_it(da
     ("text", "message"),
     [
         ("string name\n", "field name is of type string, expected one of float64, "),
-        ("float64[3] raw\n", r"field raw is of type float64\[3\]"),
         ("float64 at\nuint8 at\n", "field at is defined twice"),
         ("float64 at\nuint64\n", "'uint64' is no field"),
         ("# nothing\nuint8 NONE=0\n" + VECTOR, "no field is defined"),
-        ("", "no field is defined"),
     ],
 )
 def test_a_definition_that_cannot_be_read_says_why(text, message):

@@ -1,16 +1,13 @@
 """Figures by source: geometric means that no source dominates, and the comparison with the best single predictor."""
 
-from math import isnan
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from plugins.studies.tests.evaluate.signals import walk
-from weberlink_studies import recordings
 from weberlink_studies.evaluate.by_source import EVERY, SINGLES, by_source
 from weberlink_studies.evaluate.study import EvaluationStudy
-from weberlink_studies.evaluate.traces import NamedTrace, read_traces
+from weberlink_studies.evaluate.traces import NamedTrace
 from weberlink_studies.frame import data_frame
 
 (ROW,) = EvaluationStudy(("zoh",)).rows(NamedTrace("walk", walk(1000, 1)))
@@ -47,33 +44,8 @@ def test_the_best_single_is_that_of_each_recording() -> None:
     assert (EVERY, "hybrid") not in found
 
 
-def test_what_was_not_evaluated_is_unknown() -> None:
-    found = figures({("a1", "a"): {"zoh": 10, "linear": 20}})
-    zoh = found["a", "zoh"]
-    assert all(map(isnan, (zoh.over_hybrid, zoh.over_best, zoh.above, zoh.above_by)))
-
-
 @pytest.mark.parametrize(
     ("rate", "best", "lost"), [(1, 1, 0.0), (2, 1, 0.0), (3, 1, 1.0), (105, 100, 0.0), (106, 100, 1.0)]
 )
 def test_a_loss_is_a_share_and_a_packet_a_second(rate: int, best: int, lost: float) -> None:
     assert figures({("a1", "a"): {**dict.fromkeys(SINGLES, best), "hybrid": rate}})["a", "hybrid"].above_by == lost
-
-
-# --- shipped recordings as arguments
-
-
-def test_a_source_stands_for_its_recordings(tmp_path: Path) -> None:
-    named = read_traces([Path("panda_comanip"), Path("tue_rigid_1")])
-    assert [(one.name, one.source) for one in named] == [
-        ("panda_comanip_1", "panda_comanip"), ("panda_comanip_3", "panda_comanip"), ("tue_rigid_1", "tue"),
-    ]  # fmt: skip
-    assert len(read_traces([Path("recordings")])) == len(recordings.names())
-
-
-def test_a_file_comes_before_a_recording_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = ["t,px,py,pz,fx,fy,fz", *(f"{tick * 1e-3},0,0,0,0,0,{tick}" for tick in range(5))]
-    (tmp_path / "tue").write_text("\n".join(lines))
-    monkeypatch.chdir(tmp_path)
-    named = read_traces([Path("tue"), Path("omega3_1")])
-    assert [(one.name, one.source) for one in named] == [("tue", "files"), ("omega3_1", "omega3")]

@@ -1,46 +1,28 @@
 """Rows of a study: beside a plain run of the codec, an independent implementation, and in any order of tasks."""
 
-import pickle
-import re
-from functools import cache
-from math import hypot, inf, log, sqrt
-from pathlib import Path
+from math import hypot, log, sqrt
 
 import numpy as np
 import pytest
 
-from plugins.studies.tests.evaluate.signals import trace, walk, wall
+from plugins.studies.tests.evaluate.signals import walk, wall
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
-from weberlink.codec.predictors import FitLimits
 from weberlink.geometry.vector import Vector
-from weberlink.master.trace import Trace, read_trace
+from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.system.scoring.perception import Threshold
-from weberlink_studies.evaluate.replay import Signal, replay, signal_of
+from weberlink_studies.evaluate.replay import signal_of
 from weberlink_studies.evaluate.study import (
-    EvaluationStudy,
     evaluate,
-    rows_of,
-    seconds,
 )
-from weberlink_studies.evaluate.traces import NamedTrace
 from weberlink_studies.frame import Row
+from weberlink.system.scoring.perception import Threshold
 
-ROOT = Path(__file__).parents[4]
-RECORDED = ROOT.parent / "shared" / "traces"
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
-TRACES = [NamedTrace("wall", wall(150)), NamedTrace("walk", walk(200, seed=1))]
-STUDY = EvaluationStudy(("plane", "zoh", "hybrid"), (0.20, 0.05))
+PREDICTORS = ("zoh", "plane", "hybrid")
 
 
 def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> Row:
     return evaluate("made", signal_of(signal), channel, Threshold(jnd), predictor="zoh", weber=0.10)
-
-
-def timeless(rows: list[Row]) -> list[Row]:
-    """Without the measured run time."""
-    return [row | {"tick_us": 0.0} for row in rows]
 
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
@@ -105,94 +87,7 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
         assert "selected" not in found
 
 
-def test_saturation_of_the_wire_counts_as_violation() -> None:
-    found = row_of(trace([0.0] * 6 + [50.0] * 3 + [0.0] * 3, [0.0] * 12), force_channel(predictor="zoh", weber=0.10))
-    assert found["error_max_n"] == pytest.approx(50.0 - 32.767)
-    assert found["violation_fraction"] == pytest.approx(3 / 12)
-    assert found["violation_longest_s"] == pytest.approx(3e-3)
-
-
-def test_a_smaller_jnd_finds_more_noticeable_ticks() -> None:
-    channel = force_channel(predictor="zoh", weber=0.20)
-    keen, dull = row_of(wall(), channel, jnd=0.05), row_of(wall(), channel, jnd=0.40)
-    assert keen["noticeable_fraction"] > dull["noticeable_fraction"] == 0.0
-    assert keen["error_rms_n"] == dull["error_rms_n"]
-
-
-@pytest.mark.parametrize("predictor", ["zoh", "linear", "path", "hybrid", "adaptive"])
-def test_a_position_stays_within_its_bound(predictor: str) -> None:
-    """The middle of a trace's range does not count: a robot may be far from the origin of its frame."""
-    study = EvaluationStudy((), (0.1,), position_predictors=(predictor,))
-    here = trace([0.0] * 400, [0.0005 * sqrt(tick) for tick in range(400)])
-    far = Trace(here.time_s, here.position_m + 0.5, here.force_n, here.gaps_s)
-    (near,), (away,) = (study.rows(NamedTrace("made", each)) for each in (here, far))
-    assert (near["channel"], near["violation_fraction"], away["violation_fraction"]) == ("position", 0.0, 0.0)
-    assert near["error_max_deadbands"] <= 1.0
-    assert 0 < near["packets"] < 400
-    assert away["error_rms_m"] == pytest.approx(near["error_rms_m"], abs=2e-5)
-
-
 # --- cases
 
 
-def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
-    cases = STUDY.cases(TRACES)
-    assert all(seconds(case) == pytest.approx(1e-5 * len(case.trace.trace.time_s)) for case in cases)
-    rows = [row for case in cases for row in rows_of(pickle.loads(pickle.dumps(case)))]
-    assert [(row["trace"], row["predictor"], row["weber"]) for row in rows] == [
-        (trace, predictor, weber)
-        for trace in ("wall", "walk")
-        for predictor in ("plane", "zoh", "hybrid")
-        for weber in (0.20, 0.05)
-    ]
-    assert timeless(rows) == timeless([row for each in TRACES for row in STUDY.rows(each)])
-
-
 # --- recordings
-
-
-needs_recordings = pytest.mark.skipif(
-    not RECORDED.is_dir(), reason="needs the recordings of people in ../shared/traces"
-)
-NAMES = sorted({path.stem for path in RECORDED.glob("*.csv")}) if RECORDED.is_dir() else ["none"]
-
-
-@cache
-def table() -> dict[tuple[str, str], float]:
-    """Packets per second of an independent implementation: k = 0.10, floor 0.05 N, no quantization."""
-    rows = re.findall(r"^\| (\w+_\d+) \|" + r" ([\d.]+) \|" * 5 + "$", (RECORDED / "README.md").read_text(), re.M)
-    return {(row[0], name): float(rate) for row in rows for name, rate in zip(PREDICTORS, row[1:], strict=True)}
-
-
-@cache
-def recording(name: str) -> Signal:
-    return signal_of(read_trace(RECORDED / f"{name}.csv"))
-
-
-def packets_per_s(name: str, predictor: str, fit_limits: FitLimits | None = None) -> float:
-    channel = force_channel(
-        predictor=predictor,
-        weber=0.10,
-        floor=0.05,
-        fit_limits=fit_limits,
-        force_step=1e-9,
-        position_step=1e-12,
-        saturates=False,
-    )
-    signal = recording(name)
-    return len(replay(signal, channel).updates) / signal.duration_s
-
-
-@needs_recordings
-@pytest.mark.parametrize("name", NAMES)
-def test_packets_agree_with_an_independent_implementation(name: str) -> None:
-    for predictor in ("zoh", "linear"):
-        assert packets_per_s(name, predictor) == pytest.approx(table()[name, predictor], rel=0.03)
-    for predictor in ("plane", "hybrid") if name.startswith("tue") else ():
-        assert packets_per_s(name, predictor) == pytest.approx(table()[name, predictor], rel=0.10)
-    if name.startswith("omega3"):
-        # The table accepts any fit of a sphere; rejecting wild radii and misfits sends less.
-        anything = FitLimits(radius=(1e-9, 1e9), stiffness=(1e-6, 1e12), least_angle_sine=1e-12, misfit=inf)
-        rate = packets_per_s(name, "sphere", anything)
-        assert rate == pytest.approx(table()[name, "sphere"], rel=0.03)
-        assert packets_per_s(name, "sphere") < rate

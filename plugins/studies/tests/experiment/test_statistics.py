@@ -1,7 +1,5 @@
 """Rank tests and packets at equal quality, against results computed by hand."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from pandas import DataFrame
@@ -21,15 +19,8 @@ from weberlink_studies.experiment.statistics import (
 def test_friedman_by_hand() -> None:
     """Six subjects rank three levels; sums of ranks 8, 11, 17: chi2 = 12/(6 3 4) (8^2 + 11^2 + 17^2) - 3 6 4 = 7."""
     table = np.array([[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3], [3, 1, 2]], dtype=float)
-    sums = table.sum(axis=0)
-    assert sums.tolist() == [8.0, 11.0, 17.0]
     result = friedman(table)
-    assert (
-        result["chi_squared"]
-        == pytest.approx(12 / (6 * 3 * 4) * (8**2 + 11**2 + 17**2) - 3 * 6 * 4)
-        == pytest.approx(7.0)
-    )
-    assert result["degrees"] == 2
+    assert (result["chi_squared"], result["degrees"]) == (pytest.approx(7.0), 2)
     assert result["p"] == pytest.approx(np.exp(-7.0 / 2.0))  # chi-squared with 2 degrees of freedom
     assert result["kendalls_w"] == pytest.approx(7.0 / 12.0)
     assert result["remark"] == "approximate with 6 subjects"
@@ -45,16 +36,10 @@ def test_too_few_subjects_have_no_p() -> None:
 
 
 def test_signed_rank_by_hand() -> None:
-    """Differences 1 to 7, one of them negative: W = 3, and 10 of 128 signs are as extreme, as counted below.
+    """Differences 1 to 7, one of them negative: W = 3, and 10 of 128 signs are as extreme.
 
     Holm: the least of three p is multiplied by 3, the next by 2.
     """
-    extreme = sum(
-        min(down, 28 - down) <= 3
-        for signs in product((0, 1), repeat=7)
-        for down in [sum(rank for rank, sign in zip(range(1, 8), signs, strict=True) if sign)]
-    )
-    assert extreme == 10
     differences = {"mixed": [1.0, 2.0, -3.0, 4.0, 5.0, 6.0, 7.0], "risen": np.arange(1.0, 8.0), "same": np.zeros(7)}
     found = against(DataFrame({"zoh": np.zeros(7), **differences}), "zoh")
     assert [(one["name"], one["median_difference"], one["w"]) for one in found] == [
@@ -62,12 +47,6 @@ def test_signed_rank_by_hand() -> None:
     ]
     assert [one["p"] for one in found] == pytest.approx([10 / 128, 2 / 128, 1.0])
     assert [one["p_holm"] for one in found] == pytest.approx([2 * 10 / 128, 3 * 2 / 128, 1.0])
-
-
-def test_ties_and_zeros_are_counted_over_all_signs() -> None:
-    """Seven equal differences and one of 0: all of one sign in 2 of 128 cases."""
-    (result,) = against(DataFrame({"zoh": np.zeros(8), "other": [0.5] * 7 + [0.0]}), "zoh")
-    assert (result["w"], result["p"]) == (0.0, pytest.approx(2 / 128))
 
 
 RATES = (100.0, 60.0, 40.0, 20.0)
@@ -94,12 +73,6 @@ ONE = ((5.0, 4.5, 3.5, 1.0), (5.0, 5.0, 5.0, 3.0), (3.0, 2.0, 1.0, 0.0), (5.0, 5
 OTHER = ((5.0, 4.5, 3.5, 1.0), (5.0, 4.5, 4.0, 3.0), (3.0, 2.0, 1.0, 0.0), (5.0, 5.0, 5.0, 5.0))
 
 
-def shares(*subjects: tuple[tuple[float, ...], ...]) -> list[list[dict[str, float]]]:
-    """Savings against each predictor, by predictor."""
-    rates = np.array([[RATES] * 4] * len(subjects))
-    return [[one["fewer_than"][base] for base in range(4)] for one in savings(rates, np.array(subjects), 4.0, range(4))]
-
-
 def test_savings_against_a_base_by_hand() -> None:
     found = savings(np.array([[RATES] * 4]), np.array([ONE]), 4.0, [0])
     assert [one["packets_per_s"] for one in found] == [50.0, 30.0, None, 20.0]
@@ -110,13 +83,6 @@ def test_savings_against_a_base_by_hand() -> None:
     assert all(one["low"] is None and one["high"] is None for one in saved)  # one subject says nothing of others
 
 
-def test_no_saving_against_a_base_without_crossing() -> None:
-    assert all(one[base]["share"] is None for one in shares(ONE, ONE) for base in (2, 3))
-
-
 def test_the_interval_shows_disagreement() -> None:
-    agreed = shares(*[ONE] * 6)[1][0]
-    assert (agreed["low"], agreed["high"]) == (pytest.approx(0.4), pytest.approx(0.4))
-    mixed = shares(*[ONE] * 3, *[OTHER] * 3)[1][0]
+    mixed = savings(np.array([[RATES] * 4] * 6), np.array([ONE] * 3 + [OTHER] * 3), 4.0, [0])[1]["fewer_than"][0]
     assert 0.2 <= mixed["low"] < mixed["share"] < mixed["high"] <= 0.4
-    assert shares(*[ONE] * 3, *[OTHER] * 3)[1][0] == mixed  # seeded

@@ -1,13 +1,10 @@
 """The claims of the paper: savings computed by hand, and verdicts by source."""
 
-from math import exp, inf, log, nan
+from math import nan
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pandas import DataFrame
 
-from tests.examples import examples
 from weberlink_studies.paper.claims import (
     FAILS,
     HOLDS,
@@ -16,7 +13,6 @@ from weberlink_studies.paper.claims import (
     TOO_EASY,
     UNMEASURED,
     judge,
-    rate_at,
     verdict,
 )
 
@@ -51,8 +47,7 @@ def claim(rows: list[dict[str, object]], predictor: str, reference: str, at: str
 def test_a_source_counts_once_by_the_geometric_mean_of_its_signals() -> None:
     rows = [
         *signal("a", hybrid=10.0), *signal("b", hybrid=40.0), *signal("silent", zoh=0.0, hybrid=0.0),
-        *signal("c", "other", hybrid=4.0), *signal("d", "field", surface=False, hybrid=10.0),
-        *signal("half")[:9],
+        *signal("c", "other", hybrid=4.0), *signal("d", "field", surface=False, hybrid=10.0), *signal("half")[:9],
     ]  # fmt: skip
     found = claim(rows, "hybrid", "zoh")
     assert found.source.to_list() == ["some", "other", "field"]
@@ -71,45 +66,3 @@ def test_a_source_counts_once_by_the_geometric_mean_of_its_signals() -> None:
 )  # fmt: skip
 def test_the_verdict_on_a_claim_of_42_percent(fewer: float, unreached: int, expected: str) -> None:
     assert verdict(0.42, fewer, unreached) == expected
-
-
-def test_at_equal_quality_the_rate_is_interpolated() -> None:
-    """The hold has 0.5 JND at k = 0.1; a plane of half its error needs the packets of k = 0.2."""
-    rows = DataFrame(signal("a"))
-    halved, worse, better = (
-        rows.assign(
-            signal=name,
-            error_rms_jnd=rows.error_rms_jnd.where(rows.predictor != "plane", rows.error_rms_jnd * factor),
-        )
-        for name, factor in (("halved", 0.5), ("worse", 3.0), ("better", 0.3))
-    )
-    for changed, fewer, unreached, at_least in (
-        (halved, 1.0 - (20.0 * 0.2 / 0.3) / 40.0, 0, False),
-        (worse, nan, 1, False),
-        (better, 1.0 - (20.0 * 0.2 / 0.3) / 40.0, 0, True),
-    ):
-        (found,) = claim(changed.to_dict("records"), "plane", "zoh", "quality").itertuples()
-        assert found.fewer == pytest.approx(fewer, nan_ok=True)
-        assert (found.unreached, found.at_least) == (unreached, at_least)
-
-
-def test_of_several_crossings_the_largest_weber_factor_counts() -> None:
-    points = [(0.2, 10.0), (0.6, 8.0), (0.2, 6.0), (0.6, 4.0)]
-    assert rate_at(points, 0.4)[0] == pytest.approx(exp((log(6) + log(4)) / 2))
-
-
-@examples(50)
-@given(
-    st.lists(st.floats(0.01, 2.0), min_size=2, max_size=8).map(sorted),
-    st.floats(0.0, 3.0),
-    st.randoms(use_true_random=False),
-)
-def test_the_rate_lies_between_those_of_the_curve(errors: list[float], error: float, random: object) -> None:
-    rates = sorted((random.uniform(1.0, 100.0) for _ in errors), reverse=True)  # type: ignore[attr-defined]
-    rate, is_bound = rate_at(list(zip(errors, rates, strict=True)), error)
-    if rate == inf:
-        assert error < errors[0]
-    else:
-        assert rates[-1] <= rate * (1 + 1e-9)
-        assert rate <= rates[0] * (1 + 1e-9)
-        assert is_bound == (errors[-1] < error)

@@ -1,27 +1,18 @@
 """The work-precision study of the integrators: rows, orders, fronts, divergence, table, figure."""
 
-from math import inf, sqrt
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("scipy")
 pytest.importorskip("pandas")
 
-from weberlink.geometry.vector import Vector
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, MassState
-from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink_studies.frame import FrameResult, data_frame
-from weberlink_studies.precision.measurement import StepSize, energy_gained, measured
-from weberlink_studies.precision.problems import PROBLEMS, HalfSpace, Problem, ProblemSurface
-from weberlink_studies.precision.reference import reference
-from weberlink_studies.precision.study import Effort, fitted_order, recommendation, run
-from weberlink_studies.result import pareto
+from weberlink_studies.precision.problems import HalfSpace, Problem, ProblemSurface
+from weberlink_studies.precision.study import Effort, recommendation, run
 
-BY_NAME = {problem.name: problem for problem in PROBLEMS}
 WALL = Problem(
     "wall",
     "2e4 N/m",
@@ -33,20 +24,6 @@ WALL = Problem(
     duration=0.016,
     smooth=frozenset({"position", "force"}),
 )
-
-
-class Exploding:
-    """A method that doubles its distance at every step until nothing finite is left."""
-
-    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
-        pass
-
-    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
-        x, y, z = motion.position
-        return MassState((x * 1e200 + 1.0, y, z), motion.velocity, motion.force)
-
-
-EXPLODING = IntegrationScheme(f"{__name__}:Exploding", order=1, l_stable=False)
 
 
 @pytest.fixture(scope="module")
@@ -65,16 +42,6 @@ def test_every_integrator_meets_its_order(result: FrameResult) -> None:
             assert order["order"] == pytest.approx(order["order_in_theory"], abs=0.2)
 
 
-@pytest.mark.parametrize("name", ["heavy_10kg", "impact_2m_s", "grazing", "oblique", "overdamped"])
-def test_exact_is_exact_on_linear_contact(name: str) -> None:
-    problem = BY_NAME[name]
-    known = reference(problem)
-    for step in (StepSize(ticks=4), StepSize(), StepSize(substeps=7)):
-        row = measured(problem, "exact", INTEGRATORS["exact"], step, known, repeats=1)
-        assert row["position_error"] <= 1e-9
-        assert row["force_error"] <= 1e-9
-
-
 ROW = {
     "integrator": "i", "substeps_per_tick": 1, "recommended": False, "diverged": False, "energy_gained": 0.0,
     "run_time_spread": 0.0, "run_time_ms_per_s": 1.0, "position_error": 1e-3,
@@ -85,20 +52,11 @@ ROW = {
     ("chosen", "other", "excess", "on_front"),
     [
         ({}, {"run_time_ms_per_s": 0.5, "position_error": 2e-3}, 1.0, True),
-        ({}, {"run_time_ms_per_s": 2.0, "position_error": 1e-6}, 1.0, True),  # takes more time
         ({}, {"position_error": 0.7e-3}, 1.0 / 0.7, True),
-        ({}, {"run_time_ms_per_s": 0.5, "position_error": 0.5e-3}, 2.0, False),
         ({}, {"run_time_ms_per_s": 1.04, "position_error": 0.5e-3}, 2.0, False),  # as quick, within the noise
         ({"run_time_spread": 0.4}, {"run_time_ms_per_s": 1.15, "position_error": 1e-4}, 10.0, False),
         ({}, {"run_time_ms_per_s": 0.5, "position_error": 1e-6, "substeps_per_tick": 0.5}, 1.0, True),  # no tick
         ({"position_error": 3e-14}, {"run_time_ms_per_s": 0.9, "position_error": 1e-15}, 1.0, True),  # unresolved
-        ({"energy_gained": 0.02}, {"run_time_ms_per_s": 2.0}, 1.0, True),
-        (
-            {"energy_gained": 0.02},
-            {"run_time_ms_per_s": 0.5, "position_error": 2e-3, "energy_gained": 0.01},
-            1.0,
-            False,
-        ),
         ({"diverged": True}, {"run_time_ms_per_s": 2.0}, None, False),
     ],
 )
@@ -112,45 +70,3 @@ def test_a_choice_is_compared_with_all_that_take_no_more_time(
     if excess is not None:
         assert found["error_excess"] == pytest.approx(excess)
         assert found["rival"] == ("i" if excess == 1.0 else "other")
-
-
-def test_a_bounce_gains_what_the_integrator_adds() -> None:
-    """Without control the mass leaves at its speed; leaving faster by a tenth is a gain of 1 - 1 / 1.21."""
-    body, up, zero = ControlledMass(0.2, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
-    floor = ProblemSurface(HalfSpace(zero, up), 2e4)
-    problem = Problem("b", "", body, (floor,), ((0.0, up),), (0.0, 0.0, 0.001), (0.0, 0.0, -1.0))
-    deepest = MassState((0.0, 0.0, -sqrt(0.2 / 2e4)), zero, (0.0, 0.0, sqrt(0.2 * 2e4)))
-    for speed, gained in ((1.0, 0.0), (1.1, 1.0 - 1.0 / 1.21), (inf, inf)):
-        away = MassState((0.0, 0.0, 0.001), (0.0, 0.0, speed), zero)
-        assert energy_gained(problem, [deepest, away], zero, 1) == pytest.approx(gained, abs=1e-12)
-
-
-STEPS = [2.0**-n for n in range(12)]
-
-
-@given(st.floats(0.5, 6.0), st.floats(1e-3, 1e3))
-def test_a_power_law_gives_its_power(order: float, constant: float) -> None:
-    errors = [constant * step**order for step in STEPS]
-    fitted = fitted_order(STEPS, errors, 1e-15)
-    usable = sum(1e-15 < error < 0.03 for error in errors)
-    assert (fitted is None) == (usable < 3)
-    if fitted is not None:
-        assert fitted == pytest.approx(order, abs=1e-6)
-
-
-def test_only_asymptotic_errors_are_fitted() -> None:
-    errors = [inf, 5.0, 0.9, *[0.02 * 4.0**-n for n in range(4)], *[1e-13] * 5]
-    assert fitted_order(STEPS, errors, 1e-12) == pytest.approx(2.0)
-    assert fitted_order(STEPS, [inf, inf, *[1e-14] * 10], 1e-12) is None
-
-
-values = st.one_of(st.sampled_from([1.0, 2.0, 3.0]), st.floats(1e-6, 1e6))
-points = st.lists(st.tuples(values, st.one_of(values, st.just(inf))), max_size=12, unique=True)
-
-
-@given(points)
-def test_the_front_is_what_nothing_dominates(cloud: list[tuple[float, float]]) -> None:
-    frame = data_frame([{"time": time, "error": error} for time, error in cloud] or [{"time": 1.0, "error": inf}])
-    dominated = [any(a <= time and b <= error and (a, b) != (time, error) for a, b in cloud) for time, error in cloud]
-    expected = [error < inf and not lost for (_, error), lost in zip(cloud, dominated, strict=True)]
-    assert pareto(frame.time, frame.error).tolist() == (expected or [False])

@@ -4,23 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from weberlink.master.devices.hand import modelled_hand
-from weberlink.master.devices.operator import OperatorOptions, motion_of
 from weberlink_studies.stability.cells import (
-    DEPTH,
     EXTREMES,
     FAMILIES,
     SCHEMES,
-    Contact,
     SystemCell,
     cells,
 )
-from weberlink_studies.stability.measured_wall import plane
-from weberlink_studies.stability.script import HEIGHT, timing
 from weberlink_studies.stability.study import judge
-from weberlink_studies.stability.wall import Grip
-
-UNCODED = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
 
 
 def test_hold_over_a_long_delay_is_unstable() -> None:
@@ -41,9 +32,9 @@ def test_the_default_system_is_calm() -> None:
     assert found["force_reduction"] > 0.9
 
 
-@pytest.mark.parametrize("cell", [replace(UNCODED, damping_n_s_m=2.0), replace(UNCODED, rate_hz=100.0)])
 @pytest.mark.parametrize("share", [0.7, 1.4])
-def test_uncoded_cells_are_bounded_below_the_limit(cell: SystemCell, share: float) -> None:
+def test_uncoded_cells_are_bounded_below_the_limit(share: float) -> None:
+    cell = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0, rate_hz=100.0)
     limit = cell.limits()["stable_to_n_m"]
     assert judge(replace(cell, stiffness_n_m=share * limit))["bounded"] is (share < 1.0)
 
@@ -52,7 +43,6 @@ def test_uncoded_cells_are_bounded_below_the_limit(cell: SystemCell, share: floa
     ("cell", "state", "said"),
     [
         (SystemCell("a", scheme="no such scheme"), "refused", "loopback.yaml"),
-        (SystemCell("a", stiffness_n_m=1e10), "refused", "loopback.yaml"),
         (SystemCell("a", damping_n_s_m=-1.0), "failed", "damping_n_s_m"),
     ],
 )
@@ -62,90 +52,10 @@ def test_a_cell_that_cannot_run_is_a_verdict(cell: SystemCell, state: str, said:
     assert said in found["failure"]
 
 
-@pytest.mark.parametrize("contact", ["ball", "box"])
-def test_other_objects_are_explored_and_pressed(contact: Contact) -> None:
-    found = judge(SystemCell("a", contact=contact, friction=0.3))
-    assert found["state"] == "settled"
-    assert found["felt_share"] == pytest.approx(1.0, abs=0.06)
-    assert found["impulse_ratio"] == pytest.approx(1.0, abs=0.06)
-
-
-def test_a_turned_stick_is_felt_as_torque() -> None:
-    found = judge(SystemCell("a", robot="tool"))
-    assert found["state"] == "settled"
-    assert found["felt"] == pytest.approx(1.0, abs=0.1)
-    assert found["steady_force_n"] > 0.01
-
-
-def test_an_arm_on_a_table_is_felt_as_torque() -> None:
-    pytest.importorskip("mujoco")
-    found = judge(SystemCell("a", robot="arm", stiffness_n_m=100.0))
-    assert found["state"] == "settled"
-    assert found["felt"] == pytest.approx(1.0, abs=0.2)
-
-
-@pytest.mark.parametrize("grip", ["firm", "pinch", "fingertip"])
-@pytest.mark.parametrize("stiffness", [500.0, 1e7])
-def test_the_ideal_force_is_that_of_a_local_simulation(grip: Grip, stiffness: float) -> None:
-    """The hand of the cell on the wall that the robot displays, at the device and without delay.
-
-    In steps of 0.2 ms: at 1 kHz the wall of 2500 N/m is unstable with a fingertip.
-    """
-    step = 2e-4
-    for cell in (SystemCell("a", grip=grip, stiffness_n_m=stiffness), SystemCell("a", grip=grip, robot="simulated")):
-        wall, hand = plane(cell.displayed_n_m), modelled_hand(cell.wall.hand, (0.0, 0.0, HEIGHT))
-        force = (0.0, 0.0, 0.0)
-        for _ in range(10_000):
-            hand.advance((0.0, 0.0, -DEPTH), force, step)
-            force = wall.force(hand.position, step)
-        assert force[2] == pytest.approx(cell.ideal_n, rel=1e-3)
-
-
-SCRIPTED = [
-    SystemCell("a"),
-    SystemCell("a", scheme="none"),
-    SystemCell("a", contact="ball"),
-    SystemCell("a", contact="box"),
-    SystemCell("a", friction=0.5, wall_damping_n_s_m=1.0),
-    SystemCell("a", wall_speed_m_s=0.1),
-    SystemCell("a", round_trip_s=1.0),
-    SystemCell("a", round_trip_s=0.1, jitter_s=0.02, loss=0.3),
-    SystemCell("a", mass_kg=10.0),
-]
-
-
-@pytest.mark.parametrize("cell", SCRIPTED)
-def test_the_script_follows_the_timing(cell: SystemCell) -> None:
-    when = timing(cell)
-    options = OperatorOptions.model_validate({"script": when.steps, "home_m": (0.0, 0.0, HEIGHT), "repeat": False})
-    motion = motion_of(options.script, options.home_m, repeat=False)
-    assert motion.duration == pytest.approx(when.end)
-    assert motion.at(when.press)[0][2] == pytest.approx(HEIGHT)
-    assert motion.at(when.press + 0.2)[0][2] < HEIGHT
-    assert all(motion.at(share * when.press)[0][2] == pytest.approx(HEIGHT) for share in (0.25, 0.5, 0.75))
-    for time in (when.hold, 0.5 * (when.hold + when.release), when.release):
-        assert motion.at(time)[0][2] == pytest.approx(-DEPTH)
-    assert motion.at(when.release + 0.2)[0][2] > -DEPTH
-
-
-def test_the_wall_of_a_cell_has_its_delay() -> None:
-    assert SystemCell("a").wall.delay_ticks == 1
-    assert SystemCell("a", round_trip_s=0.02).wall.delay_ticks == 20
-    assert SystemCell("a", round_trip_s=0.001).wall.delay_ticks == 2  # half a tick is a tick
-    assert SystemCell("a", rate_hz=4000.0, round_trip_s=0.02).wall.delay_ticks == 80
-
-
 @pytest.mark.parametrize("full", [False, True])
 def test_the_map_has_every_family_under_every_scheme(full: bool) -> None:
     found = cells(7, full=full)
     assert len(set(found)) == len(found)
-    assert {cell.seed for cell in found} == {7}
-    mapped = [cell for cell in found if cell.family != "extremes"]
-    assert {(cell.family, cell.scheme) for cell in mapped} == {
-        (name, scheme) for name in FAMILIES for scheme in SCHEMES
-    }
-    for family in FAMILIES:
-        mine = [cell for cell in mapped if cell.family == family]
-        assert len({cell.stiffness_n_m for cell in mine}) >= 2
-        assert {0.0, 0.1, 0.5} <= {cell.round_trip_s for cell in mine}
+    mapped = {(cell.family, cell.scheme) for cell in found if cell.family != "extremes"}
+    assert mapped == {(name, scheme) for name in FAMILIES for scheme in SCHEMES}
     assert {cell.case for cell in found} == {"", *EXTREMES}

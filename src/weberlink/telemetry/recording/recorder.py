@@ -245,6 +245,8 @@ class RingRecorder:
     def _close(self, outcome: str) -> str:
         if self.writer is not None:
             self.writer.close(outcome)
+        elif outcome == COMPLETE:  # told to finish before there was a ring, and so a file
+            return f"no telemetry of {', '.join(self._order.rings)}"
         return outcome
 
 

@@ -1,6 +1,5 @@
 """The driver in this process, against the stand-in for the maker's library."""
 
-import re
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -9,21 +8,19 @@ from typing import Any
 
 import pytest
 
+from tests.master.devices.benches import armed
 from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.force_dimension.fake import Devices
 from weberlink.geometry.vector import Vector, norm
-from weberlink.master.devices.force_dimension.device import ForceDimensionDevice
-from weberlink.master.devices.force_dimension.library import PROTOTYPES, DhdLibrary, find
-from weberlink.master.devices.force_dimension.models import MODELS
-from weberlink.master.devices.force_dimension.options import ForceDimensionOptions
+from weberlink.master.devices.force_dimension.library import DhdLibrary, find
 from weberlink.master.devices.threaded_device import RAMP_S
 
 TICK = 0.001
 PUSH: Vector = (0.0, 2.0, 0.0)
-SIGMA_7, LAMBDA_7, FALCON = 104, 108, 60
+OMEGA_3, SIGMA_7, LAMBDA_7, FALCON = 33, 104, 108, 60
 BUTTON, VELOCITY, WATCHDOG = 1, 2, 3
 
-Make = Callable[..., ForceDimensionDevice]
+Make = Callable[..., Any]
 
 
 @pytest.fixture
@@ -33,13 +30,11 @@ def devices(tmp_path: Path) -> Devices:
 
 @pytest.fixture
 def make(devices: Devices) -> Iterator[Make]:
-    """Makes a device whose signs count as checked, unless told otherwise."""
-    made: list[ForceDimensionDevice] = []
+    """Makes a device whose signs count as checked."""
+    made: list[Any] = []
 
-    def of(*, checked: bool = True, **options: Any) -> ForceDimensionDevice:
-        wanted = ForceDimensionOptions(**{"library": str(devices.library), **options})
-        signs = ForceDimensionDevice.fingerprint(wanted) if checked else None
-        made.append(ForceDimensionDevice(wanted.model_copy(update={"signs_checked": signs}), TICK))
+    def of(**options: Any) -> Any:
+        made.append(armed("force_dimension", **{"library": str(devices.library), **options}))
         return made[-1]
 
     yield of
@@ -47,11 +42,7 @@ def make(devices: Devices) -> Iterator[Make]:
         device.close()
 
 
-def ends(device: ForceDimensionDevice) -> str:
-    return fault_of(device, PUSH)
-
-
-def hold(device: ForceDimensionDevice, is_so: Callable[[], object]) -> None:
+def hold(device: Any, is_so: Callable[[], object]) -> None:
     drive(device, is_so, PUSH)
 
 
@@ -109,7 +100,7 @@ def test_force_switched_off_by_person_stays_off_over_reconnection(
     hold(device, lambda: norm(handle.wrench[0]) > 1.9)
     enabled = handle["enables"]
     handle.switch_off(cause)
-    assert f"force_dimension: its force is off: {words}; start the session again" in ends(device)
+    assert f"force_dimension: its force is off: {words}; start the session again" in fault_of(device, PUSH)
     assert (handle["enables"], handle["force_on"]) == (enabled, 0)
     device.open(monotonic())
     hold(device, lambda: norm(handle.wrench[0]) > 1.9)
@@ -150,93 +141,63 @@ def test_readings_have_what_the_model_has(model: str, type_: int, shown: int, de
 # --- which device
 
 
-def test_device_is_chosen_by_its_serial_number(devices: Devices, make: Make) -> None:
+def test_device_is_chosen_by_its_serial_number_and_stays_the_same(devices: Devices, make: Make) -> None:
     devices[0].plug(33, 11)
-    devices[1].plug(33, 12)
+    handle = devices[1].plug(33, 12)
     said = refusal(make())
     assert "2 are plugged in, with serial numbers 11, 12; say which with master.device.serial_number" in said
     assert "the one with serial number 13 is not there, but 11, 12" in refusal(make(serial_number=13))
-    device = make(serial_number=12)
+    device = make(serial_number=12, reconnect_s=0.5)
     device.open(monotonic())
-    hold(device, lambda: norm(devices[1].wrench[0]) > 1.9)
-    assert (devices[0]["owner"], devices[0]["sets"]) == (0, 0)
-
-
-def test_device_of_another_program_is_said_to_be_taken(devices: Devices, make: Make) -> None:
-    devices[0].plug()["owner"] = 1  # a process that always runs
-    assert "see that it is switched on and that no other program has it open (dhdOpenID: device in use)" in refusal(
-        make()
-    )
-
-
-def test_reconnection_takes_the_same_device_alone(devices: Devices, make: Make) -> None:
-    handle = devices[0].plug(33, 11)
-    device = make(reconnect_s=0.5)
-    device.open(monotonic())
-    for serial_number in (11, 12):
+    for serial_number in (12, 14):
         hold(device, lambda: norm(handle.wrench[0]) > 1.9)
         handle["present"] = 0
         hold(device, lambda: device.trouble is not None and "communication error" in device.trouble)
         handle.plug(33, serial_number)
-    assert "the one with serial number 11 is not there, but 12" in ends(device)
+    assert "the one with serial number 12 is not there, but 11, 14" in fault_of(device, PUSH)
+    assert (devices[0]["owner"], devices[0]["sets"]) == (0, 0)
 
 
-# --- what is refused
-
-
-def test_wrong_model_is_named_with_the_right_one(devices: Devices, make: Make) -> None:
-    devices[0].plug(LAMBDA_7)
-    said = "force_dimension: is a lambda.7 (type 108), the file says omega.3; set master.device.model: lambda.7"
-    assert refusal(make()) == said
-    devices[0]["type"] = 999
-    assert "(type 999), the file says omega.3; which this driver does not know" in refusal(make())
-    assert devices[0]["owner"] == 0
-
-
-@pytest.mark.parametrize(("field", "value", "words"), [("reset", 1, "is not"), ("wrist_init", 0, "the wrist is not")])
-def test_uncalibrated_device_is_refused(field: str, value: int, words: str, devices: Devices, make: Make) -> None:
-    handle = devices[0].plug(SIGMA_7)
+@pytest.mark.parametrize(
+    ("model", "type_", "field", "value", "says"),
+    [
+        ("omega.3", OMEGA_3, "owner", 1, "no other program has it open (dhdOpenID: device in use)"),
+        (
+            "omega.3",
+            LAMBDA_7,
+            "type",
+            LAMBDA_7,
+            "is a lambda.7 (type 108), the file says omega.3; set master.device.mo",
+        ),
+        ("omega.3", 999, "type", 999, "(type 999), the file says omega.3; which this driver does not know"),
+        ("sigma.7", SIGMA_7, "reset", 1, "is not calibrated: bring the handle to its calibration position"),
+        ("sigma.7", SIGMA_7, "wrist_init", 0, "the wrist is not calibrated: bring the handle"),
+    ],
+)
+def test_device_that_cannot_be_used_is_refused(
+    model: str, type_: int, field: str, value: int, says: str, devices: Devices, make: Make
+) -> None:
+    handle = devices[0].plug(type_)
     handle[field] = value
-    assert f"{words} calibrated: bring the handle to its calibration position" in refusal(make(model="sigma.7"))
-    assert (handle["owner"], handle["enables"]) == (0, 0)
+    assert says in refusal(make(model=model))
+    assert (handle["force_on"], handle["enables"]) == (0, 0)
+    assert handle["owner"] == (value if field == "owner" else 0)
 
 
 def test_missing_or_wrong_library_is_said_in_one_line(
-    devices: Devices, make: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    make: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for name in ("FDSDK", "FORCEDIM_SDK"):
+    for name in ("FDSDK", "FORCEDIM_SDK", "HOME"):
         monkeypatch.setenv(name, str(tmp_path))
-    monkeypatch.setenv("HOME", str(tmp_path))
     if not list(Path("/usr/local/lib").glob("libd[hr]d.so*")):
         assert "get the SDK from forcedimension.com, and set the environment variable FDSDK" in refusal(
             make(library=None)
         )
     assert "the maker's library cannot be loaded: " in refusal(make(library=str(tmp_path / "none.so")))
     assert "has no dhdErrorGetLastStr: install a newer SDK" in refusal(make(library="libm.so.6"))
-
-
-def test_newest_library_of_the_sdk_is_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
-    monkeypatch.setenv("FDSDK", str(tmp_path))
     folder = tmp_path / "lib" / "release" / "lin-x86_64-gcc"
     folder.mkdir(parents=True)
     for name in ("libdrd.so.3.17.1", "libdhd.so.3.9.1", "libdhd.so.3.17.1", "libdhd.a"):
         (folder / name).touch()
-    assert find() == str(folder / "libdhd.so.3.17.1")
-
-
-# --- the stand-in
-
-
-def test_stand_in_has_each_call_with_as_many_arguments() -> None:
-    source = Path(__file__).with_name("libdhd.c").read_text(encoding="utf-8")
-    for name, (_, arguments) in PROTOTYPES.items():
-        found = re.search(rf"\b{name}\(([^)]*)\) \{{", source)
-        assert found is not None, name
-        declared = [each for each in found[1].split(",") if each.strip() != "void"]
-        assert len(declared) == len(arguments), name
-
-
-def test_every_model_has_types_of_its_own() -> None:
-    types = [type_ for model in MODELS.values() for type_ in model.types]
-    assert len(types) == len(set(types))
+    assert find() == str(folder / "libdhd.so.3.17.1"), "the newest"

@@ -39,27 +39,6 @@ def usable(name: str, share: Pair) -> tuple[PlanarFiveBar, Pair, Pair]:
 @every_version
 @examples(30)
 @given(share=shares)
-def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
-    bar, tip, angles = usable(name, share)
-    assert bar.tip(angles) == pytest.approx(tip, abs=1e-12)
-    assert bar.angles(bar.tip(angles)) == pytest.approx(angles, abs=1e-9)
-
-
-@every_version
-@examples(30)
-@given(share=shares)
-def test_tip_closes_the_linkage_at_upper_point(name: str, share: Pair) -> None:
-    bar, _, angles = usable(name, share)
-    x, y = bar.tip(angles)
-    (ax, ay), (bx, by) = bar._elbows(angles)
-    assert hypot(x - ax, y - ay) == pytest.approx(bar.outer, abs=1e-12)
-    assert hypot(x - bx, y - by) == pytest.approx(bar.outer, abs=1e-12)
-    assert y >= (ay + by) / 2.0
-
-
-@every_version
-@examples(30)
-@given(share=shares)
 def test_the_jacobian_is_the_derivative(name: str, share: Pair) -> None:
     bar, _, (first, second) = usable(name, share)
     jacobian = bar.jacobian((first, second))

@@ -55,16 +55,6 @@ FORMER_FORCE_UP = {
 """The same before, as Isaac Lab and the maker's earlier examples send it."""
 PRESET = {"preset": {"preset": "arm_front_centered"}}
 """`configure` of a device."""
-VERSION = {
-    "build_time": "2024-08-07T16:01:53Z",
-    "git_branch": "main",
-    "git_describe": "3.0.0-2-gce34c39e",
-    "git_hash": "ce34c39e",
-    "git_tag": "3.0.0",
-    "project_name": "haply-inverse-service",
-    "project_version": "3.0.0.0",
-}
-"""The answer to GET /version."""
 GRIP = {
     "device_id": "6A1F",
     "state": {"orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "buttons": {"a": False}},

@@ -17,9 +17,8 @@ class DelayedLine:
         self.now = 100.0
         self.late = late
         self.lost = 0
-        self.garbled = 0
         self.sent: list[tuple[float, int]] = []
-        self.coming: list[tuple[float, int | None]] = []
+        self.coming: list[tuple[float, int]] = []
 
     def clock(self) -> float:
         return self.now
@@ -29,11 +28,9 @@ class DelayedLine:
         if self.lost:
             self.lost -= 1
             return
-        answer = message if not self.garbled else None
-        self.garbled = max(0, self.garbled - 1)
-        self.coming.append((self.now + self.late, answer))
+        self.coming.append((self.now + self.late, message))
 
-    def hear(self, until: float) -> list[int | None]:
+    def hear(self, until: float) -> list[int]:
         due = min((at for at, _ in self.coming), default=float("inf"))
         self.now = max(self.now, min(due, until))
         answers = [answer for at, answer in self.coming if at <= self.now]
@@ -60,13 +57,6 @@ def test_stale_message_is_replaced_by_rest() -> None:
     assert [message for _, message in line.sent] == [1, REST]
 
 
-def test_missing_answer_sends_rest_at_once() -> None:
-    line = DelayedLine()
-    line.lost = 1
-    assert asked(talk(line), 1) == "does not answer"
-    assert line.sent == [(100.0, 1), (100.0 + PATIENCE, REST)]
-
-
 def test_dialogue_resumes_when_owed_answers_have_come() -> None:
     line = DelayedLine()
     dialogue = talk(line)
@@ -84,6 +74,8 @@ def test_lost_answer_is_given_up_after_silence() -> None:
     dialogue = talk(line)
     line.lost = 2
     began = line.now
+    assert asked(dialogue, 7) == "does not answer"
+    assert line.sent == [(100.0, 7), (100.0 + PATIENCE, REST)]
     while not isinstance(asked(dialogue, 7), int):
         assert line.now < began + 1.0
     assert began + QUIET_S <= line.now <= began + QUIET_S + PROBE_S + 3 * SLICE_S

@@ -1,60 +1,49 @@
-"""Published parameter sets, the options that change them, the permitted force, and the page that lists them."""
+"""Published parameter sets, the options that change them, and the page that lists them."""
 
 from dataclasses import replace
 from pathlib import Path
-from random import Random
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 import yaml
 
-from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices import load
 from weberlink.master.devices.polhem.mechanism import CableDrive
-from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, PolhemSerialOptions, SetName
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
-from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
-from weberlink.master.devices.polhem.serial_protocol import MODELS
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import PARAMETERS, MechanismParameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 
 
-def test_options_name_all_sets_and_models() -> None:
-    assert set(get_args(SetName)) == set(PARAMETERS)
-    assert set(get_args(Model)) == set(MODELS.values())
-    assert set(MODEL_SETS) == set(MODELS)
-    assert set(MODEL_SETS.values()) <= set(PARAMETERS)
-
-
 @every_set
-def test_parameter_set_has_source_and_plausible_limits(parameters: MechanismParameters) -> None:
+def test_limits_are_plausible_and_every_board_has_the_same_home_pose(parameters: MechanismParameters) -> None:
     assert parameters.source
     assert parameters.force_n <= 5.0
     assert 500.0 <= parameters.stiffness_n_m <= 2000.0
     assert 0.1 <= parameters.radius_m <= 0.15
-    # The wire of the default configuration spans 0.327 m.
-    assert parameters.radius_m < parameters.reach_m < 0.32
+    # Other signs come with other home counts: where a sign of one is wrong, the pose is another.
+    for board in parameters.wirings:
+        pose = parameters.on(board).mechanism.drive.angles((0, 0, 0))
+        assert pose == pytest.approx(parameters.mechanism.drive.angles((0, 0, 0)), abs=1e-9)
 
 
-@every_set
-def test_every_board_has_the_same_home_pose(parameters: MechanismParameters) -> None:
-    """Other signs come with other home counts: where a sign of one is wrong, the pose is another."""
-    poses = [parameters.on(board).mechanism.drive.angles((0, 0, 0)) for board in parameters.wirings]
-    for pose in poses:
-        assert pose == pytest.approx(poses[0], abs=1e-9)
-    assert parameters.mechanism.drive.angles((0, 0, 0)) == poses[0]
+@pytest.mark.parametrize(
+    ("name", "reach_m"),
+    [("woodenhaptics_2015", 0.255), ("vintage_phantom", 0.2), ("polhem_v1", 0.2), ("polhem_v3", 0.3)],
+)
+def test_the_workspace_holds_the_home_pose_and_twice_the_radius(name: str, reach_m: float) -> None:
+    assert PARAMETERS[name].reach_m == pytest.approx(reach_m)
 
 
 def drive_of(**settings: Any) -> CableDrive:
     return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive
 
 
-def test_signs_and_home_counts_are_replaced_separately() -> None:
-    published = drive_of()
-    assert drive_of(encoder_directions=(-1, 1, 1)) == replace(published, encoder_directions=(-1, 1, 1))
-    assert drive_of(motor_directions=(-1, 1, 1)) == replace(published, motor_directions=(-1, 1, 1))
-    assert drive_of(home_counts=(1, 2, 3)) == replace(published, home_counts=(1, 2, 3))
-    assert drive_of(gimbal_directions=(1, 1, 1)) == replace(published, gimbal_directions=(1, 1, 1))
+@pytest.mark.parametrize("name", ["encoder_directions", "motor_directions", "home_counts", "gimbal_directions"])
+def test_signs_and_home_counts_are_replaced_separately(name: str) -> None:
+    value = (1, 2, 3) if name == "home_counts" else (-1, 1, -1)
+    changed: Any = {name: value}
+    assert drive_of(**changed) == replace(drive_of(), **changed) != drive_of()
 
 
 def test_old_directions_key_sets_both_signs() -> None:
@@ -62,20 +51,8 @@ def test_old_directions_key_sets_both_signs() -> None:
     assert drive_of(directions=(-1, 1, 1)) == both
 
 
-TICK = 0.001
-HID, SERIAL = PolhemHidOptions, PolhemSerialOptions
-
-
-def serial(**settings: Any) -> PolhemSerialDevice:
-    return PolhemSerialDevice(SERIAL(**settings), TICK)
-
-
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
 EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
-CELLS = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines()]
-ROWS = {cells[0].strip("`"): cells[1:] for cells in CELLS if len(cells) == 6 and cells[0].startswith("`")}
-SIGNS = {(cells[0].strip("`"), cells[1]): cells[2:] for cells in CELLS if len(cells) == 7 and cells[0].startswith("`")}
-BOARDS: dict[str, Board] = {"serial": "serial", "HID, 14 bytes": "hid14", "HID, 8 bytes": "hid8"}
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
@@ -83,54 +60,3 @@ def test_examples_are_options_of_their_driver(example: str) -> None:
     settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
     driver: Any = load(settings.pop("driver"))
     assert driver(driver.Options(**settings), 0.001).spec.name
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_a_row_is_what_the_set_computes(name: str) -> None:
-    use, home, steps, currents, force = ROWS[name]
-    parameters = PARAMETERS[name]
-    mechanism = parameters.mechanism
-    for number, of_model in MODEL_SETS.items():
-        assert (f"model {number}" in use) == (of_model == name)
-    assert home == in_row([round(component * 1e3) for component in mechanism.position((0, 0, 0))])
-    middle = mechanism.counts_at(ZERO)
-    here = mechanism.position(middle)
-    moved = [[count + (i == motor) for i, count in enumerate(middle)] for motor in range(3)]
-    assert steps == in_row([round(distance(mechanism.position(counts), here) * 1e6) for counts in moved])
-    assert currents == in_row([round(max(map(abs, mechanism.currents_ma(axis, middle)))) for axis in AXES])
-    assert float(force) == pytest.approx(weakest(name), rel=0.05)
-
-
-def test_the_signs_are_those_of_the_drivers() -> None:
-    known = {(name, board) for name, each in PARAMETERS.items() for board in each.wirings}
-    assert {(name, BOARDS[board]) for name, board in SIGNS} == known
-    for (name, board), (encoders, motors, home_counts, gimbal, source) in SIGNS.items():
-        wiring = PARAMETERS[name].wirings[BOARDS[board]]
-        assert encoders == signs(wiring.encoder)
-        assert motors == signs(wiring.motor)
-        assert home_counts == in_row(wiring.home_counts)
-        has_gimbal = 0 not in PARAMETERS[name].mechanism.drive.gimbal_counts_per_turn
-        assert gimbal == (signs(wiring.gimbal) if has_gimbal else "")
-        assert source.split()[0] in wiring.source
-
-
-def signs(three: tuple[int, int, int]) -> str:
-    return " ".join("+-"[sign < 0] for sign in three)
-
-
-def in_row(numbers: Any) -> str:
-    return ", ".join(map(str, numbers))
-
-
-def weakest(name: str) -> float:
-    """Force in the direction in which 2 A give least [N]."""
-    mechanism, random = PARAMETERS[name].mechanism, Random(0)
-    middle = mechanism.counts_at(ZERO)
-    least = float("inf")
-    for _ in range(1000):
-        way = (random.gauss(), random.gauss(), random.gauss())
-        least = min(least, 2000.0 * norm(way) / max(map(abs, mechanism.currents_ma(way, middle))))
-    return least
-
-
-AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

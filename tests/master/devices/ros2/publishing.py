@@ -87,16 +87,6 @@ def next_target(process: ListenerProcess) -> PointerTarget:
     return target
 
 
-def targets_for(process: ListenerProcess, seconds: float) -> list[PointerTarget]:
-    """All targets that a daemon at 1 kHz would read in a time [s]."""
-    until, found = monotonic() + seconds, list[PointerTarget]()
-    while monotonic() < until:
-        target = process.newest()
-        found += [] if target is None else [target]
-        sleep(1e-3)
-    return found
-
-
 def await_trouble(process: ListenerProcess, part: str | None) -> None:
     """Wait until the trouble has a part, or there is none."""
     until = monotonic() + PATIENCE

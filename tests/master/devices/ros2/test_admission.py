@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import LONGEST
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.devices.ros2.admission import MOST_CLOCKS, Admission, Pose, Subscription
+from weberlink.master.devices.ros2.admission import Admission, Pose, Subscription
 
 WANTED = Subscription("/target", 0, None, "base", (0.4, 0.0, 0.3), 0.1, turns=True)
 HERE = (0.41, -0.02, 0.33)
@@ -39,29 +39,14 @@ def every(period: float, count: int, **other: object) -> list[tuple[float, Pose]
     return [(at, pose(at, **other)) for at in times]  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("rate_hz", [30.0, 125.0, 1000.0])
-def test_every_pose_of_a_steady_publisher_leads(rate_hz: float) -> None:
-    admission = Admission(WANTED)
-    assert all(taken(admission, every(1.0 / rate_hz, 200)))
-    assert admission.refusal(3.0) is None
-
-
-def test_target_is_relative_to_the_origin() -> None:
-    target = Admission(WANTED).take(pose(1.0), 1.0)
-    assert target is not None
-    assert target[0] == pytest.approx((0.01, -0.02, 0.03))
-    assert target[1] == ZERO
-
-
-def test_orientation_becomes_a_rotation_vector() -> None:
+def test_target_is_relative_to_the_origin_and_an_orientation_becomes_a_rotation_vector() -> None:
     half = pi / 8
     turned = pose(1.0, orientation=(1.004 * cos(half), 0.0, 0.0, 1.004 * sin(half)))
     target = Admission(WANTED).take(turned, 1.0)
-    assert target is not None
-    assert target[1] == pytest.approx((0.0, 0.0, pi / 4))
-    level = Admission(WANTED._replace(turns=False)).take(turned._replace(orientation=(nan, 0.0, 0.0, 0.0)), 1.0)
-    assert level is not None, "nothing turns"
-    assert level[1] == ZERO
+    assert target == (pytest.approx((0.01, -0.02, 0.03)), pytest.approx((0.0, 0.0, pi / 4)))
+    level = Admission(WANTED._replace(turns=False, frame_id=None))
+    target = level.take(turned._replace(orientation=(nan, 0.0, 0.0, 0.0), frame_id="camera"), 1.0)
+    assert target == (pytest.approx((0.01, -0.02, 0.03)), ZERO), "nothing turns, and any frame leads"
 
 
 BAD = {
@@ -85,14 +70,6 @@ def test_bad_pose_counts_as_silence_and_is_told(why: str) -> None:
     assert "\n" not in refusal
     assert all(taken(admission, [(at + 0.1, each) for at, each in every(0.01, 5)])), "good ones lead at once"
     assert admission.refusal(1.05 + 1.1) is None, "told for a second"
-
-
-def test_any_frame_leads_where_none_is_named() -> None:
-    assert Admission(WANTED._replace(frame_id=None)).take(pose(1.0, frame_id="camera"), 1.0) is not None
-
-
-def test_poses_without_a_stamp_lead() -> None:
-    assert all(taken(Admission(WANTED), every(0.01, 20, stamp_s=0.0)))
 
 
 @pytest.mark.parametrize(("back_s", "why"), [(0.0, "time stands still"), (2.0, "time goes back by 2.000 s")])
@@ -141,14 +118,6 @@ def test_slow_publisher_is_told_to_be_faster() -> None:
     admission = Admission(WANTED)
     assert all(taken(admission, every(0.12, 10))), "each leads for 100 ms"
     assert admission.refusal(2.1) == "poses came 120 ms apart: publish faster, or raise silence_ms"
-
-
-def test_only_so_many_publishers_are_remembered() -> None:
-    admission = Admission(WANTED)
-    for number in range(10 * MOST_CLOCKS):
-        at = 1.0 + 0.2 * number
-        assert admission.take(pose(at, source=str(number).encode()), at) is not None
-    assert len(vars(admission)["_clocks"]) == MOST_CLOCKS
 
 
 FLOATS = st.floats() | st.floats(-1.0, 1.0)

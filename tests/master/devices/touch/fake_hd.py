@@ -83,12 +83,6 @@ class Board(ctypes.Structure):
         assert self.logged <= LOGGED
         return [(1e-9 * self.log[i].at, hypot(*self.log[i].force)) for i in range(self.logged)]
 
-    def zero_after(self, at: float) -> float | None:
-        """How long after `at` the force was zero [s]; None while it is not."""
-        if hypot(*self.force) > 0.0:
-            return None
-        return max(0.0, 1e-9 * int(self.force_at) - at)
-
 
 @cache
 def library() -> Path:

@@ -5,10 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.slave.robots.dynamixel import arm
 from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
-    ROTOR_INERTIA_KG_M2,
     UPPER,
     Joints,
     arm_pose,
@@ -16,13 +14,9 @@ from weberlink.slave.robots.dynamixel.arm import (
     inverse_nearest,
     within_limits,
 )
-from weberlink.slave.robots.dynamixel.exchange import WEIGHT_A
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 STEP = 1e-6
-ROTOR = ROTOR_INERTIA_KG_M2
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
-small = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
 
 
 def moved(joints: Joints, index: int, by: float) -> Joints:
@@ -39,14 +33,6 @@ def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
             assert row[index] == pytest.approx((a - b) / (2.0 * STEP), abs=1e-6)
 
 
-@given(poses)
-def test_gravity_is_the_gradient_of_potential_energy(joints: Joints) -> None:
-    gravity = arm_pose(joints).gravity
-    for index in range(4):
-        ahead, behind = (arm.potential_energy(moved(joints, index, by)) for by in (STEP, -STEP))
-        assert gravity[index] == pytest.approx((ahead - behind) / (2.0 * STEP), abs=1e-6)
-
-
 @given(st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25)), st.floats(0.0, 1.2))
 def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> None:
     joints = inverse_nearest(tip, pitch)
@@ -56,26 +42,3 @@ def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> N
     exact = inverse(tip, pitch)
     if exact is not None:
         assert arm_pose(joints).pitch == pytest.approx(pitch, abs=1e-9)
-
-
-@pytest.mark.parametrize("tip", [(0.5, 0.0, 0.1), (0.2, 0.0, 0.6), (0.012, 0.0, -0.4)])
-def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
-    assert inverse(tip, 0.0) is None
-    assert inverse_nearest(tip, 0.0) is None
-
-
-@given(poses)
-def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
-    assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A
-    assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
-
-
-@given(poses, small)
-def test_mass_matrix_is_symmetric_positive_definite(joints: Joints, rates: Joints) -> None:
-    here = arm_pose(joints)
-    columns = [here.momentum(moved((0.0, 0.0, 0.0, 0.0), index, 1.0), ROTOR) for index in range(4)]
-    for i in range(4):
-        for k in range(4):
-            assert columns[i][k] == pytest.approx(columns[k][i], abs=1e-15)
-    energy = sum(p * q for p, q in zip(here.momentum(rates, ROTOR), rates, strict=True))
-    assert energy >= ROTOR * sum(q * q for q in rates)

@@ -38,19 +38,20 @@ def opened(wire: PtyDevice, **options: Any) -> DynamixelRobot:
     return robot
 
 
-def led(robot: DynamixelRobot, command: Vector | None, done: Callable[[RobotReading], bool]) -> RobotReading:
+def led(robot: DynamixelRobot, done: Callable[[RobotReading], bool]) -> RobotReading:
+    """To the goal."""
+
     def reading() -> RobotReading | None:
         now = monotonic()
-        if command is not None:
-            robot.command(command, now)
+        robot.command(GOAL, now)
         latest = robot.latest(now)
         return latest if done(latest) else None
 
     return until(reading, "the arm", pause=TICK)  # type: ignore[return-value]
 
 
-def near(goal: Vector, within: float = 0.008) -> Callable[[RobotReading], bool]:
-    return lambda reading: distance(reading.position, goal) < within
+def is_there(reading: RobotReading) -> bool:
+    return distance(reading.position, GOAL) < 0.008
 
 
 def torque(wire: PtyDevice) -> list[bool]:
@@ -85,14 +86,7 @@ def test_impossible_options_are_refused(options: dict[str, Any], says: str) -> N
         DynamixelOptions(**options)
 
 
-def test_it_holds_when_the_loop_stops_and_when_it_is_left(wire: PtyDevice) -> None:
-    robot = opened(wire)
-    since = led(robot, GOAL, near(GOAL)).at
-    assert near(GOAL, 0.015)(led(robot, None, lambda reading: reading.at > since + 0.4))
-    robot.close()
-    assert torque(wire) == [True] * 4
-
-
+@pytest.mark.realtime
 @pytest.mark.parametrize("fails", [False, True])
 def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, fails: bool) -> None:
     """Where it does not get home, it holds."""
@@ -103,16 +97,17 @@ def test_it_goes_home_before_it_goes_limp(wire: PtyDevice, fails: bool) -> None:
     assert torque(wire) == ([True, True, True, False] if fails else [False] * 4)
 
 
+@pytest.mark.realtime
 def test_reconnected_arm_resumes(wire: PtyDevice) -> None:
     """That it does not jump is seen in virtual time."""
     robot = opened(wire, reconnect_s=60.0)
-    since = led(robot, GOAL, near(GOAL)).at
+    since = led(robot, is_there).at
     wire.unplug()
     sleep(0.05)
     wire.plug()
-    back = led(robot, GOAL, lambda reading: reading.at > since + 0.2)
+    back = led(robot, lambda reading: reading.at > since + 0.2)
     assert isfinite(back.position[2])
-    led(robot, GOAL, near(GOAL))
+    led(robot, is_there)
     robot.close()
     wire.unplug()
     with pytest.raises(RobotFault, match=r"^dynamixel: .*there is no such port"):

@@ -9,7 +9,6 @@ import pytest
 from tests.arms.virtual import KilledError
 from tests.slave.robots.dynamixel.virtual_bus import Bench
 from weberlink.arms.dynamixel import registers
-from weberlink.arms.dynamixel.packet import REBOOT, Packet
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
@@ -24,9 +23,7 @@ FLOOR_Z = 0.1
 SWIFT = DynamixelOptions(approach_m_s=0.5)
 
 
-def on_a_floor() -> Bench:
-    scene = [{"shape": "plane", "point_m": [0.0, 0.0, FLOOR_Z], "stiffness_n_m": 1000.0}]
-    return Bench(SWIFT, EmulatedOptions(scene=scene))  # type: ignore[arg-type]
+FLOOR = {"shape": "plane", "point_m": [0.0, 0.0, FLOOR_Z], "stiffness_n_m": 1000.0}
 
 
 def at_work() -> Bench:
@@ -45,26 +42,10 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
     bench.run(None, 0.4)
     assert not bench.emulator.held
     assert distance(bench.emulator.tip, before) < 2e-3
-    assert [bench.read(joint, registers.BUS_WATCHDOG) for joint in range(1, 5)] == [4] * 4  # x 20 ms
-    for joint in range(1, 5):
-        assert bench.read(joint, registers.OPERATING_MODE) == registers.MODE_CURRENT
-        assert bench.read(joint, registers.TORQUE_ENABLE) == 1
-        assert bench.read(joint, registers.RETURN_DELAY_TIME) == 0
-    assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
-
-
-def test_arm_follows_a_slow_command() -> None:
-    bench = Bench()
-    bench.exchange.open()
-    sample = bench.lead(AT_WORK, 0.1)
-    assert distance(sample.tip, AT_WORK) < 0.01
-    sample = bench.run(AT_WORK, 0.2)[-1]
-    assert distance(bench.emulator.tip, AT_WORK) < 0.004
-    assert distance(sample.tip, bench.emulator.tip) < 1e-3
-    assert bench.emulator.largest_current <= 1.0 + 1e-9
-    newest = bench.interpolation.at(bench.time.now + 1.0)
-    assert newest.values == (*sample.tip, *sample.force)
-    assert 0.0 < bench.time.now - sample.at < 0.004
+    assert bench.register("bus_watchdog") == [4] * 4  # x 20 ms
+    assert bench.register("operating_mode") == [registers.MODE_CURRENT] * 4
+    assert bench.register("return_delay_time") == [0] * 4
+    assert [servo.torque_on for servo in bench.emulator.servos] == [True] * 4 + [False], "the gripper is not ours"
 
 
 SWEPT: Joints = (0.037, 0.085, 0.132, 0.045)
@@ -86,8 +67,7 @@ def test_force_of_published_arms_is_within_stated_error(
     constant: float, taken_for: float, uncertain: float, coulomb: Joints, rotor: float
 ) -> None:
     options = SWIFT.model_copy(update={"torque_constant_n_m_a": taken_for, "torque_constant_error": uncertain})
-    scene = [{"shape": "plane", "point_m": [0.0, 0.0, FLOOR_Z], "stiffness_n_m": 1000.0}]
-    arm = {"torque_constant_n_m_a": constant, "coulomb_n_m": coulomb, "rotor_inertia_kg_m2": rotor, "scene": scene}
+    arm = {"torque_constant_n_m_a": constant, "coulomb_n_m": coulomb, "rotor_inertia_kg_m2": rotor, "scene": [FLOOR]}
     bench = Bench(options, EmulatedOptions.model_validate(arm))
     bench.exchange.open()
     stated = worst_force_error(options)
@@ -119,7 +99,7 @@ def test_the_lightest_and_strongest_arm_comes_to_rest_with_the_largest_gains() -
 
 def pressing() -> Bench:
     """On the floor, with a few newtons."""
-    bench = on_a_floor()
+    bench = Bench(SWIFT, EmulatedOptions.model_validate({"scene": [FLOOR]}))
     bench.exchange.open()
     goal = (0.2, 0.02, FLOOR_Z - 0.02)
     bench.lead(goal, 0.2)
@@ -146,18 +126,14 @@ def test_a_host_that_is_killed_or_stopped_lets_go_within_100_ms() -> None:
     assert bench.emulator.largest_current <= 1e-3 * bench.options.max_current_ma
     assert bench.emulator.tip_force[2] < pressed
     assert distance(bench.emulator.tip, where) < 0.01
-    assert bench.torque() == [1, 1, 1, 1]
-
-
-def restart(bench: Bench) -> None:
-    bench.tell(Packet(13, REBOOT))
+    assert bench.register("torque_enable") == [1] * 4
 
 
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
         (lambda bench: bench.emulator.inject("trip_watchdog", 1), r"bus watchdog tripped.*80 ms"),
-        (restart, r"joint 3 \(id 13\): its torque is off"),
+        (lambda bench: bench.emulator.servos[2].reboot(bench.time.now), r"joint 3 \(id 13\): its torque is off"),
     ],
 )
 def test_a_motor_that_let_go_is_named(spoil: Callable[[Bench], None], says: str) -> None:
@@ -191,22 +167,20 @@ def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
     where = bench.emulator.tip
     bench.wait(0.5)
     assert distance(bench.emulator.tip, where) < 0.015
-    for joint in range(1, 5):
-        assert bench.read(joint, registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
-        assert bench.read(joint, registers.TORQUE_ENABLE) == 1
-        assert bench.read(joint, registers.BUS_WATCHDOG) == 0
+    assert bench.register("operating_mode") == [registers.MODE_CURRENT_BASED_POSITION] * 4
+    assert (bench.register("torque_enable"), bench.register("bus_watchdog")) == ([1] * 4, [0] * 4)
     bench.exchange.close()
 
 
 @pytest.mark.parametrize(("allowed_ma", "of_the_motor"), [(700.0, 1193), (1000.0, 1193), (1000.0, 300)])
 def test_holding_motors_have_limited_current(allowed_ma: float, of_the_motor: int) -> None:
     bench = Bench(DynamixelOptions(approach_m_s=0.5, max_current_ma=allowed_ma))
-    bench.write(3, registers.CURRENT_LIMIT, of_the_motor)
+    bench.write(3, "current_limit", of_the_motor)
     bench.exchange.open()
     bench.lead(AT_WORK, 0.4)
     bench.exchange.close()
     most = min(int(allowed_ma / 2.69), of_the_motor)
-    assert [bench.read(joint, registers.GOAL_CURRENT) for joint in range(1, 5)] == [most] * 4
+    assert bench.register("goal_current") == [most] * 4
     for servo in bench.emulator.servos[:4]:
         assert servo.drive.limit <= most * registers.A_PER_COUNT + 1e-9
 
@@ -252,25 +226,15 @@ def test_late_answers_are_never_taken_as_fresh(latency: float) -> None:
             bad = 0
 
 
-def inject(name: str, value: float) -> Callable[[Bench], None]:
-    return lambda bench: bench.emulator.inject(name, value)
-
-
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (
-            lambda bench: setattr(bench.emulator.faults, "silent", True),
-            "no motor answers at 1000000 bit/s: check the 12 V supply",
-        ),
-        (inject("dead", 2), "joint 2 (id 12): no answer at 1000000 bit/s, but others answer: check the cable"),
-        (inject("wrong_model", 1060), "joint 1 (id 11): is a XL430-W250, which cannot control its current"),
-        (lambda bench: bench.write(2, registers.DRIVE_MODE, 1), "joint 2 (id 12): runs in reverse; clear bit 0"),
-        (lambda bench: bench.write(3, registers.HOMING_OFFSET, 1000), "joint 3 (id 13): stands at 1.88 rad"),
-        (
-            lambda bench: bench.write(2, registers.CURRENT_LIMIT, 100),
-            "of 100 is too low to carry the arm; set it to 372",
-        ),
+        (lambda bench: setattr(bench.emulator.faults, "silent", True), "no motor answers at 1000000 bit/s"),
+        (lambda bench: bench.emulator.inject("dead", 2), "joint 2 (id 12): no answer at 1000000"),
+        (lambda bench: bench.emulator.inject("wrong_model", 1060), "joint 1 (id 11): is a XL430-W250"),
+        (lambda bench: bench.write(2, "drive_mode", 1), "joint 2 (id 12): runs in reverse; clear bit 0"),
+        (lambda bench: bench.write(3, "homing_offset", 1000), "joint 3 (id 13): stands at 1.88 rad"),
+        (lambda bench: bench.write(2, "current_limit", 100), "of 100 is too low to carry the arm"),
         (lambda bench: setattr(bench, "latency", 0.006), "takes 9.0 ms at best, 250 Hz leave 4.0 ms"),
     ],
 )

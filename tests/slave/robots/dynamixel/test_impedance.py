@@ -21,7 +21,6 @@ from weberlink.slave.robots.dynamixel.impedance import (
     TipGoal,
     currents,
     joint_torques,
-    null_direction,
 )
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
@@ -56,21 +55,6 @@ def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
     gains = ImpedanceGains()
     energy = 0.5 * sum(p * rate for p, rate in zip(arm_pose(joints).momentum(speeds, gains.rotor), speeds, strict=True))
     assert power == pytest.approx(-2.0 * gains.damping_rate * energy, abs=1e-9), "all motion dies away at the same rate"
-
-
-@given(free, st.floats(-1.0, 1.0))
-def test_pitch_torque_exerts_no_tip_force(joints: Joints, turn: float) -> None:
-    here = arm_pose(joints)
-    null = null_direction(here)
-    motion = (0.0, *null)
-    assert hypot(*here.velocity(motion)) < 1e-12
-    turning = torque(joints, ZERO, STILL, turn)
-    for row in here.jacobian():  # a tip that is held feels J^T f only, to which n is at right angles
-        pressing = sum(j * n for j, n in zip(row, motion, strict=True))
-        assert pressing == pytest.approx(0.0, abs=1e-12)
-    along = sum(tau * n for tau, n in zip(turning, motion, strict=True))
-    assert turning == pytest.approx(tuple(along * n for n in motion), abs=1e-12)
-    assert along * sum(null) * turn >= -1e-12, "towards the pitch that is wanted"
 
 
 @given(poses)

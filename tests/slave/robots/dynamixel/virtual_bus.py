@@ -3,9 +3,7 @@
 from dataclasses import dataclass, field
 
 from tests.arms.virtual import VirtualPort, VirtualTime
-from weberlink.arms.dynamixel import packet, registers
-from weberlink.arms.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
-from weberlink.arms.dynamixel.registers import Register
+from weberlink.arms.dynamixel import registers
 from weberlink.arms.interpolation import Interpolation
 from weberlink.geometry.vector import Vector
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
@@ -60,21 +58,10 @@ class Bench:
         self.time.now += seconds
         self.emulator.advance(self.time.now)
 
-    def tell(self, request: Packet) -> list[StatusPacket]:
-        """Somebody else on the bus says something; gives what is answered."""
-        self.emulator.receive(encode_packet(request), self.time.now)
-        self.wait(0.01)
-        return StatusPacketReader().feed(b"".join(self.emulator.replies(self.time.now)))
+    def register(self, name: str) -> list[int]:
+        """Of joints 1 to 4."""
+        return [servo.registers[name] for servo in self.emulator.servos[:4]]
 
-    def read(self, joint: int, register: Register) -> int:
-        """Joint 5 is the gripper."""
-        (status,) = self.tell(packet.read(self.emulated.ids[joint - 1], register.address, register.size))
-        return register.decode(status.parameters)
-
-    def write(self, joint: int, register: Register, value: int) -> None:
-        (status,) = self.tell(packet.write(self.emulated.ids[joint - 1], register.address, register.encode(value)))
-        assert status.error == 0
-
-    def torque(self) -> list[int]:
-        """Whether it is on, for joints 1 to 4."""
-        return [self.read(joint, registers.TORQUE_ENABLE) for joint in range(1, 5)]
+    def write(self, joint: int, name: str, value: int) -> None:
+        register = registers.BY_NAME[name]
+        assert self.emulator.servos[joint - 1].write(register.address, register.encode(value)) == 0

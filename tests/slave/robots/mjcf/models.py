@@ -54,49 +54,10 @@ def gantry(surroundings: str = "", *, joints: str = SLIDES, tool: str = "", time
     </mujoco>"""
 
 
-def chain(gravity_compensation: float = 0.0, *, limit_deg: float = 100.0) -> str:
-    """A redundant arm of five joints that hangs in gravity over a table at z = 0, with a servo that pulls elsewhere."""
-    return f"""
-    <mujoco>
-      <default>
-        <joint axis="0 1 0" range="-{limit_deg} {limit_deg}" damping="0.01" armature="0.001"/>
-        <geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
-      </default>
-      <worldbody>
-        <geom type="plane" size="1 1 0.1" pos="0 0 -0.005" contype="1" conaffinity="1" condim="1"/>
-        <body pos="-0.3 0 0.14" gravcomp="{gravity_compensation}">
-          <joint axis="0 0 1"/>
-          <joint/>
-          <geom fromto="0 0 0 0.15 0 0.1" mass="0.3"/>
-          <body pos="0.15 0 0.1">
-            <joint name="servoed"/>
-            <geom fromto="0 0 0 0.15 0 0" mass="0.2"/>
-            <body pos="0.15 0 0">
-              <joint/>
-              <geom fromto="0 0 0 0 0 -0.15" mass="0.1"/>
-              <body pos="0 0 -0.15">
-                <joint/>
-                <geom fromto="0 0 0 0 0 -0.08" mass="0.05"/>
-                <geom type="sphere" size="0.005" pos="0 0 -0.08" mass="0.005" contype="1" conaffinity="1" condim="1"/>
-                <site name="tip" pos="0 0 -0.08"/>
-              </body>
-            </body>
-          </body>
-        </body>
-      </worldbody>
-      <actuator><position joint="servoed" kp="500"/></actuator>
-      <keyframe><key name="bent" qpos="0.1 -0.2 -0.1 0.3 -0.2" ctrl="1" qvel="1 2 3 4 5"/></keyframe>
-    </mujoco>"""
-
-
-def written(folder: Path, text: str) -> Path:
+def robot(folder: Path, text: str, **options: Any) -> MujocoRobot:
     path = folder / "model.xml"
     path.write_text(text)
-    return path
-
-
-def robot(folder: Path, text: str, **options: Any) -> MujocoRobot:
-    return MujocoRobot(MujocoRobot.Options(model=written(folder, text), **options), None, TICK)
+    return MujocoRobot(MujocoRobot.Options(model=path, **options), None, TICK)
 
 
 def hold(robot: MujocoRobot, goal: Vector, ticks: int, start: float = 0.0) -> RobotReading:

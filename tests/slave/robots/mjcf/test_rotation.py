@@ -1,6 +1,5 @@
 """An end effector that is turned and feels torque, against formulas."""
 
-from math import exp, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,8 @@ import pytest
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from tests.slave.robots.mjcf.models import SLIDES, TICK, gantry, lead, robot, wall
-from weberlink.geometry.rotation import Quaternion, angle_between, inverse, product, quaternion, vector
-from weberlink.geometry.vector import ZERO, Vector, norm, scale, subtract
+from weberlink.geometry.rotation import Quaternion, angle_between, inverse, product, quaternion
+from weberlink.geometry.vector import Vector, norm, scale, subtract
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
 
@@ -52,27 +51,6 @@ def test_orientation_is_relative_to_home_in_world_axes(tmp_path: Path, turn: Vec
     reading = held(made, place, quaternion(turn), 500)
     assert norm(subtract(reading.position, place)) < 1e-6
     assert angle_between(product(orientation_of(made), inverse(home)), quaternion(turn)) < 1e-6
-
-
-@pytest.mark.parametrize("ratio", [0.5, 1.0])
-def test_a_step_is_that_of_the_damped_oscillator(tmp_path: Path, ratio: float) -> None:
-    """A box of 0.2 kg about its middle: J = m (a^2 + b^2) / 3 with half edges, about z."""
-    inertia = 0.2 * 2.0 * 0.03**2 / 3.0
-    box = '<geom type="box" size="0.03 0.03 0.03" mass="0.2" contype="0" conaffinity="0"/>'
-    text = f"""<mujoco><option timestep="0.0001"/><worldbody><body>{SLIDES}<joint type="ball"/>{box}
-        <site name="tip"/></body></worldbody></mujoco>"""
-    made = robot(tmp_path, text, damping_ratio=ratio, **turning(stiffness_n_m_rad=0.5))
-    made.open(0.0)
-    omega, angles = sqrt(0.5 / inertia), []
-    for _ in range(400):
-        held(made, ZERO, quaternion((0.0, 0.0, 0.3)), 1)
-        angles.append(vector(orientation_of(made))[2])
-    if ratio == 1.0:
-        assert angles == pytest.approx(
-            [0.3 * (1.0 - (1.0 + omega * t) * exp(-omega * t)) for t in (TICK * n for n in range(1, 401))], abs=0.002
-        )
-    else:
-        assert max(angles) == pytest.approx(0.3 * (1.0 + exp(-pi / sqrt(3.0))), rel=0.01)
 
 
 @pytest.mark.parametrize("torque", ["contacts", "twist"])

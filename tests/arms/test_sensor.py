@@ -1,0 +1,39 @@
+"""Sensors of an arm's axes: each takes its part of a reading that is sound in all of them."""
+
+from math import inf, nan
+
+import pytest
+
+from weberlink.arms.contract import ArmReading
+from weberlink.arms.sensor import sensors
+from weberlink.geometry.vector import ZERO
+
+READING = ArmReading(0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+
+
+@pytest.mark.parametrize(("quantity", "taken"), [("angles", (1.0, 2.0, 3.0)), ("torques", (4.0, 5.0, 6.0))])
+def test_each_takes_and_sends_its_axes(quantity: str, taken: tuple[float, ...]) -> None:
+    joints, gripper = sensors(quantity, 2, 3)  # type: ignore[arg-type]
+    (alone,) = sensors(quantity, 3, 3)  # type: ignore[arg-type]
+    for sensor, part in ((joints, slice(0, 2)), (gripper, slice(2, 3)), (alone, slice(0, 3))):
+        assert sensor.sample() == ((0.0,) * len(taken[part]), ZERO, inf)
+        sensor.take(READING)
+        sensor.keep((7.0, 8.0, 9.0))
+        assert (sensor.value, sensor.sample()[0]) == (taken[part], (7.0, 8.0, 9.0)[part])
+
+
+@pytest.mark.parametrize(
+    ("angles", "torques", "says"),
+    [
+        ((1.0, 2.0), (0.0,) * 3, "2 angles for 3 axes"),
+        ((1.0, 2.0, 3.0), (0.0,) * 4, "4 torques for 3 axes"),
+        ((1.0, nan, 3.0), (0.0,) * 3, "the angles"),
+        ((1.0, 2.0, 3.0), (0.0, 0.0, inf), "the torques"),
+    ],
+)
+def test_a_reading_that_is_not_sound_in_all_axes_is_named(
+    angles: tuple[float, ...], torques: tuple[float, ...], says: str
+) -> None:
+    for sensor in sensors("angles", 2, 3):
+        assert says in (sensor.complaint(ArmReading(0.0, angles, torques)) or "")
+        assert sensor.complaint(READING) is None
