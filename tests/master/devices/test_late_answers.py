@@ -1,11 +1,12 @@
 """Answers that all come too late, the guardian's too; the driver waits longer than a force may stand."""
 
+from functools import partial
 from pathlib import Path
 from time import monotonic
 
 import pytest
 
-from tests.master.devices.benches import Bench, on_a_pty, on_a_websocket
+from tests.master.devices.benches import Bench, inverse3, on_a_pty
 from weberlink.hardware.worker import LOST_S
 from weberlink.master.devices.contract import DeviceFault
 
@@ -23,10 +24,8 @@ def drive(bench: Bench) -> float:
 @pytest.mark.parametrize("late_s", [0.11, 0.15, 0.3])
 @pytest.mark.parametrize("name", ["haply_2diy", "inverse3"])
 def test_no_late_answer_is_taken_and_the_session_ends(name: str, late_s: float, tmp_path: Path) -> None:
-    made = (
-        on_a_pty(name, tmp_path, reply_ms=REPLY_MS) if name == "haply_2diy" else on_a_websocket(name, reply_ms=REPLY_MS)
-    )
-    with made as bench:
+    make = inverse3 if name == "inverse3" else partial(on_a_pty, name)
+    with make(tmp_path, reply_ms=REPLY_MS) as bench:
         bench.device.open(bench.tick())
         while bench.displayed is not None and bench.displayed() < 0.5:
             drive(bench)
