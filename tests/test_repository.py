@@ -10,9 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from weberlink.installation import GUESTS, list_guests
 from weberlink.system.configuration.schema import as_text, schema
 
 ROOT = Path(__file__).parents[1]
+KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 GENERATED = ("configuration.md", "command-reference.md")
@@ -35,7 +38,7 @@ def test_links_of_the_documents_lead_to_files() -> None:
 
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
-    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    targets = set(re.findall(r"^([a-z]+):", MAKEFILE, re.M))
     named = []
     for document in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("**/*.md")):
         for target in re.findall(r"(?:^ {4}|`|^(?=make \w+ +#))make (\w+)", document.read_text(encoding="utf-8"), re.M):
@@ -63,7 +66,22 @@ def test_lock_files_pin_every_dependency() -> None:
     assert needed | names(extras["monitor"]) | names(extras["recording"]) <= pinned("requirements.lock")
     for extra in extras.values():
         needed |= names(extra)
+    for path in ROOT.glob("plugins/*/src/../pyproject.toml"):
+        needed |= names(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["dependencies"]) - {"weberlink"}
     assert needed <= pinned("requirements-dev.lock")
+
+
+def test_the_kernel_names_no_guest() -> None:
+    """What the guests add is known by their entry points, and by a list for messages that is made of these."""
+    assert GUESTS.read_text(encoding="utf-8") == list_guests(ROOT / "plugins"), "run: make schema"
+    names = {name for entries in json.loads(GUESTS.read_text(encoding="utf-8")).values() for name in entries}
+    folders = {path.parent.name for path in ROOT.glob("plugins/*/src")}
+    assert f"\nGUESTS := {' '.join(sorted(folders))}\n" in MAKEFILE
+    forbidden = re.compile(
+        "|".join([*(f"weberlink_{name}" for name in folders), *(f"[\"']{name}[\"']" for name in names)])
+    )
+    for path in (path for folder in KERNEL for path in (ROOT / folder).rglob("*.py")):
+        assert not (found := forbidden.search(path.read_text(encoding="utf-8"))), f"{path}: {found}"
 
 
 def test_the_wheel_installs_one_name() -> None:

@@ -3,7 +3,7 @@
 The normal is n = f_1/|f_1|. The offset d and c = 1/s solve n.p_i + d + |f_i| c = 0 for the two newest samples of the
 contact. The height of p over the wall is h = n.p + d; the force is -s h n if h < 0, otherwise 0.
 
-Other readings of the paper take n.f_2 for |f_2|, or its own normal n_i for each sample. `weberlink_studies.paper`
+Other readings of the paper take n.f_2 for |f_2|, or its own normal n_i for each sample. The study `paper`
 measures what they would send.
 """
 

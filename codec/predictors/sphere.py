@@ -6,7 +6,7 @@ o appears in both equations in the same way. So the least-squares r and c are th
 r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, and o is the mean of the centres by the two samples. The difference is solved
 by orthogonal projection; normal equations would square the condition number.
 
-One fit finds both kinds of wall. `weberlink_studies.paper` measures what convex walls alone would send.
+One fit finds both kinds of wall. The study `paper` measures what convex walls alone would send.
 """
 
 from dataclasses import dataclass

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from tests.system.systems import CONFIGS, UNUSABLE
+from tests.system.systems import CONFIGS
 from weberlink.apps.shipped import copy
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
@@ -48,8 +48,6 @@ def test_copy_has_all_that_the_file_names(path: Path, tmp_path: Path) -> None:
     assert set(written) == {each for each in tmp_path.rglob("*") if each.is_file()}
     if path.read_text(encoding="utf-8").startswith("# yaml-language-server"):
         assert (tmp_path / SCHEMA).read_bytes() == (CONFIGS / SCHEMA).read_bytes()
-    if path.name in UNUSABLE:
-        return
     here, there = of_configuration(load(path)), of_configuration(load(tmp_path / "mine.yaml"))
     for original, copied in zip(here, there, strict=True):
         if original.is_file():

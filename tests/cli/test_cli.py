@@ -12,15 +12,14 @@ import pytest
 from typer.main import get_command
 
 from tests.program import Ended, document, weberlink
-from tests.system.systems import CONFIGS, UNUSABLE
+from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.master.trace import read_trace
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
-from weberlink_studies.result import StudyResult
 
-FILES = sorted({path.name for path in CONFIGS.glob("*.yaml")} - set(UNUSABLE))
-HARDWARE = ("franka.yaml", "koch-so101.yaml", "phantom-arm.yaml")
+FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
+HARDWARE = ("koch-so101.yaml", "phantom-arm.yaml")
 """Those whose drivers need hardware or its emulator."""
 BETWEEN_HOSTS = ("koch-so101.yaml", "lan.yaml")
 """Those in which the master calls another host."""

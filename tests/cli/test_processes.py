@@ -18,7 +18,6 @@ from weberlink.protocol.keys import generate
 from weberlink.telemetry.recording.reader import read_recording
 
 LOOPBACK, LAN = CONFIGS / "loopback.yaml", CONFIGS / "lan.yaml"
-TRACE = CONFIGS / "traces" / "operator.npz"
 
 
 def python(*arguments: object, **environment: str) -> Ended:
@@ -73,12 +72,9 @@ sys.modules.update(dict.fromkeys(["aiohttp", "matplotlib", "mcap", "mujoco", "sc
 from tests.program import weberlink
 json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 """
-EVALUATE = ["study", "evaluate", TRACE, "--predictor", "zoh", "--workers", "1"]
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
     (["try"], 2, install_line("monitor")),
-    ([*EVALUATE, "--plots", "plots"], 2, install_line("studies")),
-    (EVALUATE, 0, ""),
     (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
     (["loopback", "--record", "a.mcap"], 2, install_line("recording")),
     (["record", "info", "none.mcap"], 2, "none.mcap"),

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,6 @@ from weberlink.system.simulation import Simulation
 from weberlink.telemetry.record import Record
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-UNUSABLE = () if find_spec("pylibfranka") else ("franka.yaml",)
-"""Shipped files whose package has no release for this Python."""
 
 
 def configuration(*overrides: str, file: str = "loopback.yaml", device: Any = None, robot: Any = None) -> Configuration:

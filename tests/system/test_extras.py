@@ -17,17 +17,14 @@ PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
-    "studies": ("matplotlib",),
-    "dask": ("distributed",),
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),
     "foxglove": ("foxglove", "rosbags"),
-    "franka": ("pylibfranka",),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
-    "others": ("scipy",),
+    "guests": ("distributed", "matplotlib", "pandas", "pylibfranka", "scipy", "statsmodels"),
 }
-"""Import names of what an extra installs."""
+"""Import names of what an extra, or a guest, installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
     "recording": (
@@ -42,12 +39,10 @@ PLACES = {
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove", "apps.bridge.parameters"),
-    "franka": ("slave.robots.franka.controller",),
     "anywhere": tuple(
         f"anywhere.{each}"
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
     ),
-    "studies": ("studies",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

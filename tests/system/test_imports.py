@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import CONFIGS, UNUSABLE
+from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
-NAMED = ("arms", "delay", "franka", "lan", "loopback", "mujoco-wrench", "phantom-arm", "replay", "rotation")
-FILES = tuple(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot") if f"{name}.yaml" not in UNUSABLE)
+NAMED = ("arms", "delay", "lan", "loopback", "mujoco-wrench", "phantom-arm", "replay", "rotation")
+FILES = tuple(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot"))
 SIDES = ("master", "slave")
 BUILD = """
 import json, os, sys
@@ -47,8 +47,8 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "apps", "studies", "watching", "system.launcher", "anywhere", "ros2")),
-    *("matplotlib", "scipy"),
+    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher", "anywhere", "ros2")),
+    *("weberlink_franka", "weberlink_studies", "matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }
 """What watches a daemon, and what is of other systems and makers; none of these files names one."""
@@ -105,7 +105,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         **dict.fromkeys(("weberlink.codec.bundle", "weberlink.arms.models"), arms),
         "weberlink.master.leader_port": arms and master,
         "weberlink.slave.follower_port": arms and slave,
-        "weberlink.geometry.rotation": turns or mapped or (slave and robot == "franka"),
+        "weberlink.geometry.rotation": turns or mapped,
         "weberlink.master.mapping": mapped,
         "weberlink.master.rotation": turns and master,
         "weberlink.master.devices.turning": turns and builds_device and device == "operator",
@@ -118,13 +118,12 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
         "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
-        "weberlink_franka": slave and robot == "franka",
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "mujoco": computes,
         "numpy": computes or learns or (builds_device and device == "replay"),
         "serial": plugged,
-        "weberlink.hardware": plugged or (slave and robot == "franka"),
+        "weberlink.hardware": plugged,
     }
 
 

@@ -14,10 +14,10 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
 
-from tests.program import weberlink
 from plugins.studies.tests.evaluate.signals import walk
 from plugins.studies.tests.experiment.studies import Robot, conduct, plan
 from plugins.studies.tests.precision.test_study import WALL
+from tests.program import weberlink
 from tests.system.systems import CONFIGS
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink_studies.drawing import Drawing, drawn_as

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from tests.examples import examples
 from plugins.studies.tests.experiment.studies import Robot, conduct
+from tests.examples import examples
 from weberlink_studies.experiment.ledger import (
     LedgerError,
     SubjectProgress,

@@ -3,7 +3,6 @@
 from time import monotonic, sleep
 from typing import Any
 
-from weberlink.testing.time import TICK
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.polhem.driver import PolhemDevice
@@ -18,6 +17,7 @@ from weberlink.master.devices.polhem.hid_protocol import (
 )
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.serial_protocol import SerialStatus, decode_currents, encode_status
+from weberlink.testing.time import TICK
 
 
 class Teensy:

@@ -13,7 +13,6 @@ import pytest
 
 from tests.master.devices.driving import drive, fault_of, refusal
 from tests.master.devices.polhem.boards import ScriptedHidBoard, Teensy, hid_device
-from weberlink.testing.time import TICK
 from tests.wait import until
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -23,6 +22,7 @@ from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.testing.time import TICK
 
 MIDDLE = (*PARAMETERS["woodenhaptics_2015"].mechanism.counts_at(ZERO), 0, 0, 0)
 HID_WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism

@@ -20,12 +20,12 @@ from tests.master.devices.ros2.publishing import (
     publishing,
     steadily,
 )
-from weberlink.testing.time import TICK
 from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.ros2.node import Node
+from weberlink.testing.time import TICK
 
 pytestmark = pytest.mark.realtime
 
