@@ -185,10 +185,10 @@ def test_closing_takes_remaining_force_off(wire: Wire) -> None:
 
 def test_a_guardian_that_has_written_watches_anew(wire: Wire) -> None:
     wire.push(LEASE_S / 2.0)
-    until(wire.guardian.has_written, "the zero")
+    until(wire.guardian.new_writes, "the zero")
     wire.port.close()
     wire.port = SerialPort(wire.port.path, guardian=wire.guardian)
-    assert not wire.guardian.has_written()
+    assert not wire.guardian.new_writes()
     wire.port.write(OTHER_ZERO)
 
 
