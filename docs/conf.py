@@ -6,7 +6,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from click import Command, Context
+from click import Command, Context, Group
 from typer.main import get_command
 
 from weberlink.cli import app
@@ -54,9 +54,10 @@ LIMITS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveM
 
 def helps(name: str, command: Command) -> Iterator[str]:
     """The help of a command, or of each member of a group, as a section."""
-    for member, each in getattr(command, "commands", {}).items():
-        yield from helps(f"{name} {member}", each)
-    if not hasattr(command, "commands"):
+    context = Context(command)
+    for member in command.list_commands(context) if isinstance(command, Group) else ():  # loads those of the guests
+        yield from helps(f"{name} {member}", command.get_command(context, member))
+    if not isinstance(command, Group):
         text = command.get_help(Context(command, info_name=name, terminal_width=100, max_content_width=100))
         yield f"## {name}\n\n```text\n{text}\n```\n"
 

@@ -12,14 +12,14 @@ import pytest
 from weberlink import installation
 
 ROOT = Path(__file__).parents[1]
-PRINTING = "from weberlink.installation import install_line; print(install_line('recording'))"
+PRINTING = "import sys; from weberlink.installation import install_line; print(install_line(sys.argv[1]))"
 
 
-def line(folder: Path, package: Path, path: str | None = None) -> list[str]:
+def line(folder: Path, package: Path, path: str | None = None, extra: str = "recording") -> list[str]:
     """The words of the line that a program in a folder prints, where `weberlink` is imported from `package`."""
     environment = {"PYTHONPATH": str(package), "PATH": os.environ["PATH"] if path is None else path}
     ended = subprocess.run(
-        [sys.executable, "-c", PRINTING], cwd=folder, env=os.environ | environment, capture_output=True, text=True,
+        [sys.executable, "-c", PRINTING, extra], cwd=folder, env=os.environ | environment, capture_output=True, text=True,
         check=True,
     )  # fmt: skip
     return shlex.split(ended.stdout)
@@ -31,7 +31,8 @@ def wheel(tmp_path: Path) -> Path:
     package = tmp_path / "lib" / "python3" / "site-packages" / "weberlink"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
-    shutil.copy(installation.__file__, package)
+    for path in (installation.__file__, installation.GUESTS):
+        shutil.copy(path, package)
     return package.parent
 
 
@@ -39,6 +40,12 @@ def test_clone_is_installed_anew_and_a_wheel_by_its_name(wheel: Path, tmp_path: 
     assert line(ROOT, ROOT / "src")[-3:] == ["install", "-e", ".[recording]"]
     assert line(tmp_path, ROOT / "src")[-3:] == ["install", "-e", f"{ROOT}[recording]"]
     assert line(tmp_path, wheel)[-2:] == ["install", "weberlink[recording]"]
+
+
+def test_a_guest_has_a_folder_of_its_own_in_a_clone_and_a_wheel_of_its_own(wheel: Path, tmp_path: Path) -> None:
+    assert line(ROOT, ROOT / "src", extra="studies")[-3:] == ["install", "-e", "./plugins/studies"]
+    assert line(tmp_path, ROOT / "src", extra="studies[dask]")[-1] == f"{ROOT}/plugins/studies[dask]"
+    assert line(tmp_path, wheel, extra="studies[dask]")[-2:] == ["install", "weberlink-studies[dask]"]
 
 
 def test_it_is_the_installer_of_this_environment(wheel: Path, tmp_path: Path) -> None:

@@ -12,10 +12,9 @@ from tests.wait import until
 from weberlink.arms.contract import ArmFault
 from weberlink.geometry.joints import is_finite
 from weberlink.hardware.emulator import PtyDevice
-from weberlink.master import emulators as leader_emulators
+from weberlink.hardware.emulators import EMULATORS
 from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_link import LeaderTarget
-from weberlink.slave import emulators as follower_emulators
 from weberlink.slave.robots import followers
 from weberlink.testing.time import TICK, real_time, virtual_time
 
@@ -67,7 +66,7 @@ def computed(name: str, folder: Path) -> Iterator[Device]:
 @contextmanager
 def emulated(name: str, folder: Path) -> Iterator[Device]:
     """In real time: only so are the thread of the driver, the port and the loss of it seen."""
-    emulator_class: Any = (leader_emulators if name in LEADS else follower_emulators).load(name)
+    emulator_class: Any = EMULATORS.load(name)
     # A host may pause for longer than a watchdog, which is tested in virtual time.
     patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 50.0}
     patient |= {"bus_watchdog_ms": 2000.0} if name in DYNAMIXEL else {}

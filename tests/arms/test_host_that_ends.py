@@ -19,8 +19,7 @@ from tests.program import ROOT
 from tests.wait import PATIENCE, until
 from weberlink.arms.feetech.arm import NAMES
 from weberlink.hardware.emulator import PtyDevice
-from weberlink.master import emulators as leader_emulators
-from weberlink.slave import emulators as follower_emulators
+from weberlink.hardware.emulators import EMULATORS
 
 pytestmark = pytest.mark.realtime(alone=True)
 
@@ -53,7 +52,7 @@ FAMILIES = {
 @contextmanager
 def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
     """The process and the emulated arm, once it pushes."""
-    emulator_class: Any = (leader_emulators if family.leads else follower_emulators).load(family.driver)
+    emulator_class: Any = EMULATORS.load(family.driver)
     wall = {"joint": NAMES[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
     weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
     emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))

@@ -244,14 +244,15 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
     assert "not_installed_here" in refusal(path, sides=[SLAVE])
 
 
-@pytest.mark.parametrize("side", [MASTER, SLAVE])
 @pytest.mark.parametrize(
-    "hardware", ["master: {device: {driver: haply_2diy}}", "slave: {robot: {driver: dynamixel, baud: 1000000}}"]
+    ("side", "hardware"),
+    [(MASTER, "master: {device: {driver: haply_2diy}}"), (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}")],
 )
-def test_hardware_without_a_key_is_refused_on_either_end(tmp_path: Path, hardware: str, side: str) -> None:
+def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path, hardware: str, side: str) -> None:
     path = write(tmp_path, MINIMAL + hardware)
-    assert "link.security" in refusal(path, sides=[side])
-    load(path, ["link.security=session"], sides=[side])
+    for sides in ([side], [MASTER, SLAVE]):
+        assert "link.security" in refusal(path, sides=sides)
+        load(path, ["link.security=session"], sides=sides)
 
 
 @pytest.mark.parametrize(("says", "is_refused"), [("", True), ("    COMPUTED = True\n", False)])

@@ -9,7 +9,7 @@ import pytest
 from tests.master.devices.benches import armed
 from tests.system.kinds import Kind, each_kind
 from tests.system.systems import system
-from weberlink.master.devices import BUILT_IN, SCRIPTED
+from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.system.composition.master import check_force_ends
 from weberlink.system.configuration import ConfigurationError
@@ -52,7 +52,7 @@ def test_a_side_with_such_a_driver_is_not_built(kind: Kind) -> None:
         system(*kind.overrides, file=kind.file, device=Unguarded)
 
 
-WITHOUT_MOTORS = SCRIPTED | {"pointer", "ros2", "gamepad", "spacemouse"}
+WITHOUT_MOTORS = {"operator", "replay", "pointer", "ros2", "gamepad", "spacemouse"}
 
 
 @pytest.mark.parametrize("name", sorted(set(BUILT_IN) - WITHOUT_MOTORS))

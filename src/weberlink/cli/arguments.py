@@ -111,10 +111,10 @@ def interruptible() -> Iterator[None]:
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, errors in one line, Ctrl-C in one line with status 130."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - of the base class
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
         topics: dict[str, list[tuple[str, str]]] = {}
-        longest = max(map(len, self.commands))
+        longest = max(map(len, self.list_commands(ctx)))
         for name, command in self.commands.items():
             topic = getattr(command, "rich_help_panel", None) or "Commands"
             text = command.get_short_help_str(formatter.width - longest - 6)
@@ -124,12 +124,12 @@ class CommandGroup(TyperGroup):
                 formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args[0] not in self.commands and not args[0].startswith("-"):
+        if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
             guest = guests("weberlink.commands").get(args[0]) if ctx.parent is None else None
             if guest is not None:
                 of = f"weberlink-{guest}, which is not installed; install it with: {install_line(guest)}"
                 ctx.fail(f"the command {args[0]!r} is of {of}")
-            ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], list(self.commands))}")
+            ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:

@@ -28,6 +28,7 @@ from tests.master.devices.test_gamepad import Pad
 from tests.master.devices.touch import fake_hd
 from weberlink.geometry.vector import Vector, norm
 from weberlink.hardware.emulator import PtyDevice, ServedDevice, WireFaults
+from weberlink.hardware.emulators import EMULATORS
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev_input import EVENT
 from weberlink.hardware.websocket_device import WebSocketDevice
@@ -39,7 +40,6 @@ from weberlink.master.devices.rate_control import RateDevice
 from weberlink.master.devices.ros2.device import Ros2Device
 from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.master.devices.spacemouse.device import PuckExchange, SpaceMouseOptions
-from weberlink.master.emulators import load as load_emulator
 from weberlink.testing.time import TICK, real_time, virtual_time
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
@@ -130,7 +130,7 @@ def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
 
 
 def emulated(name: str) -> Any:
-    kind = load_emulator(name)
+    kind = EMULATORS.load(name)
     return kind(kind.Options())
 
 

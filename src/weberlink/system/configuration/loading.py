@@ -64,7 +64,7 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
         if SLAVE in sides:
             table = _tables(system)[SLAVE]
             robot = _part(table, system.slave.robot, ("slave", "robot"), path.parent, overridden)
-        _check_security(system)
+        _check_security(system, device, robot)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {describe(error, System, ())}") from None
     except ConfigurationError as error:
@@ -94,33 +94,25 @@ def _tables(system: System) -> dict[str, Any]:
     return {MASTER: leaders, SLAVE: followers}
 
 
-def _check_security(system: System) -> None:
+def _check_security(system: System, device: Part | None, robot: Part | None) -> None:
     """Refuse hardware without a key: any user of this host could then join the session.
+
+    Each end answers for its own hardware, so that neither imports the other's driver.
 
     Raises:
         ConfigurationError: there is a hardware driver, and no key.
     """
     if system.link.security != "none":
         return
-    tables = _tables(system)
-    sides = (
-        (tables[MASTER], "master.device", system.master.device),
-        (tables[SLAVE], "slave.robot", system.slave.robot),
-    )
-    for table, where, settings in sides:
-        if _may_move(table, settings.driver):
+    for part, where, name in (
+        (device, "master.device", system.master.device.driver),
+        (robot, "slave.robot", system.slave.robot.driver),
+    ):
+        if part is not None and is_hardware(part.driver):
             raise ConfigurationError(
-                f"link.security: none lets every user of this host move {where} {settings.driver}; "
+                f"link.security: none lets every user of this host move {where} {name}; "
                 "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
             )
-
-
-def _may_move(table: Any, name: str) -> bool:
-    """Whether a driver may move something real; one of the other side that is not installed here may."""
-    try:
-        return is_hardware(table.load(name))
-    except (ValueError, ImportError):
-        return True
 
 
 def _part(
