@@ -104,10 +104,8 @@ def test_recorded_session_imports_nothing_from_the_working_directory(tmp_path: P
 
 
 def test_only_one_place_makes_commands_of_the_interpreter() -> None:
-    product = [
-        *ROOT.glob("plugins/*/src"),
-        *(ROOT / "src" / "weberlink").iterdir(),
-    ]  # some are links, which rglob does not follow
+    # Some are links, which rglob does not follow.
+    product = [*ROOT.glob("plugins/*/src"), *(ROOT / "src" / "weberlink").iterdir()]
     files = [path for part in product for path in ([part] if part.is_file() else part.rglob("*.py"))]
     found = {path.name: path for path in files if path.suffix == ".py" and "sys.executable" in path.read_text()}
     assert found.keys() == RUN.keys()
