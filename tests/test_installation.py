@@ -19,9 +19,13 @@ def line(folder: Path, package: Path, path: str | None = None, extra: str = "rec
     """The words of the line that a program in a folder prints, where `weberlink` is imported from `package`."""
     environment = {"PYTHONPATH": str(package), "PATH": os.environ["PATH"] if path is None else path}
     ended = subprocess.run(
-        [sys.executable, "-c", PRINTING, extra], cwd=folder, env=os.environ | environment, capture_output=True, text=True,
+        [sys.executable, "-c", PRINTING, extra],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
         check=True,
-    )  # fmt: skip
+    )
     return shlex.split(ended.stdout)
 
 
