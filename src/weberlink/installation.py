@@ -16,7 +16,9 @@ from shlex import quote
 from shutil import which
 
 GUESTS = Path(__file__).with_name("guests.json")
-"""Made by `make schema`: group of entry points, name, and the guest that has the entry."""
+"""Made by `make schema`: group of entry points, name, and the guest that has the entry; of files for `CONFIGS`."""
+CONFIGS = "weberlink.configs"
+"""The group of packages that hold configuration files; also the kernel's own."""
 
 
 @cache
@@ -34,8 +36,13 @@ def config_folders() -> list[Path]:
     """The folders of configuration files: the program's own, then those of the guests that are installed."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
 
-    modules = ["weberlink.configs", *(entry.module for entry in entry_points(group="weberlink.configs"))]
+    modules = [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
     return [Path(str(files(module))).resolve() for module in modules]
+
+
+def absence(what: str, guest: str) -> str:
+    """Says that something is of a guest that is not installed, and how to install it."""
+    return f"{what} is of weberlink-{guest}, which is not installed; install it with: {install_line(guest)}"
 
 
 def install_line(extra: str) -> str:
@@ -68,13 +75,18 @@ def _short(path: Path) -> str:
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
 
 
+def _configurations(guest: Path) -> list[str]:
+    return sorted(path.stem for path in guest.glob("configs/*.yaml"))
+
+
 def list_guests(plugins: Path) -> str:
     """The content of `GUESTS` for a folder that has one folder for each guest."""
     found: dict[str, dict[str, str]] = {}
     for path in sorted(plugins.glob("*/pyproject.toml")):
         project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
         for group, entries in project.get("entry-points", {}).items():
-            found.setdefault(group, {}).update(dict.fromkeys(entries, path.parent.name))
+            files_or_entries = _configurations(path.parent) if group == CONFIGS else entries
+            found.setdefault(group, {}).update(dict.fromkeys(files_or_entries, path.parent.name))
     return json.dumps(found, indent=1, sort_keys=True) + "\n"
 
 

@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar, cast
 
-from weberlink.installation import guests, install_line
+from weberlink.installation import absence, guests
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -105,8 +105,7 @@ class Registry(Mapping[str, T], Generic[T]):
             return name
         absent = self.absent()
         if name in absent:
-            of = f"weberlink-{absent[name]}, which is not installed; install it with: {install_line(absent[name])}"
-            raise ValueError(f"{self.kind} {name!r} is of {of}")
+            raise ValueError(absence(f"{self.kind} {name!r}", absent[name]))
         names = [*self, *absent]
         (nearest,) = get_close_matches(name, names, n=1, cutoff=0.0)
         raise ValueError(f"no {self.kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(names)}")

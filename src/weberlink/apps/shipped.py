@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from weberlink.installation import config_folders
+from weberlink.installation import CONFIGS, absence, config_folders, guests
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.targets import TargetError, check_file
 
@@ -80,6 +80,9 @@ def find(name: str) -> Path:
     known = inside | folders | {path.stem: path for path in inside.values() if path.suffix == ".yaml"}
     if asked in known:
         return known[asked]
+    guest = guests(CONFIGS).get(asked.removesuffix(".yaml"))
+    if guest is not None:
+        raise ConfigurationError(absence(asked, guest))
     nearest = get_close_matches(asked, known, n=1)
     meant = f"did you mean {nearest[0]}? " if nearest else ""
     raise ConfigurationError(f"{name}: there is no such shipped file; {meant}weberlink configs lists them")

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
-from weberlink.installation import guests, install_line
+from weberlink.installation import absence, guests
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
@@ -127,8 +127,7 @@ class CommandGroup(TyperGroup):
         if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
             guest = guests("weberlink.commands").get(args[0]) if ctx.parent is None else None
             if guest is not None:
-                of = f"weberlink-{guest}, which is not installed; install it with: {install_line(guest)}"
-                ctx.fail(f"the command {args[0]!r} is of {of}")
+                ctx.fail(absence(f"the command {args[0]!r}", guest))
             ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
