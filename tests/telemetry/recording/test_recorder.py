@@ -175,6 +175,39 @@ def test_a_killed_daemon_costs_none_of_its_records(session, is_listening):
         assert_whole(recording.records["slave"], ring.written)
 
 
+def test_it_outlives_whoever_started_it(session):
+    daemon = session.daemon("slave", 0)
+    order = RecordingOrder({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", "import subprocess, sys, time\n"
+         "process = subprocess.Popen([sys.executable, '-m', 'weberlink.telemetry.recording.recorder', sys.argv[1]],"
+         " stdout=subprocess.PIPE, start_new_session=True)\n"
+         "print(process.pid, flush=True)\n"
+         "time.sleep(100)", order.to_json()],
+        stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    with parent:
+        pid = int(parent.stdout.readline())
+        until(lambda: has_written(session.out), "the recording to grow")
+        parent.kill()
+    before = session.out.stat().st_size
+    until(lambda: has_written(session.out, before), "the recording to grow further")
+    with RingReader(session.ring("slave")) as ring:
+        daemon.kill()
+        daemon.wait()
+        until(lambda: ended(pid), "the recorder to end")
+        recording = read_recording(session.out)
+        assert recording.complete
+        assert_whole(recording.records["slave"], ring.written)
+
+
+def ended(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] in (b"Z", b"X")
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
 def test_told_to_stop_it_takes_what_is_there_and_finishes(session):
     session.daemon("slave", 0)
     recorder = session.recorder(["slave"])
