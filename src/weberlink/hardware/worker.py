@@ -20,8 +20,7 @@ Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
 LOST_S = 1.0
-"""Time from a first bad reply after which the next one is a fault, however few there were [s]: a slow device may need
-a second for two."""
+"""Longest time of bad replies in a row before they are a fault, however few they are [s]: a slow device sends few."""
 JOIN_S = 1.0
 """Longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]."""
 
