@@ -73,6 +73,22 @@ def test_bytes_go_both_ways_unchanged(wire: Wire, port: SerialPort) -> None:
     assert os.read(wire.near, 100) == b"zero force", "what was written last still arrives"
 
 
+def test_a_closed_port_leaves_the_file_alone_that_has_its_number_now(wire: Wire) -> None:
+    port = SerialPort(wire.path)
+    port.close()
+    pipes = [os.pipe() for _ in range(8)]  # among them the number of the port
+    try:
+        for _, end in pipes:
+            os.write(end, b"of others")
+        for use in (lambda: port.read(monotonic()), port.drain, lambda: port.write(b"force")):
+            with pytest.raises(HardwareFault):
+                use()
+        assert [os.read(end, 100) for end, _ in pipes] == [b"of others"] * 8
+    finally:
+        for end in (end for pipe in pipes for end in pipe):
+            os.close(end)
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "says"),
     [
