@@ -71,7 +71,7 @@ def test_limiter_clips_beyond_the_limit_alone(size: float, clips: bool, sign: fl
         (lambda: TorqueLimiter((1.0,), (1.0, 1.0)), "1 torque limits but 2 slew limits"),
         (lambda: TorqueLimiter((0.0, -1e-9), (1.0, 1.0)), "must not be negative"),
         (lambda: TorqueLimiter((nan,), (1.0,)), "must not be negative"),
-        (lambda: TorqueLimiter((1.0,), (0.0,)), "slew limits must be positive"),
+        (lambda: TorqueLimiter((1.0, 1.0), (1.0, 0.0)), "slew limits must be positive"),
     ],
 )
 def test_a_limit_that_is_none_is_refused(made: Callable[[], object], says: str) -> None:
