@@ -135,7 +135,9 @@ def main() -> int:
     parser.add_argument("--faults", nargs="*", choices=[*FAULTS], default=[*FAULTS], metavar="KIND", help="only these")
     parser.add_argument("--faults-only", action="store_true", help="no minute and no reference")
     parser.add_argument("--lenient", action="store_true", help="lost cycles do not stop the robot: for a busy machine")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of configs/franka.yaml")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="of plugins/franka/configs/franka.yaml"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path, metavar="OUT")
     chosen = parser.parse_args()

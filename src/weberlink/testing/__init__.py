@@ -2,7 +2,7 @@
 
 A distribution with a driver inherits from the contract of its family, and gives it a bench:
 
-    class TestAcme(RobotContract):
+    class TestAcme(HardwareRobotContract):
         FAULTS = ("unplug",)
 
         @pytest.fixture

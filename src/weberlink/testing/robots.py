@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from time import monotonic
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
 from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
+from weberlink.slave.robots import ROBOTS
 from weberlink.slave.robots.contract import OrientedRobot, Robot, RobotFault
 from weberlink.testing.time import PATIENCE, until
 
@@ -47,8 +48,8 @@ class RobotContract:
 
     def test_the_spec_is_there_before_opening(self, bench: RobotBench) -> None:
         spec = bench.robot.spec
-        assert spec.name
-        assert "\n" not in spec.name
+        driver: Any = ROBOTS[spec.name]
+        assert type(bench.robot) is driver, "the name is that of its entry point"
         assert set(spec.axes) <= set("xyz")
         assert spec.axes
         assert spec.force_n > 0.0
