@@ -134,6 +134,7 @@ def test_slew_holds_back_beyond_the_rate_alone(change: float, held: bool) -> Non
 
 def test_gate_is_open_to_the_beginning_of_the_fade_and_ramps_tell_so() -> None:
     gate = ForceGate(ramp=0.05, silence=0.1, fade_share=0.6)
+    assert gate.ramping
     opened = [(gate.update(engaged=True, age=0.0, elapsed=TICK), gate.ramping) for _ in range(52)]
     assert opened[0] == (pytest.approx(0.02), True)
     assert (opened[48][1], opened[-1]) == (True, (1.0, False))
