@@ -157,14 +157,41 @@ def test_a_press_that_follows_the_speed_of_a_command_slows_it_down(damping: floa
     assert step.allowed(5.0, 0.5, 0.5, 0.1, TICK) == 0.5, "of the contact, which is over"
 
 
+@pytest.mark.parametrize("most", [1.0, 0.5])
+@pytest.mark.parametrize(
+    ("went", "press", "answers"),
+    [
+        ((0.2, 0.5), (0.1, 0.7), 2.0),
+        ((0.0, 0.01), (0.92, 0.96), 4.0), ((0.0, -0.01), (0.96, 0.92), 4.0),
+        ((0.0, 0.01), (0.96, 0.98), None),  # less than the noise
+        ((0.0, -0.01), (0.92, 0.96), None), ((0.0, 0.01), (0.96, 0.92), None),  # against the motion
+        ((0.5, 0.51), (0.92, 0.96), None), ((0.1, 0.19), (0.5, 0.9), None),  # too little for the speed
+        ((0.1, 0.21), (0.5, 0.9), 0.4 / 0.11),
+    ],
+)  # fmt: skip
+def test_the_answer_is_measured_where_the_speed_changes_enough(
+    most: float, went: tuple[float, float], press: tuple[float, float], answers: float | None
+) -> None:
+    step = PressStep(most, 9.0 * TICK)
+    step.allowed(5.0, 1.5 * most, 1.5 * most, went[0] * most, TICK)
+    goes = step.allowed(5.0, press[1] * most, press[0] * most, went[1] * most, TICK)
+    share = 1.0 / max(1.0, 2.0 * (answers or SPRING))
+    fastest = max(map(abs, went))
+    assert goes == pytest.approx(most * min(share * (1.0 - press[1]), 2.0 * fastest + LEAST_STEP))
+
+
+def test_without_time_between_two_presses_the_answer_is_that_of_a_spring() -> None:
+    step = PressStep(1.0, 9.0)
+    step.allowed(5.0, 1.5, 1.5, 0.0, 0.0)
+    assert step.allowed(5.0, 0.96, 0.92, 0.01, 0.0) == pytest.approx(0.04 / 2.0)
+
+
 # The guard.
 
 
 def guard(**changes: float) -> CommandGuard:
     box = (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)
-    made = CommandGuard(workspace=box, speed=1.0, approach_speed=0.25, ramp=0.05, **changes)
-    made.place(ZERO)
-    return made
+    return CommandGuard(workspace=box, speed=1.0, approach_speed=0.25, ramp=0.05, **changes)
 
 
 def test_force_is_shown_from_the_end_of_the_approach_on_and_fades() -> None:
@@ -172,11 +199,12 @@ def test_force_is_shown_from_the_end_of_the_approach_on_and_fades() -> None:
     shown = [follower.shown(felt)[2] for _ in range(70) if follower.follow(goal, TICK)]
     assert shown == pytest.approx([*[0.0] * 3, *(min(2.0, 0.04 * tick) for tick in range(1, 68))])
     assert (follower.ramping, follower.following, follower.clipped) == (False, True, False)
+    follower.place(goal)
+    assert (follower.shown(felt), follower.ramping, follower.following) == (ZERO, True, False)
+    assert all(follower.follow(goal, TICK) for _ in range(60))
     follower.release()
     faded = [follower.shown(felt)[2] for _ in range(60) if follower.hold(TICK)]
     assert faded == pytest.approx([max(0.0, 2.0 - 0.04 * tick) for tick in range(1, 61)], abs=1e-12)
-    follower.place(goal)
-    assert (follower.shown(felt), follower.ramping, follower.following) == (ZERO, True, False)
 
 
 def test_a_new_guard_shows_nothing_and_holds() -> None:
