@@ -1,7 +1,7 @@
 """Limits of a follower arm: engagement, range, speed, press limit, trips."""
 
 from itertools import pairwise
-from math import inf
+from math import inf, nan
 from random import Random
 
 import pytest
@@ -167,6 +167,7 @@ def test_held_angles_move_near_the_measured_ones() -> None:
     assert press_limit().near((0.0, 0.04, -1.0), (0.5, 0.0, 0.0)) == (0.4, 0.04, -0.1)
 
 
-def test_negative_press_limit_is_refused() -> None:
+@pytest.mark.parametrize("most", [(-1.0,), (1.0, -1.0), (nan, 1.0)])
+def test_negative_press_limit_is_refused(most: Joints) -> None:
     with pytest.raises(ValueError, match="negative"):
-        JointPressLimit((-1.0,), (1.0,), 0.0)
+        JointPressLimit(most, (1.0,) * len(most), 0.0)
