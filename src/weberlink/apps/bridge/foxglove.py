@@ -18,14 +18,13 @@ from weberlink.apps.bridge.parameters import LiveParameters, as_parameters
 from weberlink.apps.bridge.topics import BODIES, SCENE, TopicBridge
 from weberlink.apps.monitor.address import MonitorError
 from weberlink.apps.ros_markers import MARKERS
-from weberlink.apps.ros_topics import topics
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
 from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import FAILURE
 from weberlink.system.wording import ALARM, INFO, WARN
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
@@ -36,6 +35,7 @@ from weberlink.telemetry.recording.message import (
 )
 from weberlink.watching.events import SessionEvent
 from weberlink.watching.rings import RingSource
+from weberlink.watching.ros_topics import topics
 from weberlink.watching.session import WatchedSession
 
 RATE_HZ = 30.0
