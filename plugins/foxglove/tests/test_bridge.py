@@ -15,8 +15,8 @@ from weberlink.apps.bridge.follow import FIND_S, SessionFollower
 from weberlink.apps.ros_markers import CUBE, DELETE_ALL
 from weberlink.ros2.messages import decode
 from weberlink.system.description import Description
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.ring import RingWriter
 from weberlink_foxglove.bridge import FoxgloveBridge
 

@@ -16,14 +16,13 @@ from weberlink.apps.bridge import follow
 from weberlink.apps.bridge.diagnostics import Level, Status
 from weberlink.apps.bridge.topics import BODIES, SCENE, TopicBridge
 from weberlink.apps.ros_markers import MARKERS
-from weberlink.apps.ros_topics import topics
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
 from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import FAILURE
 from weberlink.system.wording import ALARM, INFO, WARN
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
@@ -34,6 +33,7 @@ from weberlink.telemetry.recording.message import (
 )
 from weberlink.watching.events import SessionEvent
 from weberlink.watching.rings import RingSource
+from weberlink.watching.ros_topics import topics
 from weberlink.watching.session import WatchedSession
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
 
