@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from weberlink.installation import GUESTS, list_guests
+from weberlink.ros2 import ros_package
 from weberlink.system.configuration.schema import as_text, schema
-from weberlink.telemetry.recording import ros_package
 
 ROOT = Path(__file__).parents[1]
 KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
@@ -58,7 +58,7 @@ def test_shipped_schema_is_that_of_the_code() -> None:
 def test_shipped_package_of_ros_messages_is_that_of_the_code() -> None:
     package = ROOT / "plugins" / "weberlink_msgs"
     there = {str(path.relative_to(package)): path.read_text() for path in package.rglob("*") if path.is_file()}
-    assert there == ros_package.files(), "write it with: python -m weberlink.telemetry.recording.ros_package"
+    assert there == ros_package.files(), "write it with: python -m weberlink.ros2.ros_package"
 
 
 def test_lock_files_pin_every_dependency() -> None:

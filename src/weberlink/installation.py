@@ -32,12 +32,16 @@ def guests(group: str | None) -> Mapping[str, str]:
     return _listed().get(group, {})
 
 
-def config_folders() -> list[Path]:
-    """The folders of configuration files: the program's own, then those of the guests that are installed."""
+def config_modules() -> list[str]:
+    """The packages of configuration files: the program's own, then those of the guests that are installed."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
 
-    modules = [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
-    return [Path(str(files(module))).resolve() for module in modules]
+    return [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
+
+
+def config_folders() -> list[Path]:
+    """Where these packages are."""
+    return [Path(str(files(module))).resolve() for module in config_modules()]
 
 
 def absence(what: str, guest: str) -> str:
@@ -76,7 +80,9 @@ def _short(path: Path) -> str:
 
 
 def _configurations(guest: Path) -> list[str]:
-    return sorted(path.stem for path in guest.glob("configs/*.yaml"))
+    """Configurations, other files and folders."""
+    own = (path for path in guest.glob("configs/[!_]*") if not path.is_symlink())
+    return sorted(path.stem if path.suffix == ".yaml" else path.name for path in own)
 
 
 def list_guests(plugins: Path) -> str:

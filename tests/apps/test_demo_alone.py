@@ -13,6 +13,6 @@ def test_demonstration_imports_nothing_of_others() -> None:
     assert "aiohttp" in there
     others = (
         *PACKAGES,
-        *(f"weberlink.{name}" for name in ("anywhere", "ros2", "apps.bridge.ros2", "apps.bridge.foxglove")),
+        *(f"weberlink.{name}" for name in ("anywhere", "ros2", "apps.bridge.ros2")),
     )
     assert [name for name in others if name in there] == []

@@ -99,7 +99,7 @@ WRONG = {
     "try --scene moon": "--scene moon",
     **{
         f"{command} --listen {address}": f"--listen {address}"
-        for command in ("try", "monitor", "bridge foxglove")
+        for command in ("try", "monitor")
         for address in ("0.0.0.0", "::", "192.0.2.1")
     },
     # A device that is not known, its options, and an emulator's.

@@ -20,8 +20,8 @@ from weberlink.ros2.names import (
     check_node_name,
     check_topic,
 )
-from weberlink.telemetry.recording.message import ENCAPSULATION
-from weberlink.telemetry.recording.ros import SCHEMAS
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink.watching.ros_messages import SCHEMAS
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

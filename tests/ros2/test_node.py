@@ -14,7 +14,7 @@ from tests.wait import until
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
 from weberlink.ros2.node import CONFIG_VARIABLE, Node, NodeError
-from weberlink.telemetry.recording.message import ENCAPSULATION
+from weberlink.telemetry.message import ENCAPSULATION
 
 STRING = "std_msgs/msg/String"
 BODY = encode_body(types().types[STRING]("hello"), STRING)

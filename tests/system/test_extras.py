@@ -20,9 +20,8 @@ PACKAGES = {
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),
-    "foxglove": ("foxglove", "rosbags"),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
-    "guests": ("distributed", "matplotlib", "pandas", "pylibfranka", "scipy", "statsmodels"),
+    "guests": ("distributed", "foxglove", "matplotlib", "pandas", "pylibfranka", "scipy", "statsmodels"),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
@@ -38,7 +37,6 @@ PLACES = {
     "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
-    "foxglove": ("apps.bridge.foxglove", "apps.bridge.parameters"),
     "anywhere": tuple(
         f"anywhere.{each}"
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")

@@ -10,7 +10,7 @@ from weberlink.geometry.rotation import IDENTITY, Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
 from weberlink.ros2.messages import encode_body, types
 from weberlink.system.configuration import MASTER
-from weberlink.telemetry.recording.ros import FIXED_FRAME
+from weberlink.watching.ros_messages import FIXED_FRAME
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
 ARROW, CUBE, SPHERE, LINE_LIST, TRIANGLE_LIST = 0, 1, 2, 5, 11

@@ -26,9 +26,15 @@ from weberlink.cli.output import fail, failing, tell, write
 from weberlink.system.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 
 record = typer.Typer(name="record", cls=CommandGroup, help="Describe or convert recordings.", no_args_is_help=True)
-bridge = typer.Typer(
-    name="bridge", cls=CommandGroup, help="Carry a running session to other systems.", no_args_is_help=True
-)
+
+
+class Bridges(CommandGroup):
+    """Those of other distributions."""
+
+    extended_by = "weberlink.bridges"
+
+
+bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
 Recordings = Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")]
 
 # Each command imports what it needs when it runs.
@@ -200,26 +206,3 @@ def ros2(
 
     with failing(NodeError, prefix="bridge ros2: "):
         run(session, domain, connect, Qos(not best_effort, depth), rate)
-
-
-@bridge.command()
-def foxglove(
-    session: SessionName = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 for any free port.")] = 8765,
-    listen: Listen = "127.0.0.1",
-    public: Public = False,
-    allow_changes: Annotated[
-        bool, typer.Option("--allow-changes", help="Let every client set parameters: deadband, predictor, link.")
-    ] = False,
-) -> None:
-    """Show a running session in Foxglove, until Ctrl-C."""
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
-
-    for package in ("foxglove", "rosbags"):
-        need(package, "foxglove", "weberlink bridge foxglove")
-    from weberlink.apps.bridge.foxglove import run  # noqa: PLC0415
-    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
-
-    check_public(listen, public)
-    with failing(MonitorError):
-        run(session, listen, port, allow_changes=allow_changes)

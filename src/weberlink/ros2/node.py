@@ -28,7 +28,7 @@ from weberlink.ros2.names import (
     check_topic,
     publishers_of,
 )
-from weberlink.telemetry.recording.message import ENCAPSULATION
+from weberlink.telemetry.message import ENCAPSULATION
 
 ROUTER: Final = "tcp/localhost:7447"
 """Where nodes look for the router of their host."""

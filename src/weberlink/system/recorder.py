@@ -21,7 +21,7 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.recording.message import BEGUN, COMPLETE, DURING, RANGE
+from weberlink.telemetry.message import BEGUN, COMPLETE, DURING, RANGE
 
 FINISH_LIMIT_S = 10.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish.

@@ -18,8 +18,8 @@ from weberlink.ros2.names import Qos
 from weberlink.system.description import Description
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.record import RELEASED
-from weberlink.telemetry.recording.message import ENCAPSULATION
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RingSource
 

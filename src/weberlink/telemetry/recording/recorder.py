@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from weberlink.child_process import Order
+from weberlink.telemetry.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recording.marks import Mark, shortened
-from weberlink.telemetry.recording.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.recording.message import Rows
+from weberlink.telemetry.message import Rows
 
 FIXED_FRAME: Final = "weberlink"
 """The frame of the robot, in which all positions are."""

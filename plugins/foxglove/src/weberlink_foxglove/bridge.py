@@ -14,18 +14,15 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener, 
 
 from weberlink.apps.bridge import follow
 from weberlink.apps.bridge.diagnostics import Level, Status
-from weberlink.apps.bridge.parameters import LiveParameters, as_parameters
 from weberlink.apps.bridge.topics import BODIES, SCENE, TopicBridge
-from weberlink.apps.monitor.address import MonitorError
 from weberlink.apps.ros_markers import MARKERS
-from weberlink.apps.ros_topics import topics
 from weberlink.ros2.messages import encode_body, types
 from weberlink.ros2.names import Qos
 from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import FAILURE
 from weberlink.system.wording import ALARM, INFO, WARN
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     ENCAPSULATION,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
@@ -36,7 +33,9 @@ from weberlink.telemetry.recording.message import (
 )
 from weberlink.watching.events import SessionEvent
 from weberlink.watching.rings import RingSource
+from weberlink.watching.ros_topics import topics
 from weberlink.watching.session import WatchedSession
+from weberlink_foxglove.parameters import LiveParameters, as_parameters
 
 RATE_HZ = 30.0
 """Of what the 3-D view needs. Ticks come at the rate of the session, in pieces of this length."""
@@ -56,6 +55,10 @@ FELT_SCHEMA: dict[str, Any] = {
     "type": "object",
     "properties": {name: {"type": "number"} for name in ("error_n", "bound_n", "deadbands")},
 }
+
+
+class ServeError(RuntimeError):
+    """The address or the port cannot be served."""
 
 
 class FoxgloveTopic:
@@ -267,15 +270,15 @@ def run(session: str | None, listen: str, port: int, *, allow_changes: bool) -> 
         allow_changes: whether clients may set parameters.
 
     Raises:
-        MonitorError: the address or the port cannot be served.
+        ServeError: the address or the port cannot be served.
     """
     tell = partial(follow.tell, "foxglove")
     try:
         bridge = FoxgloveBridge(listen, port, allow_changes=allow_changes, tell=tell)
     except RuntimeError as error:
-        raise MonitorError(f"--listen {listen}, --port {port}: cannot be served ({error})") from None
+        raise ServeError(f"--listen {listen}, --port {port}: cannot be served ({error})") from None
     host = f"[{listen}]" if ":" in listen else listen
     may = "may set parameters" if allow_changes else "only look"
-    layout = files("weberlink.configs") / LAYOUT
+    layout = files("weberlink_foxglove.configs") / LAYOUT
     tell(f"open ws://{host}:{bridge.server.port} in Foxglove (clients {may}); layout: {layout}")
     follow.run(bridge, session, 1.0 / RATE_HZ, tell)

@@ -6,18 +6,19 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
-from tests.apps.bridge.foxglove_client import FoxgloveClient
+from plugins.foxglove.tests.client import FoxgloveClient
 from tests.apps.monitor.test_emergency import daemons
+from tests.program import weberlink
 from tests.wait import until
 from tests.watching.sources import description, records, write
 from weberlink.apps.bridge.follow import FIND_S, SessionFollower
-from weberlink.apps.bridge.foxglove import FoxgloveBridge
 from weberlink.apps.ros_markers import CUBE, DELETE_ALL
 from weberlink.ros2.messages import decode
 from weberlink.system.description import Description
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.ring import RingWriter
+from weberlink_foxglove.bridge import FoxgloveBridge
 
 TOPICS = 14
 
@@ -129,3 +130,10 @@ def test_a_permitted_parameter_is_up_to_the_daemons(tmp_path: Path) -> None:
         told = client.answer("setParameters", "status", parameters=[{"name": "weber", "value": 0.2}])
         assert "a daemon of a test" in told["message"]
         assert [side.proposed for side in sides if side.proposed] == [[{"weber": 0.2}]], "the two agree by themselves"
+
+
+def test_an_address_that_others_can_reach_is_asked_for() -> None:
+    for address in ("0.0.0.0", "::", "192.0.2.1"):
+        ended = weberlink("bridge", "foxglove", "--listen", address)
+        assert (ended.status, len(ended.errors.splitlines())) == (2, 1)
+        assert f"--listen {address}" in ended.errors and "--public" in ended.errors

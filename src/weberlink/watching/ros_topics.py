@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from weberlink.system.configuration import MASTER
 from weberlink.system.scoring.arm import ArmLayout
-from weberlink.telemetry.recording.message import Rows
-from weberlink.telemetry.recording.ros import SCHEMAS, Motion, joint_state, pose_stamped, transforms, wrench_stamped
+from weberlink.telemetry.message import Rows
+from weberlink.watching.ros_messages import SCHEMAS, Motion, joint_state, pose_stamped, transforms, wrench_stamped
 
 _POSE, _WRENCH, _FRAMES, _STATE = SCHEMAS
 

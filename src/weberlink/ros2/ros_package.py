@@ -1,12 +1,12 @@
 """The ROS 2 package that defines the messages of a recording; a test compares the files with this.
 
-python -m weberlink.telemetry.recording.ros_package plugins/weberlink_msgs
+python -m weberlink.ros2.ros_package plugins/weberlink_msgs
 """
 
 import sys
 from pathlib import Path
 
-from weberlink.telemetry.recording.message import SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.message import SCHEMA_NAME, SCHEMA_TEXT
 
 MESSAGES = {SCHEMA_NAME: SCHEMA_TEXT}
 """Name and definition of each message, with those that it consists of."""
