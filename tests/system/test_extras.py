@@ -35,7 +35,7 @@ PLACES = {
         "apps.lerobot_frames",
         "apps.lerobot_export",
     ),
-    "mujoco": ("slave.robots.mjcf", "arms.simulation"),
+    "mujoco": ("arms.simulation",),
     "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "anywhere": tuple(

@@ -6,12 +6,10 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
-from tests.slave.robots.mjcf.models import GROUND, MASS, SLIDES, TICK, gantry, hold, readings, robot, wall
+from plugins.mujoco.tests.models import GROUND, MASS, SLIDES, TICK, gantry, hold, readings, robot, wall
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.robots.computed import LONGEST_GAP
 from weberlink.slave.robots.contract import RobotFault
-from weberlink.slave.robots.mjcf.driver import LONGEST_GAP
 
 BALL = SLIDES + '<joint name="ball" type="ball"/>'
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'

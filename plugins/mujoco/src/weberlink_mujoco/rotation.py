@@ -8,10 +8,10 @@ import numpy as np
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
-from weberlink.slave.robots.mjcf.impedance import IMMOBILE, JointTorques
-from weberlink.slave.robots.mjcf.options import CONTACTS
-from weberlink.slave.robots.mjcf.plant import Array, Plant
-from weberlink.slave.robots.mjcf.sensing import ContactSensing, SensorSensing
+from weberlink_mujoco.impedance import IMMOBILE, JointTorques
+from weberlink_mujoco.options import CONTACTS
+from weberlink_mujoco.plant import Array, Plant
+from weberlink_mujoco.sensing import ContactSensing, SensorSensing
 
 STILL_ALIKE = 0.9986
 """Cosine of half the angle (6 degrees) by which it may turn before its damping is computed anew."""

@@ -8,13 +8,13 @@ import numpy as np
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import Quaternion, RobotFault
-from weberlink.slave.robots.mjcf.impedance import Impedance
-from weberlink.slave.robots.mjcf.options import MujocoOptions
-from weberlink.slave.robots.mjcf.plant import Array, Plant, settle
-from weberlink.slave.robots.mjcf.sensing import force_sensing
+from weberlink_mujoco.impedance import Impedance
+from weberlink_mujoco.options import MujocoOptions
+from weberlink_mujoco.plant import Array, Plant, settle
+from weberlink_mujoco.sensing import force_sensing
 
 if TYPE_CHECKING:
-    from weberlink.slave.robots.mjcf.rotation import PoseImpedance, TorqueSensing
+    from weberlink_mujoco.rotation import PoseImpedance, TorqueSensing
 
 STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
@@ -54,7 +54,7 @@ class MjcfSimulation:
         if rotation is None:
             self._control = Impedance(plant, options.stiffness_n_m, ratio, posture_hz)
         else:
-            from weberlink.slave.robots.mjcf import rotation as poses  # noqa: PLC0415
+            from weberlink_mujoco import rotation as poses  # noqa: PLC0415
 
             stiffnesses = (options.stiffness_n_m, rotation.stiffness_n_m_rad)
             self._control = self._pose = poses.PoseImpedance(plant, stiffnesses, ratio, posture_hz)

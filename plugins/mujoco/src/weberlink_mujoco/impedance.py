@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.robots.mjcf.plant import Array, Plant
+from weberlink_mujoco.plant import Array, Plant
 
 IMMOBILE = 1e-6
 """A direction whose mobility is less than this share of the largest counts as blocked."""
