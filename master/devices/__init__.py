@@ -9,7 +9,6 @@ BUILT_IN = {
     "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
-    "ros2": "weberlink.master.devices.ros2.device:Ros2Device",
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 

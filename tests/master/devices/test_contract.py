@@ -12,8 +12,6 @@ from tests.master.devices.polhem.boards import hid_device
 from tests.master.devices.targets import Targets
 from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
-from weberlink.master.devices.ros2.device import Ros2Device
-from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
 from weberlink.testing.time import TICK, virtual_time
 from weberlink.testing.wires import HidWire, emulated, on_a_pty
@@ -59,27 +57,6 @@ class TestPointer(DeviceContract):
     def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
         swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
         yield DeviceBench(PointerDevice(PointerOptions(**options), TICK, swing), virtual_time())
-
-
-class Poses(Targets):
-    """Poses of a topic as its listener hands them on."""
-
-    trouble: str | None = None
-    failure: str | None = None
-
-
-class TestRos2(DeviceContract):
-    NAME = "ros2"
-    REFUSED = (
-        ({"topic": "target"}, "topic"),
-        ({"connect": "192.168.1.5:7447"}, "a Zenoh endpoint is like tcp/"),
-    )
-    TAKEN = ({"topic": "/a/b_1", "connect": "tcp/192.168.1.5:7447"},)
-
-    @contextmanager
-    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
-        swing = Poses(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
-        yield DeviceBench(Ros2Device(Ros2Options(**options), TICK, swing), virtual_time())
 
 
 class TestReplay(DeviceContract):
