@@ -20,9 +20,6 @@ from tests.wait import until
 from weberlink.anywhere.order import FinderOrder, start_finder
 from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.child_process import Child, python, shared_memory
-from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.touch.process import ServoProcess
-from weberlink.master.devices.touch.servo import ServoArguments
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathNews
 from weberlink.realtime.host import WatchOrder
@@ -79,14 +76,6 @@ def test_pairing_imports_nothing_from_the_working_directory(tmp_path: Path) -> N
     with start_pairing(PairingOrder("slave", "robot", str(tmp_path), NOWHERE)) as process:
         assert process.stdout is not None
         assert NOWHERE in json.loads(process.stdout.readline())["refused"]
-
-
-@pytest.mark.usefixtures("executed")
-def test_servo_imports_nothing_from_the_working_directory() -> None:
-    arguments = ServoArguments("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
-    process = ServoProcess(arguments)
-    with pytest.raises(HardwareFault, match=r"libnowhere\.so"):
-        process.start()
 
 
 @pytest.mark.realtime

@@ -18,10 +18,9 @@ PACKAGES = {
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
     "lerobot": ("pyarrow",),
-    "inverse3": ("websockets",),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
     "guests": (
-        *("distributed", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "statsmodels"),
+        *("distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "statsmodels"),
         "zenoh",
     ),
 }
@@ -37,7 +36,6 @@ PLACES = {
     ),
     "mujoco": ("arms.simulation",),
     "lerobot": ("apps.lerobot_export",),
-    "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "anywhere": tuple(
         f"anywhere.{each}"
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
