@@ -21,9 +21,7 @@ def turning(**options: Any) -> dict[str, Any]:
 
 
 def orientation_of(made: MujocoRobot) -> Quaternion:
-    pose = made._simulation._pose
-    assert pose is not None
-    return pose._orientation()
+    return made._simulation._control._orientation()
 
 
 def held(made: MujocoRobot, position: Vector, orientation: Quaternion, ticks: int) -> RobotReading:

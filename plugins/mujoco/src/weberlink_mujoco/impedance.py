@@ -1,15 +1,19 @@
-"""Position control of an end effector as a Cartesian spring and damper, and control of redundant joints."""
+"""Control of an end effector as a spring and damper of place and orientation, and of redundant joints."""
 
-from math import pi, sqrt
+from collections.abc import Sequence
+from math import pi
 
 import mujoco
 import numpy as np
 
+from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
 from weberlink_mujoco.plant import Array, Plant
 
 IMMOBILE = 1e-6
 """A direction whose mobility is less than this share of the largest counts as blocked."""
+STILL_ALIKE = 0.9986
+"""Cosine of half the angle (6 degrees) by which it may turn before its damping is computed anew."""
 
 
 class PostureControl:
@@ -76,57 +80,88 @@ class JointTorques:
 
 
 class Impedance:
-    """f = k (commanded - x) - D v (Hogan 1985).
+    """wrench = K e - D J v with the rows J of the position, and of the rotation where it has a stiffness.
 
-    D = 2 r sqrt(k) Lambda^(1/2) with the apparent mass Lambda of the end effector at home (Khatib 1987), so the damping
-    ratio is r in every direction there; D is constant. A blocked direction has neither spring nor damper.
+    e is the difference to the commanded position and the rotation vector to the commanded orientation, K the stiffness
+    of each: the torque is that of the spring k |e|^2 / 2 (Hogan 1985). D gives every mode of the end effector the same
+    damping ratio r: with W the modes of K^(1/2) (J M^-1 J^T) K^(1/2) and w their frequencies (Khatib 1987), D = K^(1/2)
+    W (2 r / w) W^T K^(1/2). A blocked mode has no damper. The inertia of a long, thin tool about the axes of the world
+    changes as it turns, so with a rotation D is computed anew every 6 degrees.
 
     Args:
-        plant: What is moved, at home.
-        stiffness: k [N/m].
+        plant: what is moved, at home.
+        stiffnesses: of the position [N/m], and perhaps of the orientation [N m/rad].
         damping_ratio: r.
-        posture_hz: Natural frequency of redundant joints.
+        posture_hz: natural frequency of redundant joints; 0 for none.
 
     Attributes:
-        lags: By which it follows a ramp in the lightest and in the heaviest direction [s].
-        fastest: Frequency of the lightest direction [rad/s].
-        strength: Stiffness and apparent masses, for a message.
+        fastest: frequency of the fastest mode at home [rad/s].
+        lags: by which the modes follow a ramp at home, the shortest first [s].
+        strength: the stiffnesses, for a message.
     """
 
-    def __init__(self, plant: Plant, stiffness: float, damping_ratio: float, posture_hz: float) -> None:
-        mobility, directions = np.linalg.eigh(plant.jacobian @ plant.inverse_mass() @ plant.jacobian.T)
-        free = mobility > IMMOBILE * mobility[-1]
-        roots = np.zeros(3)
-        roots[free] = mobility[free] ** -0.5
-        damping = 2.0 * damping_ratio * sqrt(stiffness) * (directions * roots) @ directions.T
-        masses = (1.0 / float(mobility[-1]), 1.0 / float(mobility[free][0]))
-        self._lightest_kg = masses[0]
-        self.lags = [2.0 * damping_ratio * sqrt(mass / stiffness) for mass in masses]
-        self.fastest = sqrt(stiffness / masses[0])
-        least, most = (format(mass, ".2g") for mass in masses)
-        self.strength = f"{stiffness:g} N/m on {least if least == most else f'{least} to {most}'} kg"
-        self._stiffness = stiffness
-        (self._xx, self._xy, self._xz), (_, self._yy, self._yz), (_, _, self._zz) = damping.tolist()
-        self._plant = plant
+    def __init__(self, plant: Plant, stiffnesses: Sequence[float], damping_ratio: float, posture_hz: float) -> None:
+        self._along, *self._about = stiffnesses
+        self._roots = np.sqrt(np.repeat(stiffnesses, 3))
+        self._ratio, self._plant = damping_ratio, plant
+        self._turned = np.zeros(4)
+        self._goal = self._home = self._damped_at = self._orientation()
+        frequencies, self._damping = self._modes()
+        self.fastest = float(frequencies[-1])
+        self.lags: list[float] = (2.0 * damping_ratio / frequencies[::-1]).tolist()
+        self.strength = " and ".join(f"{k:g} {unit}" for k, unit in zip(stiffnesses, ("N/m", "N m/rad"), strict=False))
         self._speed = plant.data.qvel
-        self._velocity = np.zeros(3)
-        self._force = np.zeros(3)
-        self._joints = JointTorques(plant, int(np.count_nonzero(free)), posture_hz)
+        self._wrench, self._twist = np.zeros_like(self._roots), np.zeros_like(self._roots)
+        self._joints = JointTorques(plant, len(frequencies), posture_hz)
+
+    def reset(self) -> None:
+        """Hold the orientation at home again."""
+        self._goal = self._home
+        if self._damped_at != self._home:
+            self._damped_at, (_, self._damping) = self._home, self._modes()
+
+    def point(self, orientation: Quaternion) -> None:
+        """Set the orientation to hold, from that at home, axes of the world; ValueError keeps the last one."""
+        held = unit_quaternion(orientation)
+        if held is None:
+            raise ValueError(f"mujoco: commanded an orientation that is none: {orientation}")
+        self._goal = product(held, self._home)
 
     def too_strong(self, excess: float) -> str:
         """Error message for a stiffness that is too large by this factor."""
-        stiffness = self._stiffness
-        return (
-            f"stiffness_n_m: {stiffness:g} is too much for the {self._lightest_kg:.2g} kg of the end effector; "
-            f"use at most {0.95 * stiffness / excess:.2g}"
+        options, which = (
+            ("stiffness_n_m, rotation.stiffness_n_m_rad", "one") if self._about else ("stiffness_n_m", "it")
         )
+        hertz = self.fastest / (2.0 * pi)
+        return f"{options}: the end effector swings at {hertz:.2g} Hz; divide {which} by at least {1.05 * excess:.2g}"
 
     def apply(self, commanded: Vector) -> None:
         """Set the joint torques for the state of the last `refresh` of the plant."""
-        plant, k, force = self._plant, self._stiffness, self._force
+        plant, wrench, k = self._plant, self._wrench, self._along
         x, y, z = plant.position.tolist()
-        u, v, w = plant.jacobian.dot(self._speed, self._velocity).tolist()
-        force[0] = k * (commanded[0] - x) - self._xx * u - self._xy * v - self._xz * w
-        force[1] = k * (commanded[1] - y) - self._xy * u - self._yy * v - self._yz * w
-        force[2] = k * (commanded[2] - z) - self._xz * u - self._yz * v - self._zz * w
-        self._joints.apply(force, plant.jacobian)
+        wrench[0], wrench[1], wrench[2] = k * (commanded[0] - x), k * (commanded[1] - y), k * (commanded[2] - z)
+        for k in self._about:
+            turned = self._orientation()
+            turn = vector(product(self._goal, inverse(turned)))
+            wrench[3], wrench[4], wrench[5] = k * turn[0], k * turn[1], k * turn[2]
+            (aw, ax, ay, az), (bw, bx, by, bz) = turned, self._damped_at
+            if abs(aw * bw + ax * bx + ay * by + az * bz) < STILL_ALIKE:
+                self._damped_at, (_, self._damping) = turned, self._modes()
+        plant.twist.dot(self._speed, self._twist)
+        wrench -= self._damping.dot(self._twist)
+        self._joints.apply(wrench, plant.twist)
+
+    def _modes(self) -> tuple[Array, Array]:
+        """Frequencies of the free modes, the slowest first [rad/s], and D, at the last `refresh` of the plant."""
+        plant, roots = self._plant, self._roots
+        mobility = plant.twist @ plant.inverse_mass() @ plant.twist.T
+        squares, modes = np.linalg.eigh(roots[:, None] * mobility * roots)
+        free = squares > IMMOBILE * squares[-1]
+        frequencies = np.sqrt(squares[free])
+        shapes = roots[:, None] * modes[:, free]
+        return frequencies, (shapes * (2.0 * self._ratio / frequencies)) @ shapes.T
+
+    def _orientation(self) -> Quaternion:
+        mujoco.mju_mat2Quat(self._turned, self._plant.turned)
+        w, x, y, z = self._turned.tolist()
+        return (w, x, y, z)
