@@ -11,4 +11,4 @@ A distribution with a driver inherits from the contract of its family, and gives
 
 import pytest
 
-pytest.register_assert_rewrite("weberlink.testing.robots")
+pytest.register_assert_rewrite("weberlink.testing.arms", "weberlink.testing.robots")
