@@ -102,8 +102,8 @@ if find_spec("mujoco"):
         (
             "link={listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}",
             "codec={joints: {names: [pan, lift, elbow, pitch, roll]}, gripper: {}}",
-            f"master.device={{driver: arm_operator, model: {MODEL}, script: [{{motion: move, duration_s: 0.5,"
-            f" joints_rad: [0.1, 0.4, 0.3, 0, 0]}}, {{motion: hold, duration_s: 10}}]}}",
+            f"master.device={{driver: arm_operator, model: {MODEL}, torque_nm: 0.215, script: [{{motion: move,"
+            f" duration_s: 0.5, joints_rad: [0.1, 0.4, 0.3, 0, 0]}}, {{motion: hold, duration_s: 10}}]}}",
             "master.joint_mapping={torque_scale: 0.08, gripper: {follower_rad: [0, 1.7]}}",
             f"slave.robot={{driver: mujoco_arm, model: {MODEL},"
             " objects: [{kind: box, position_m: [0.4, 0, 0.1], size_m: [0.2, 0.6, 0.2]}]}",

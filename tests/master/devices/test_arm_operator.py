@@ -54,7 +54,7 @@ def test_the_hand_yields_to_displayed_torque_within_its_limit() -> None:
     for angle, torque in zip(reading.angles, torques, strict=True):
         assert angle == pytest.approx(torque / 2.0, abs=FRICTION / 2.0 + 1e-3)
     assert reading.torques == NONE
-    held = [run(operator(script=REST), 500, (torque, *NONE[1:])).angles[0] for torque in (2.0, 1e9)]
+    held = [run(operator(script=REST), 500, (torque, *NONE[1:])).angles[0] for torque in (2.94, 1e9)]
     assert held[0] == held[1]
     home = (0.0, 0.6, 0.3, 0.2, 0.0, 0.5)
     assert run(operator(script=REST, home_rad=home), 500).angles == pytest.approx(home, abs=1e-6)
