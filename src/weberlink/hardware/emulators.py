@@ -4,11 +4,7 @@ from weberlink.hardware.emulator import EmulatorClass
 from weberlink.registry import Registry
 
 BUILT_IN = {
-    "gamepad": "weberlink.master.emulators.gamepad:GamepadEmulator",
-    "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
-    "inverse3": "weberlink.master.emulators.inverse3:Inverse3Emulator",
     "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
     "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
-    "spacemouse": "weberlink.master.emulators.spacemouse:SpaceMouseEmulator",
 }
 EMULATORS: Registry[EmulatorClass] = Registry("emulated device", BUILT_IN, "weberlink.emulators")
