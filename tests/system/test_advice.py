@@ -97,7 +97,7 @@ def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Pat
     assert took is not None and 2e-6 < took < 0.05
 
 
-DEVICE = 'master.device={driver: polhem_serial, port: "ws://PLACE"}'
+INVERSE3 = 'master.device={driver: inverse3, port: "ws://PLACE"}'
 
 
 @pytest.mark.parametrize(
@@ -107,8 +107,8 @@ DEVICE = 'master.device={driver: polhem_serial, port: "ws://PLACE"}'
         ('link.slave="[2001:db8::1]:47000"', "link.slave [2001:db8::1]:47000"),
         ("link.slave=10.0.0.2:47000", ""),
         ('link.slave="[2001:db9::1]:47000"', ""),
-        (DEVICE.replace("PLACE", "192.0.2.1:10001#A7"), "master.device.port ws://192.0.2.1:10001#A7"),
-        (DEVICE.replace("PLACE", "localhost:10001"), ""),
+        (INVERSE3.replace("PLACE", "192.0.2.1:10001#A7"), "master.device.port ws://192.0.2.1:10001#A7"),
+        (INVERSE3.replace("PLACE", "localhost:10001"), ""),
     ],
 )
 def test_an_address_that_nobody_has_is_named(override: str, told: str) -> None:

@@ -246,10 +246,7 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("side", "hardware"),
-    [
-        (MASTER, "master: {device: {driver: polhem_serial}}"),
-        (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}"),
-    ],
+    [(MASTER, "master: {device: {driver: haply_2diy}}"), (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}")],
 )
 def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path, hardware: str, side: str) -> None:
     path = write(tmp_path, MINIMAL + hardware)

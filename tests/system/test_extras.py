@@ -18,10 +18,10 @@ PACKAGES = {
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
     "lerobot": ("pyarrow",),
-    "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
+    "inverse3": ("websockets",),
     "guests": (
-        *("distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "statsmodels"),
-        "zenoh",
+        *("aioice", "distributed", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "segno"),
+        *("statsmodels", "twisted", "wormhole", "zenoh"),
     ),
 }
 """Import names of what an extra, or a guest, installs."""
@@ -36,10 +36,7 @@ PLACES = {
     ),
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
-    "anywhere": tuple(
-        f"anywhere.{each}"
-        for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
-    ),
+    "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

@@ -1,1 +1,0 @@
-"""Haptic devices, six-axis mice and gamepads, each with its emulator beside its driver."""
