@@ -77,7 +77,6 @@ WRONG = {
     f"check {FIG6} --set codec.force.step_n=0.0001": "codec.force.step_n",
     f"master {LOOPBACK} --duration 0": "link.slave",
     "doctor configs/lan.yaml --set rate_hz=x": "rate_hz",
-    "doctor configs/anywhere.yaml --link nobody --set link.peer_store=.": "nobody",
     # The file is not there, or not for this command.
     "check .": "is a folder",
     "doctor --link robot": "--link",

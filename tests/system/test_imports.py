@@ -47,8 +47,9 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher", "anywhere")),
+    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher")),
     *(
+        "weberlink_anywhere",
         "weberlink_arms",
         "weberlink_foxglove",
         "weberlink_franka",

@@ -24,7 +24,6 @@ OTHERS = {
     "arms/": "MuJoCo models of the arms",
     "mujoco/": "MuJoCo models of the mujoco files",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "relay/": "a relay of one's own: mailbox and TURN server",
     "systemd/": "units of master, slave and page",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",
