@@ -33,7 +33,7 @@ KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 NO_KEY = {
     "anywhere.yaml": (
-        "link.path=direct",
+        "link.finder=null",
         "link.listen=127.0.0.1:47000",
         "link.slave=127.0.0.1:47000",
         "link.security=none",

@@ -23,7 +23,6 @@ OTHERS = {
     "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "relay/": "a relay of one's own: mailbox and TURN server",
     "systemd/": "units of master, slave and page",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",

@@ -14,7 +14,7 @@ from weberlink.compiled import is_compiled
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Run": (try_session.try_session, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
     "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
-    "Setup": (setup.device, setup.peer, setup.keygen, setup.configs),
+    "Setup": (setup.device, setup.keygen, setup.configs),
 }
 """The commands and groups of commands, as the help lists them."""
 NAMES: dict[Callable[..., None], str] = {try_session.try_session: "try"}
