@@ -133,7 +133,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
 	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,docs]" >build/dev.in
+	echo "-e .[dev,recording,parquet,monitor,camera,docs]" >build/dev.in
 	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--output-file build/dev.lock build/dev.in
@@ -165,7 +165,8 @@ $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest -e ".[mujoco]" \
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest \
+		-e . -e plugins/mujoco -e plugins/arms \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 

@@ -20,8 +20,8 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 GENERATED = ("configuration.md", "command-reference.md")
 """Pages that the build of the documentation writes."""
-NAMES_OF_OTHERS = ("container.py", "models.py")
-"""Where the name of a guest is that of a profile of MCAP, or of a package."""
+NAMES_OF_OTHERS = ("container.py",)
+"""Where the name of a guest is that of a profile of MCAP."""
 PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
 

@@ -92,9 +92,9 @@ TORQUE = Channel("rotation_", 0.5, 1.5, 0.01, 0.02)
 HAND = Kind("loopback.yaml", (), 1.5, (FORCE,), OperatorDevice, PointRobot)
 TURNING = Kind("rotation.yaml", (), 1.4, (FORCE, TORQUE), OperatorDevice, PointRobot)
 KINDS = {"hand": HAND, "turning": TURNING}
-if find_spec("mujoco"):
-    from weberlink.master.devices.arm_operator import ArmOperator
-    from weberlink.slave.robots.mujoco_arm import MujocoArm
+if find_spec("weberlink_mujoco"):
+    from weberlink_mujoco.arms.follower import MujocoArm
+    from weberlink_mujoco.arms.operator import ArmOperator
 
     MODEL = ARMS.with_name("arm.xml")
     ARM = Kind(

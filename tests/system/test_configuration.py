@@ -115,7 +115,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
 @pytest.mark.parametrize(("file", "override", "field"), [(file, *row) for file in REFUSED for row in REFUSED[file]])
 def test_what_is_wrong_is_refused_in_one_line_by_the_path_of_its_field(file: str, override: str, field: str) -> None:
     if file == ARMS.name:
-        pytest.importorskip("mujoco")
+        pytest.importorskip("weberlink_mujoco")
     message = refusal(ARMS if file == ARMS.name else CONFIGS / file, *override.split(" & "))
     assert field in message
     assert file in message or "--set" in message or override in message

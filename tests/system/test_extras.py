@@ -16,9 +16,9 @@ from weberlink.system.configuration.extras import need
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
     "recording": ("mcap", "zstandard"),
-    "mujoco": ("mujoco",),
     "lerobot": ("pyarrow",),
     "guests": (
+        "mujoco",
         *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy"),
         *("segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh"),
     ),
@@ -33,7 +33,6 @@ PLACES = {
         "apps.lerobot_frames",
         "apps.lerobot_export",
     ),
-    "mujoco": ("arms.simulation",),
     "lerobot": ("apps.lerobot_export",),
 }
 """Where each extra may be imported at the top of a module."""
