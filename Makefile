@@ -12,7 +12,7 @@ KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := foxglove franka studies
+GUESTS := foxglove franka ros2 studies
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -139,7 +139,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
 	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,gamepad,inverse3,ros2,anywhere,docs]" >build/dev.in
+	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,gamepad,inverse3,anywhere,docs]" >build/dev.in
 	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--output-file build/dev.lock build/dev.in

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from weberlink.installation import GUESTS, list_guests
-from weberlink.ros2 import ros_package
 from weberlink.system.configuration.schema import as_text, schema
 
 ROOT = Path(__file__).parents[1]
@@ -55,12 +54,6 @@ def test_shipped_schema_is_that_of_the_code() -> None:
     assert shipped.count("\n") < len(document["$defs"]) + len(document) + 5
 
 
-def test_shipped_package_of_ros_messages_is_that_of_the_code() -> None:
-    package = ROOT / "plugins" / "weberlink_msgs"
-    there = {str(path.relative_to(package)): path.read_text() for path in package.rglob("*") if path.is_file()}
-    assert there == ros_package.files(), "write it with: python -m weberlink.ros2.ros_package"
-
-
 def test_lock_files_pin_every_dependency() -> None:
     def pinned(name: str) -> set[str]:
         lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
@@ -74,8 +67,9 @@ def test_lock_files_pin_every_dependency() -> None:
     for extra in extras.values():
         needed |= names(extra)
     for path in ROOT.glob("plugins/*/src/../pyproject.toml"):
-        needed |= names(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["dependencies"]) - {"weberlink"}
-    assert needed <= pinned("requirements-dev.lock")
+        needed |= names(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["dependencies"])
+    ours = {name for name in needed if name.startswith("weberlink")}
+    assert needed - ours <= pinned("requirements-dev.lock")
 
 
 def test_the_kernel_names_no_guest() -> None:
@@ -88,6 +82,8 @@ def test_the_kernel_names_no_guest() -> None:
         "|".join([*(f"weberlink_{name}" for name in folders), *(f"[\"']{name}[\"']" for name in names)])
     )
     for path in (path for folder in KERNEL for path in (ROOT / folder).rglob("*.py")):
+        if "recording" in path.parts:  # where MCAP has a profile of the name of a guest
+            continue
         assert not (found := forbidden.search(path.read_text(encoding="utf-8"))), f"{path}: {found}"
 
 

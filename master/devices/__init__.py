@@ -13,7 +13,6 @@ BUILT_IN = {
     "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
-    "ros2": "weberlink.master.devices.ros2.device:Ros2Device",
     "spacemouse": "weberlink.master.devices.spacemouse.device:SpaceMouseDevice",
     "touch": "weberlink.master.devices.touch.device:TouchDevice",
 }

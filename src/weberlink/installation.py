@@ -17,6 +17,8 @@ from shutil import which
 
 GUESTS = Path(__file__).with_name("guests.json")
 """Made by `make schema`: group of entry points, name, and the guest that has the entry; of files for `CONFIGS`."""
+NEEDED = "needed guests"
+"""What is listed beside the groups: by guest, the guests that it depends on."""
 CONFIGS = "weberlink.configs"
 """The group of packages that hold configuration files; also the kernel's own."""
 
@@ -60,7 +62,14 @@ def install_line(extra: str) -> str:
     if not (clone / "pyproject.toml").is_file():
         return f"{pip_install()} {quote(f'weberlink-{extra}' if is_guest else f'weberlink[{extra}]')}"
     where = "." if clone == Path.cwd() else str(clone)
-    return f"{pip_install()} -e {quote(f'{where}/plugins/{extra}' if is_guest else f'{where}[{extra}]')}"
+    folders = [f"{where}/plugins/{each}" for each in _with_needed(extra)] if is_guest else [f"{where}[{extra}]"]
+    return " ".join((pip_install(), *(f"-e {quote(each)}" for each in folders)))
+
+
+def _with_needed(guest: str) -> list[str]:
+    """The guests that this one needs, and itself: an index knows the former, a clone does not."""
+    needed = guests(NEEDED).get(guest, "").split()
+    return [*dict.fromkeys(each for other in needed for each in _with_needed(other)), guest]
 
 
 def pip_install() -> str:
@@ -93,6 +102,9 @@ def list_guests(plugins: Path) -> str:
         for group, entries in project.get("entry-points", {}).items():
             files_or_entries = _configurations(path.parent) if group == CONFIGS else entries
             found.setdefault(group, {}).update(dict.fromkeys(files_or_entries, path.parent.name))
+        ours = (each for each in project["dependencies"] if each.startswith("weberlink-"))
+        if needed := " ".join(each.removeprefix("weberlink-").partition("=")[0] for each in ours):
+            found.setdefault(NEEDED, {})[path.parent.name] = needed
     return json.dumps(found, indent=1, sort_keys=True) + "\n"
 
 

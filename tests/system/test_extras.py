@@ -19,9 +19,11 @@ PACKAGES = {
     "mujoco": ("mujoco",),
     "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
-    "ros2": ("zenoh", "rosbags"),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
-    "guests": ("distributed", "foxglove", "matplotlib", "pandas", "pylibfranka", "scipy", "statsmodels"),
+    "guests": (
+        *("distributed", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "statsmodels"),
+        "zenoh",
+    ),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
@@ -36,7 +38,6 @@ PLACES = {
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
     "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
-    "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
     "anywhere": tuple(
         f"anywhere.{each}"
         for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")

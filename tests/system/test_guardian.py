@@ -52,7 +52,7 @@ def test_a_side_with_such_a_driver_is_not_built(kind: Kind) -> None:
         system(*kind.overrides, file=kind.file, device=Unguarded)
 
 
-WITHOUT_MOTORS = {"operator", "replay", "pointer", "ros2", "gamepad", "spacemouse"}
+WITHOUT_MOTORS = {"operator", "replay", "pointer", "gamepad", "spacemouse"}
 
 
 @pytest.mark.parametrize("name", sorted(set(BUILT_IN) - WITHOUT_MOTORS))

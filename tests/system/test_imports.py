@@ -47,8 +47,8 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher", "anywhere", "ros2")),
-    *("weberlink_foxglove", "weberlink_franka", "weberlink_studies", "matplotlib", "scipy"),
+    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher", "anywhere")),
+    *("weberlink_foxglove", "weberlink_franka", "weberlink_ros2", "weberlink_studies", "matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }
 """What watches a daemon, and what is of other systems and makers; none of these files names one."""

@@ -22,9 +22,9 @@ from tests.laws import Laws, write
 from tests.program import PATIENT, Program
 from tests.wait import until
 from trials.rig import Command, Loopback
-from weberlink.apps.ros_markers import DELETE_ALL
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path
+from weberlink_ros2.markers import DELETE_ALL
 
 HERE = Path(__file__).parent
 PACKAGES = Path(".venv/foxglove/node_modules")

@@ -11,14 +11,14 @@ from tests.apps.monitor.test_emergency import daemons
 from tests.program import weberlink
 from tests.wait import until
 from tests.watching.sources import description, records, write
-from weberlink.apps.bridge.follow import FIND_S, SessionFollower
-from weberlink.apps.ros_markers import CUBE, DELETE_ALL
-from weberlink.ros2.messages import decode
 from weberlink.system.description import Description
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.ring import RingWriter
 from weberlink_foxglove.bridge import FoxgloveBridge
+from weberlink_ros2.follow import FIND_S, SessionFollower
+from weberlink_ros2.markers import CUBE, DELETE_ALL
+from weberlink_ros2.messages import decode
 
 TOPICS = 14
 

@@ -19,7 +19,6 @@ from weberlink.cli.arguments import (
     SessionName,
     Set,
     check_public,
-    finite,
     folder_target,
 )
 from weberlink.cli.output import fail, failing, tell, write
@@ -174,35 +173,3 @@ def export(
     with failing(records.ExportError):
         lines = records.export(recordings, to, out, records.DatasetOptions(fps, task))
     typer.echo("\n".join(lines))
-
-
-@bridge.command()
-def ros2(
-    session: SessionName = None,
-    domain: Annotated[int, typer.Option(metavar="N", envvar="ROS_DOMAIN_ID", help="ROS domain, 0 to 232.")] = 0,
-    connect: Annotated[
-        str | None,
-        typer.Option(metavar="ENDPOINT", help="Zenoh router; default: tcp/localhost:7447, or none on this host."),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ", min=0.1, callback=finite, help="Messages per second and topic; default: every tick."
-        ),
-    ] = None,
-    depth: Annotated[int, typer.Option(metavar="N", min=1, help="Depth of the queues, as announced.")] = 10,
-    best_effort: Annotated[
-        bool, typer.Option("--best-effort", help="Announce the topics as best effort, not as reliable.")
-    ] = False,
-) -> None:
-    """Publish a running session as ROS 2 topics, until Ctrl-C."""
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
-
-    for package in ("zenoh", "rosbags"):
-        need(package, "ros2", "weberlink bridge ros2")
-    from weberlink.apps.bridge.ros2 import run  # noqa: PLC0415
-    from weberlink.ros2.names import Qos  # noqa: PLC0415
-    from weberlink.ros2.node import NodeError  # noqa: PLC0415
-
-    with failing(NodeError, prefix="bridge ros2: "):
-        run(session, domain, connect, Qos(not best_effort, depth), rate)

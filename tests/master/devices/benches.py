@@ -37,8 +37,6 @@ from weberlink.master.devices.contract import Device
 from weberlink.master.devices.gamepad import GamepadExchange, GamepadOptions
 from weberlink.master.devices.pointer import PointerDevice, PointerOptions
 from weberlink.master.devices.rate_control import RateDevice
-from weberlink.master.devices.ros2.device import Ros2Device
-from weberlink.master.devices.ros2.options import Ros2Options
 from weberlink.master.devices.spacemouse.device import PuckExchange, SpaceMouseOptions
 from weberlink.testing.time import TICK, real_time, virtual_time
 
@@ -97,19 +95,6 @@ def operator(folder: Path) -> Iterator[Bench]:
 def pointer(folder: Path) -> Iterator[Bench]:
     swing = Targets(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
     yield Bench(PointerDevice(PointerOptions(), TICK, swing), virtual_time())
-
-
-class Poses(Targets):
-    """Poses of a topic as its listener hands them on."""
-
-    trouble: str | None = None
-    failure: str | None = None
-
-
-@contextmanager
-def ros2(folder: Path) -> Iterator[Bench]:
-    swing = Poses(lambda time: ((0.05 * sin(3.0 * time), 0.0, 0.02), True))
-    yield Bench(Ros2Device(Ros2Options(), TICK, swing), virtual_time())
 
 
 @contextmanager
@@ -323,7 +308,6 @@ BENCHES: dict[str, Callable[..., AbstractContextManager[Bench]]] = {
     "polhem_hid": polhem_hid,
     "polhem_serial": lambda folder, **how: on_a_pty("polhem_serial", folder, model="vintage_phantom", **how),
     "replay": replay,
-    "ros2": ros2,
     "spacemouse": spacemouse,
     "touch": touch,
 }

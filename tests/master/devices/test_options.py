@@ -46,8 +46,6 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("replay", {"axes": "+x+y+y"}, "axes"),
     ("replay", {"trace": "nowhere.csv"}, "nowhere.csv: not found"),
     ("replay", {"scale": 100.0}, "trace: .* beyond the workspace"),
-    ("ros2", {"topic": "target"}, "topic"),
-    ("ros2", {"connect": "192.168.1.5:7447"}, "a Zenoh endpoint is like tcp/"),
     ("spacemouse", {"home_m": (0.0, 0.0, 0.0601)}, "home_m: expected a point within"),
     ("arm_operator", {"script": [{"motion": "move", "joints_rad": (0.0,)}]}, "script.0.joints_rad: expected 5 angles"),
     ("arm_operator", {"script": [HOLD, {"motion": "move", "gripper_rad": 9.0}]}, "script.1: gripper: expected 0 to"),
@@ -64,7 +62,6 @@ TAKEN: list[tuple[str, dict[str, Any]]] = [
     ("operator", {"wrist": {}, "script": [{"motion": "turn", "turn_deg": [0, 0, -180]}]}),
     ("polhem_hid", {"force_n": 5.0}),
     ("spacemouse", {"home_m": (0.06, -0.06, 0.06)}),
-    ("ros2", {"topic": "/a/b_1", "connect": "tcp/192.168.1.5:7447"}),
 ]
 
 

@@ -12,12 +12,6 @@ import numpy as np
 from foxglove import Channel, Context, Parameter, Schema, StatusLevel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, WebSocketServer
 
-from weberlink.apps.bridge import follow
-from weberlink.apps.bridge.diagnostics import Level, Status
-from weberlink.apps.bridge.topics import BODIES, SCENE, TopicBridge
-from weberlink.apps.ros_markers import MARKERS
-from weberlink.ros2.messages import encode_body, types
-from weberlink.ros2.names import Qos
 from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import FAILURE
@@ -36,6 +30,12 @@ from weberlink.watching.rings import RingSource
 from weberlink.watching.ros_topics import topics
 from weberlink.watching.session import WatchedSession
 from weberlink_foxglove.parameters import LiveParameters, as_parameters
+from weberlink_ros2 import follow
+from weberlink_ros2.diagnostics import Level, Status
+from weberlink_ros2.markers import MARKERS
+from weberlink_ros2.messages import encode_body, types
+from weberlink_ros2.names import Qos
+from weberlink_ros2.topics import BODIES, SCENE, TopicBridge
 
 RATE_HZ = 30.0
 """Of what the 3-D view needs. Ticks come at the rate of the session, in pieces of this length."""
@@ -62,7 +62,7 @@ class ServeError(RuntimeError):
 
 
 class FoxgloveTopic:
-    """A `weberlink.apps.bridge.topics.Publisher` for Foxglove.
+    """A `weberlink_ros2.topics.Publisher` for Foxglove.
 
     Args:
         name: of the topic.
@@ -82,7 +82,7 @@ class FoxgloveTopic:
 
 
 class FoxgloveServer(ServerListener):
-    """A `weberlink.apps.bridge.topics.TopicNode`; the calls of a `ServerListener` come from threads of the server.
+    """A `weberlink_ros2.topics.TopicNode`; the calls of a `ServerListener` come from threads of the server.
 
     Args:
         parameters: what clients may read, and perhaps set.

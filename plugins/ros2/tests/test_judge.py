@@ -10,15 +10,15 @@ from threading import Timer
 import numpy as np
 import pytest
 
-from tests.ros2.ports import endpoint
+from plugins.ros2.tests.ports import endpoint
 from tests.watching.sources import description, write
 from tests.watching.sources import records as engaged
-from weberlink.apps.bridge.follow import SessionFollower
-from weberlink.apps.bridge.ros2 import Ros2Bridge
-from weberlink.ros2.names import Qos
-from weberlink.ros2.node import Node
 from weberlink.system.description import Description
 from weberlink.telemetry.ring import RingWriter
+from weberlink_ros2.bridge import Ros2Bridge
+from weberlink_ros2.follow import SessionFollower
+from weberlink_ros2.names import Qos
+from weberlink_ros2.node import Node
 
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -46,7 +46,7 @@ def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
     where = endpoint()
     bridge = Ros2Bridge(Node("weberlink", DOMAIN, where), Qos(), None, print)
     follower = SessionFollower(bridge, None, print, tmp_path)
-    command = [sys.executable, "-m", "tests.ros2.sdk", where.rpartition(":")[2], str(DOMAIN), str(len(LISTED))]
+    command = [sys.executable, "-m", "plugins.ros2.tests.sdk", where.rpartition(":")[2], str(DOMAIN), str(len(LISTED))]
     rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
     follower.look(0.0)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:

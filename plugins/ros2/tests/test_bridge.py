@@ -9,12 +9,6 @@ import numpy as np
 import pytest
 
 from tests.watching.sources import description, records, write
-from weberlink.apps.bridge.diagnostics import STALE_S, Level, SideCondition
-from weberlink.apps.bridge.follow import SessionFollower
-from weberlink.apps.bridge.ros2 import Ros2Bridge
-from weberlink.apps.bridge.topics import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, wall_offset_s
-from weberlink.ros2.messages import decode
-from weberlink.ros2.names import Qos
 from weberlink.system.description import Description
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
@@ -22,6 +16,12 @@ from weberlink.telemetry.message import ENCAPSULATION
 from weberlink.telemetry.record import RELEASED
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RingSource
+from weberlink_ros2.bridge import Ros2Bridge
+from weberlink_ros2.diagnostics import STALE_S, Level, SideCondition
+from weberlink_ros2.follow import SessionFollower
+from weberlink_ros2.messages import decode
+from weberlink_ros2.names import Qos
+from weberlink_ros2.topics import DIAGNOSTICS, DIAGNOSTICS_S, FRESH_S, wall_offset_s
 
 SESSION = "7"
 

@@ -12,7 +12,8 @@ import pytest
 pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
 pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
 
-from tests.master.devices.ros2.publishing import (
+from plugins.ros2.tests.ports import endpoint
+from plugins.ros2.tests.publishing import (
     PATIENCE,
     await_trouble,
     listening,
@@ -20,12 +21,11 @@ from tests.master.devices.ros2.publishing import (
     publishing,
     steadily,
 )
-from tests.ros2.ports import endpoint
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.ros2.device import Ros2Device
-from weberlink.master.devices.ros2.options import Ros2Options
-from weberlink.ros2.node import Node
 from weberlink.testing.time import TICK
+from weberlink_ros2.device import Ros2Device
+from weberlink_ros2.node import Node
+from weberlink_ros2.options import Ros2Options
 
 pytestmark = pytest.mark.realtime
 
@@ -67,7 +67,7 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
         device.latest(monotonic())
         os.kill(child, signal.SIGKILL)
         killed = monotonic()
-        with pytest.raises(DeviceFault, match="ros2: its listener was ended by SIGKILL; start the session again"):
+        with pytest.raises(DeviceFault, match="ros2: its listener was killed by SIGKILL; start the session again"):
             while monotonic() < killed + PATIENCE:
                 device.latest(monotonic())
                 sleep(TICK)
@@ -78,8 +78,8 @@ def test_killed_listener_is_a_fault_at_once(router: str) -> None:
 
 DAEMON = """
 import sys, time
-from weberlink.master.devices.ros2.device import Ros2Device
-from weberlink.master.devices.ros2.options import Ros2Options
+from weberlink_ros2.device import Ros2Device
+from weberlink_ros2.options import Ros2Options
 device = Ros2Device(Ros2Options(connect=sys.argv[1]), 1e-3)
 device.open(time.monotonic())
 print(device._poses.pid, "zenoh" in sys.modules, "rosbags" in sys.modules, flush=True)

@@ -1,6 +1,6 @@
 """A process of zenoh-ros2-sdk (ROBOTIS, Apache-2.0) that lists topics and receives all of them.
 
-    python -m tests.ros2.sdk PORT DOMAIN TOPICS
+    python -m plugins.ros2.tests.sdk PORT DOMAIN TOPICS
 
 It prints lines of JSON: first the topics with their types, then the messages of each topic by the end of its input.
 The message definitions that it would clone from GitHub are written from those of rosbags; it computes their hashes
@@ -20,7 +20,7 @@ from zenoh_ros2_sdk.discovery import get_topic_names_and_types
 from zenoh_ros2_sdk.message_registry import get_registry
 from zenoh_ros2_sdk.session import ZenohSession
 
-from weberlink.ros2.messages import types
+from weberlink_ros2.messages import types
 
 PACKAGES = (
     "builtin_interfaces",

@@ -6,8 +6,8 @@ from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.pointer import PointerOptions
-from weberlink.master.devices.ros2.admission import Subscription
-from weberlink.ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
+from weberlink_ros2.admission import Subscription
+from weberlink_ros2.names import LARGEST_DOMAIN, check_endpoint, check_topic
 
 
 class Ros2Options(PointerOptions):

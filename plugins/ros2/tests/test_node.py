@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from tests.ros2.ports import endpoint
+from plugins.ros2.tests.ports import endpoint
 from tests.wait import until
-from weberlink.ros2.messages import encode_body, types
-from weberlink.ros2.names import Qos
-from weberlink.ros2.node import CONFIG_VARIABLE, Node, NodeError
 from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_ros2.messages import encode_body, types
+from weberlink_ros2.names import Qos
+from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError
 
 STRING = "std_msgs/msg/String"
 BODY = encode_body(types().types[STRING]("hello"), STRING)

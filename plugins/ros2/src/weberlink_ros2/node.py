@@ -14,8 +14,9 @@ from typing import Any, Final
 
 import zenoh
 
-from weberlink.ros2.messages import type_hash
-from weberlink.ros2.names import (
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_ros2.messages import type_hash
+from weberlink_ros2.names import (
     PUBLISHER,
     SUBSCRIPTION,
     Attachment,
@@ -28,7 +29,6 @@ from weberlink.ros2.names import (
     check_topic,
     publishers_of,
 )
-from weberlink.telemetry.message import ENCAPSULATION
 
 ROUTER: Final = "tcp/localhost:7447"
 """Where nodes look for the router of their host."""
@@ -109,8 +109,6 @@ class Node:
 
     def published(self, topic: str) -> set[Topic]:
         """The types that a topic is published as, by any node; waits for the answers, at most `ANSWER_S`."""
-        import zenoh  # noqa: PLC0415 - an extra
-
         try:
             replies = self._session.liveliness().get(publishers_of(self._domain, topic), timeout=ANSWER_S)
             return {Topic.of_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}

@@ -9,17 +9,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.apps.bridge import follow
-from weberlink.apps.bridge.diagnostics import SideCondition, Status
-from weberlink.apps.ros_markers import MARKERS, body_markers, no_markers, reach_of, scene_markers
-from weberlink.ros2.messages import encode_body, types
-from weberlink.ros2.names import Qos
 from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.message import Origin
 from weberlink.watching.hello import drawn
 from weberlink.watching.rings import RingSource
 from weberlink.watching.ros_topics import shown, topics
+from weberlink_ros2 import follow
+from weberlink_ros2.diagnostics import SideCondition, Status
+from weberlink_ros2.markers import MARKERS, body_markers, no_markers, reach_of, scene_markers
+from weberlink_ros2.messages import encode_body, types
+from weberlink_ros2.names import Qos
 
 DIAGNOSTICS_S = 1.0
 """Period of the diagnostics, and of the scene, which whoever comes later needs as well."""

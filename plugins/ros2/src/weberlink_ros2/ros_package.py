@@ -1,6 +1,6 @@
 """The ROS 2 package that defines the messages of a recording; a test compares the files with this.
 
-python -m weberlink.ros2.ros_package plugins/weberlink_msgs
+python -m weberlink_ros2.ros_package plugins/ros2/weberlink_msgs
 """
 
 import sys

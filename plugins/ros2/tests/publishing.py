@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from weberlink.master.devices.pointer_link import PointerTarget
-from weberlink.master.devices.ros2.admission import Subscription
-from weberlink.master.devices.ros2.process import ListenerProcess
-from weberlink.ros2.messages import encode_body, types
-from weberlink.ros2.node import Node, Publisher
+from weberlink_ros2.admission import Subscription
+from weberlink_ros2.messages import encode_body, types
+from weberlink_ros2.node import Node, Publisher
+from weberlink_ros2.process import ListenerProcess
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 TOPIC = "/weberlink/target"

@@ -7,14 +7,12 @@ closes it however either of them ends, so each notices the end of the other.
 import json
 import select
 import socket
-import subprocess
-from signal import Signals
 from time import monotonic
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.pointer_link import MARK, PointerTarget, unpack
-from weberlink.master.devices.ros2.admission import Subscription
+from weberlink_ros2.admission import Subscription
 
 READY, TROUBLE, FAILED = b"WLR1", b"WLT1", b"WLF1"
 """What a datagram other than a target begins with; a text follows, which is empty for no trouble."""
@@ -43,7 +41,7 @@ class ListenerProcess:
 
     def __init__(self, subscription: Subscription) -> None:
         self._subscription = subscription
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._socket: socket.socket | None = None
         self.trouble: str | None = None
         self.failure: str | None = None
@@ -70,7 +68,10 @@ class ListenerProcess:
         self._waiting = waiting.poll
         try:
             with theirs:
-                self._child = _start(theirs, self._subscription)
+                module, order = f"{__package__}.listener", json.dumps(self._subscription)
+                self._child = Child(
+                    python("-m", module, str(theirs.fileno()), order), stdout=2, pass_fds=(theirs.fileno(),)
+                )
             self._await_ready(monotonic() + START_S)
         except BaseException:  # a signal may end the wait
             self.close()
@@ -94,13 +95,8 @@ class ListenerProcess:
             self._socket.close()
             self._socket = None
         child, self._child = self._child, None
-        if child is None:
-            return
-        try:
-            child.wait(END_S)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+        if child is not None:
+            child.end(END_S)
 
     def _await_ready(self, until: float) -> None:
         assert self._socket is not None
@@ -126,19 +122,5 @@ class ListenerProcess:
 
     def _end(self) -> str:
         assert self._child is not None
-        try:
-            status = self._child.wait(0.02)  # its descriptors are closed a little before it has ended
-        except subprocess.TimeoutExpired:
-            return "its listener is gone; start the session again"
-        how = f"was ended by {Signals(-status).name}" if status < 0 else f"ended with status {status}"
-        return f"its listener {how}; start the session again"
-
-
-def _start(wire: socket.socket, subscription: Subscription) -> "subprocess.Popen[bytes]":
-    return subprocess.Popen(  # noqa: S603 - our own
-        python("-m", f"{__package__}.listener", str(wire.fileno()), json.dumps(subscription)),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,  # that of a daemon is its report
-        pass_fds=(wire.fileno(),),
-        start_new_session=True,  # Ctrl-C does not reach it; it ends with this process
-    )
+        self._child.end(0.02)  # its descriptors are closed a little before it has ended
+        return f"its listener {self._child.how_it_ended}; start the session again"

@@ -8,9 +8,9 @@ import numpy as np
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product
 from weberlink.geometry.vector import ZERO, Vector, add, norm, scale
-from weberlink.ros2.messages import encode_body, types
 from weberlink.system.configuration import MASTER
 from weberlink.watching.ros_messages import FIXED_FRAME
+from weberlink_ros2.messages import encode_body, types
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
 ARROW, CUBE, SPHERE, LINE_LIST, TRIANGLE_LIST = 0, 1, 2, 5, 11

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from weberlink.geometry.rotation import LONGEST
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.master.devices.ros2.admission import Admission, Pose, Subscription
+from weberlink_ros2.admission import Admission, Pose, Subscription
 
 WANTED = Subscription("/target", 0, None, "base", (0.4, 0.0, 0.3), 0.1, turns=True)
 HERE = (0.41, -0.02, 0.33)

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.ros2.messages import decode, encode_body, type_hash, types
-from weberlink.ros2.names import (
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink.watching.ros_messages import SCHEMAS
+from weberlink_ros2.messages import decode, encode_body, type_hash, types
+from weberlink_ros2.names import (
     PUBLISHER,
     SUBSCRIPTION,
     Attachment,
@@ -20,8 +22,6 @@ from weberlink.ros2.names import (
     check_node_name,
     check_topic,
 )
-from weberlink.telemetry.message import ENCAPSULATION
-from weberlink.watching.ros_messages import SCHEMAS
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -15,10 +15,10 @@ from threading import Lock
 from time import monotonic
 
 from weberlink.master.devices.pointer_link import pack
-from weberlink.master.devices.ros2.admission import SECOND_NS, Admission, Pose, Subscription
-from weberlink.master.devices.ros2.process import END_S, FAILED, LONGEST_TEXT, READY, TROUBLE
-from weberlink.ros2.messages import decode, type_hash
-from weberlink.ros2.node import Node, NodeError
+from weberlink_ros2.admission import SECOND_NS, Admission, Pose, Subscription
+from weberlink_ros2.messages import decode, type_hash
+from weberlink_ros2.node import Node, NodeError
+from weberlink_ros2.process import END_S, FAILED, LONGEST_TEXT, READY, TROUBLE
 
 TYPE = "geometry_msgs/msg/PoseStamped"
 NODE = "weberlink_listener"

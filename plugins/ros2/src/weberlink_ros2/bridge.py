@@ -1,11 +1,11 @@
 """`bridge ros2`: publishes a running session as ROS 2 topics over Zenoh, for nodes with rmw_zenoh."""
 
-from weberlink.apps.bridge import follow
-from weberlink.apps.bridge.diagnostics import Level, Status
-from weberlink.apps.bridge.topics import TopicBridge
-from weberlink.ros2.names import Qos
-from weberlink.ros2.node import ROUTER, Node
 from weberlink.system.configuration import ConfigurationError
+from weberlink_ros2 import follow
+from weberlink_ros2.diagnostics import Level, Status
+from weberlink_ros2.names import Qos
+from weberlink_ros2.node import ROUTER, Node
+from weberlink_ros2.topics import TopicBridge
 
 NAME = "ros2"
 NODE = "weberlink"

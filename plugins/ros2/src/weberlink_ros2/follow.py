@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from weberlink.watching.rings import RingOpener, RingSource, find_rings
 
 if TYPE_CHECKING:
-    from weberlink.apps.bridge.topics import TopicBridge
+    from weberlink_ros2.topics import TopicBridge
 
 NICENESS = 5
 FIND_S = 0.25

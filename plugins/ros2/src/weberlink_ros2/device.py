@@ -5,8 +5,8 @@ from typing import ClassVar, Protocol
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.pointer import PointerDevice
 from weberlink.master.devices.pointer_link import TargetSource
-from weberlink.master.devices.ros2.options import Ros2Options
-from weberlink.master.devices.ros2.process import ListenerProcess
+from weberlink_ros2.options import Ros2Options
+from weberlink_ros2.process import ListenerProcess
 
 
 class PoseSource(TargetSource, Protocol):
@@ -28,8 +28,6 @@ class Ros2Device(PointerDevice):
     """
 
     NAME: ClassVar = "ros2"
-    NEEDS: ClassVar = ("zenoh", "ros2")
-    """Package and extra."""
     LIVE: ClassVar = True
     """Another program leads it, so it cannot run in virtual time."""
     Options: ClassVar[type[Ros2Options]] = Ros2Options
