@@ -19,7 +19,7 @@ KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-GENERATED = ("configuration.md", "command-reference.md")
+GENERATED = ("configuration.md", "command-reference.md", "datagrams.md")
 """Pages that the build of the documentation writes."""
 PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
