@@ -9,9 +9,9 @@ from tests.system.systems import CONFIGS
 from weberlink.protocol.states import State
 from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
+from weberlink.telemetry.message import Origin
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import JOINTS, RECORD
-from weberlink.telemetry.recording.message import Origin
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.row import Row
 

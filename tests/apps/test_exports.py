@@ -22,8 +22,8 @@ from weberlink.system.scoring.arm import arm_in
 from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.record import JOINTS
 from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.ros import quaternions
 from weberlink.telemetry.recording.writer import RecordingWriter
+from weberlink.watching.ros_messages import quaternions
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

@@ -16,8 +16,8 @@ from tests.system.systems import CONFIGS
 from tests.wait import until
 from weberlink.system.configuration import load
 from weberlink.system.scoring.recorded import ADDED, put_together
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.record import COUNTERS, FIELDS
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 

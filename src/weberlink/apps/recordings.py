@@ -20,8 +20,8 @@ from weberlink.system.configuration.extras import need, need_to_read
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
+from weberlink.telemetry.message import BEGUN, RANGE
 from weberlink.telemetry.record import AXES, JOINTS
-from weberlink.telemetry.recording.message import BEGUN, RANGE
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
 ARROW = ("parquet", "lerobot")

@@ -1,6 +1,6 @@
 """`record export --to ros`: a recording as an MCAP file for Foxglove, RViz and other ROS tools.
 
-Beside every tick it has the topics of `weberlink.apps.ros_topics` at `RATE_HZ`.
+Beside every tick it has the topics of `weberlink.watching.ros_topics` at `RATE_HZ`.
 They are made here and not while recording: the recorder stays cheap, its files lean, and old recordings gain them too.
 """
 
@@ -13,11 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from weberlink.apps.ros_topics import shown
 from weberlink.system.scoring.recorded import RecordedSession
-from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     COMPLETE,
     ENCAPSULATION,
     END,
@@ -29,7 +26,10 @@ from weberlink.telemetry.recording.message import (
     Origin,
     Rows,
 )
-from weberlink.telemetry.recording.ros import SCHEMAS
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
+from weberlink.watching.ros_messages import SCHEMAS
+from weberlink.watching.ros_topics import shown
 
 RATE_HZ = 100.0
 """Of poses, forces and frames; ticks are not thinned out."""

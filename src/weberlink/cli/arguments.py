@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib.metadata import EntryPoint, entry_points
 from math import isfinite
 from pathlib import Path
 from signal import SIG_DFL, SIGINT, SIGTERM, default_int_handler, getsignal, signal
@@ -12,9 +13,10 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command, get_group
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
-from weberlink.installation import absence, guests
+from weberlink.installation import absence, guests, install_line
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
 
@@ -108,24 +110,71 @@ def interruptible() -> Iterator[None]:
             signal(number, SIG_DFL)
 
 
+def _installed(entry: EntryPoint) -> Any:
+    """The command, or group of commands, of another distribution; one that says why, if it cannot be loaded."""
+    try:
+        found = entry.load()
+        problem = None if callable(found) else "it is not a function"
+    except Exception as error:  # whatever it is, the other commands must work
+        found, problem = None, f"{type(error).__name__}: {error}"
+    if problem is not None:
+        text = f"{entry.name}: the command of another distribution, {entry.value}, cannot be used: {problem}"
+
+        def broken() -> None:
+            """Cannot be used; run it to see why."""
+            fail(" ".join(text.split()), MISCONFIGURED)
+
+        found = broken
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    if isinstance(found, typer.Typer):
+        alone.add_typer(found, name=entry.name, rich_help_panel="Installed")
+        return get_group(alone).commands[entry.name]
+    alone.command(entry.name, rich_help_panel="Installed")(found)
+    return get_command(alone)
+
+
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, errors in one line, Ctrl-C in one line with status 130."""
+
+    extended_by: str | None = None
+    """Group of entry points of other distributions: functions with typer annotations, or typer apps, each a command, or
+    a group of them, of its entry point's name. They are loaded when they are asked for."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._others = (
+            {} if self.extended_by is None else {each.name: each for each in entry_points(group=self.extended_by)}
+        )
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands and cmd_name in self._others:
+            self.commands[cmd_name] = _installed(self._others[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        for name in self._others:
+            self.get_command(ctx, name)
+        return super().list_commands(ctx)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
         topics: dict[str, list[tuple[str, str]]] = {}
-        longest = max(map(len, self.list_commands(ctx)))
+        names = self.list_commands(ctx)
+        absent = {name: guest for name, guest in guests(self.extended_by).items() if name not in names}
+        longest = max(map(len, (*names, *absent)))
         for name, command in self.commands.items():
             topic = getattr(command, "rich_help_panel", None) or "Commands"
             text = command.get_short_help_str(formatter.width - longest - 6)
             topics.setdefault(topic, []).append((name.ljust(longest), text))
+        if absent:
+            topics["Not installed"] = [(name.ljust(longest), install_line(guest)) for name, guest in absent.items()]
         for topic, rows in topics.items():
             with formatter.section(topic):
                 formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            guest = guests("weberlink.commands").get(args[0]) if ctx.parent is None else None
+            guest = guests(self.extended_by).get(args[0])
             if guest is not None:
                 ctx.fail(absence(f"the command {args[0]!r}", guest))
             ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], self.list_commands(ctx))}")

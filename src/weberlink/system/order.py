@@ -1,10 +1,11 @@
 """What a launcher asks of a daemon, and what it hears of its end."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from signal import SIGHUP, SIGINT, SIGTERM
 from typing import Any
+
+from weberlink.child_process import Order
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 INTERRUPTED = 130
@@ -22,7 +23,7 @@ STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 
 
 @dataclass(frozen=True)
-class DaemonOrder:
+class DaemonOrder(Order):
     """What a daemon runs.
 
     Args:
@@ -30,7 +31,6 @@ class DaemonOrder:
         file: the configuration.
         overrides: as of `--set`.
         ring: where to write telemetry.
-        parent: process that the daemon stops with.
         duration_s: length of the run; None to run until it is stopped.
         take_over: whether a master replaces another one that the slave serves.
     """
@@ -39,17 +39,8 @@ class DaemonOrder:
     file: str
     overrides: tuple[str, ...]
     ring: str
-    parent: int
     duration_s: float | None = None
     take_over: bool = False
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "DaemonOrder":
-        values = json.loads(text)
-        return cls(**{**values, "overrides": tuple(values["overrides"])})
 
 
 def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:

@@ -4,17 +4,16 @@ Daemons and launcher never wait for it during a session; if it dies or the disk 
 """
 
 import json
-import os
-import subprocess
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
+from signal import SIGTERM
+from subprocess import PIPE
 from time import monotonic
 from typing import Any
 
 import yaml
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
@@ -22,7 +21,7 @@ from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.recording.message import BEGUN, COMPLETE, DURING, RANGE
+from weberlink.telemetry.message import BEGUN, COMPLETE, DURING, RANGE
 
 FINISH_LIMIT_S = 10.0
 """Time to write remaining records and the index after the daemons have ended; then it is told to finish.
@@ -111,16 +110,8 @@ class Recorder:
         self.path = out
         told = dict(facts) | ({} if since is None else {BEGUN: DURING})
         order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
-        # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
-        self._process = subprocess.Popen(  # noqa: S603
-            python("-m", "weberlink.telemetry.recording.recorder", order.to_json()),
-            bufsize=0,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-        )
-        assert self._process.stdin is not None
-        os.set_blocking(self._process.stdin.fileno(), False)
+        command = python("-m", "weberlink.telemetry.recording.recorder", order.to_json())
+        self._process = Child(command, stdin=PIPE, stdout=PIPE)  # ends when the rings end
         self._summary: dict[str, Any] | None = None
 
     @property
@@ -130,20 +121,15 @@ class Recorder:
     @property
     def running(self) -> bool:
         """Whether the process runs; it ends early if it was killed or could not write."""
-        return self._process.poll() is None
+        return self._process.running
 
     def mark(self, text: str) -> None:
         """Set a mark at this moment; without effect if the process has ended."""
-        self._command({"mark": text, "at": monotonic()})
+        self._process.write_line(json.dumps({"mark": text, "at": monotonic()}))
 
     def stop(self) -> None:
         """Tell it to finish the file; `running` then becomes false."""
-        self._command({"finish": True})
-
-    def _command(self, command: Mapping[str, Any]) -> None:
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError, ValueError):  # it has ended
-            self._process.stdin.write(json.dumps(command).encode() + b"\n")
+        self._process.write_line(json.dumps({"finish": True}))
 
     def kill(self) -> None:
         """End it at once, if it does not finish; what it has written stays readable."""
@@ -162,20 +148,10 @@ class Recorder:
         return None if outcome == COMPLETE else f"the recording failed: {outcome}"
 
     def _finish(self) -> dict[str, Any]:
-        try:
-            output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._process.terminate()
-            try:
-                output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                output, _ = self._process.communicate()
+        output = self._process.end(FINISH_LIMIT_S, SIGTERM)
         try:
             summary: dict[str, Any] = json.loads(output)
         except ValueError:
-            status = self._process.returncode
-            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
             size = self.path.stat().st_size if self.path.exists() else 0
-            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {ended}"}
+            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {self._process.how_it_ended}"}
         return summary

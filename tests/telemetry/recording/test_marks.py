@@ -7,8 +7,8 @@ from mcap.reader import make_reader
 
 from tests.telemetry.recording.records import FACTS, MONOTONIC_S, WALL_S, noise, origin
 from weberlink.system.scoring.recorded import put_together
+from weberlink.telemetry.message import BEGUN, DURING, ENCAPSULATION
 from weberlink.telemetry.recording.marks import Mark, pack_mark, read_mark, shortened
-from weberlink.telemetry.recording.message import BEGUN, DURING, ENCAPSULATION
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.recording.writer import RecordingWriter
 

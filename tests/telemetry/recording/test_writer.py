@@ -22,10 +22,10 @@ from tests.telemetry.recording.records import (
     same,
     small_file,
 )
+from weberlink.telemetry.message import ENCAPSULATION, END, SCHEMA_NAME
+from weberlink.telemetry.message import FACTS as FACTS_NAME
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FIELDS
-from weberlink.telemetry.recording.message import ENCAPSULATION, END, SCHEMA_NAME
-from weberlink.telemetry.recording.message import FACTS as FACTS_NAME
 from weberlink.telemetry.recording.reader import read_recording
 from weberlink.telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
 

@@ -16,8 +16,8 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
 from weberlink.system.wording import INFO, WARN, Words
+from weberlink.telemetry.message import COMPLETE
 from weberlink.telemetry.recording.marks import shortened
-from weberlink.telemetry.recording.message import COMPLETE
 from weberlink.watching.control import Answer, refusal
 from weberlink.watching.session import WatchedSession
 

@@ -35,7 +35,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from weberlink.telemetry.recording.message import ENCAPSULATION, Rows
+from weberlink.telemetry.message import ENCAPSULATION, Rows
 
 MAGIC = b"\x89MCAP0\r\n"
 """Begins a file and ends a complete one."""

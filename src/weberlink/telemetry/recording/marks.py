@@ -3,7 +3,7 @@
 from struct import Struct, error
 from typing import NamedTuple
 
-from weberlink.telemetry.recording.message import ENCAPSULATION
+from weberlink.telemetry.message import ENCAPSULATION
 
 MARK_TOPIC = "/weberlink/marks"
 MARK_SCHEMA = "rcl_interfaces/msg/Log"

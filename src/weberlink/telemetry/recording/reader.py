@@ -20,9 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
-from weberlink.telemetry.recording.container import FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
-from weberlink.telemetry.recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     COMPLETE,
     ENCAPSULATION,
     END,
@@ -35,6 +33,8 @@ from weberlink.telemetry.recording.message import (
     Rows,
     dtype_of,
 )
+from weberlink.telemetry.recording.container import FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink.telemetry.recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
 
 Parsed = TypeVar("Parsed")
 

@@ -11,16 +11,17 @@ import signal
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
 from time import monotonic, process_time, sleep
 from typing import Any
 
 import numpy as np
 
+from weberlink.child_process import Order
+from weberlink.telemetry.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recording.marks import Mark, shortened
-from weberlink.telemetry.recording.message import COMPLETE, Origin, Rows
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 
@@ -39,7 +40,7 @@ COMMANDS_AT_ONCE = 65_536
 
 
 @dataclass(frozen=True)
-class RecordingOrder:
+class RecordingOrder(Order):
     """What to record.
 
     Args:
@@ -55,13 +56,6 @@ class RecordingOrder:
     facts: dict[str, str]
     since: float | None = None
     takes_commands: bool = False
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "RecordingOrder":
-        return cls(**json.loads(text))
 
 
 class RingSource:

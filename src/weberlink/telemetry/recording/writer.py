@@ -16,10 +16,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
-from weberlink.telemetry.recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
-from weberlink.telemetry.recording.message import (
+from weberlink.telemetry.message import (
     COMPLETE,
     ENCAPSULATION,
     END,
@@ -32,6 +29,9 @@ from weberlink.telemetry.recording.message import (
     Origin,
     Rows,
 )
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
+from weberlink.telemetry.recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 
 __all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 
