@@ -12,7 +12,7 @@ KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := foxglove franka ros2 studies
+GUESTS := anywhere arms devices foxglove franka mujoco ros2 studies
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -78,7 +78,7 @@ franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a sim
 
 anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in contact; needs root, coturn and nftables
 	mkdir -p build
-	$(BIN)/python -m trials.anywhere --json build/anywhere.json
+	$(BIN)/python -m plugins.anywhere.trials --json build/anywhere.json
 
 lint: $(DEV) $(PAGE_TOOLS)  ## style, types (also of the page's scripts), and the direction of imports
 	$(BIN)/ruff check .
@@ -139,7 +139,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
 	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,gamepad,inverse3,anywhere,docs]" >build/dev.in
+	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,docs]" >build/dev.in
 	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--output-file build/dev.lock build/dev.in
@@ -183,7 +183,7 @@ $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 
 $(ISAACLAB)/.made: $(RUN)  # without what isaaclab depends on: only its client is imported
 	$(PYTHON) -m venv $(ISAACLAB)
-	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch pytest -e ".[inverse3]"
+	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile torch pytest -e . -e plugins/devices
 	$(ISAACLAB)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps "isaaclab==2.3.2.post1"
 	touch $@
 

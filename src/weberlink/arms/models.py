@@ -1,26 +1,27 @@
 """Mechanical models of arms: kinematics, gravity, inertia and friction, computed by MuJoCo from an MJCF file.
 
-MuJoCo is optional (extra `mujoco`) and imported when a model is loaded.
+MuJoCo is optional (extra `mujoco`) and imported when a model is loaded. Models come with distributions: entry points of
+the group `weberlink.arm_models`, each the path of its file.
 """
 
 from importlib import import_module
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import Vector
-from weberlink.installation import install_line
+from weberlink.installation import absence, install_line
+from weberlink.registry import Registry
 
 Array = NDArray[np.float64]
 
-ModelName = Literal["koch_follower", "koch_leader", "omx_leader", "open_manipulator_x", "so101"]
-NAMES: tuple[str, ...] = get_args(ModelName)
-"""Models that come with this package, in `configs/arms`; each file names its source and what is not public."""
+MODELS: Registry[Path] = Registry("model of an arm", {}, "weberlink.arm_models")
+ModelName = Annotated[str, AfterValidator(MODELS.check_known)]
 
 GRIPPER = "gripper"
 """Name of the joint of a gripper."""
@@ -206,10 +207,13 @@ class ArmModel:
 
 def path_of(model: str | Path) -> Path:
     """The file of a model; raises ValueError if there is none."""
-    path = Path(str(files("weberlink.configs") / "arms" / f"{model}.xml")) if model in NAMES else Path(model)
-    if not path.is_file():
-        raise ValueError(f"model: there is no file {path}; expected one, or a name: {', '.join(NAMES)}")
-    return path
+    name = Path(model).name
+    path = MODELS[name] if str(model) in MODELS else Path(model)
+    if path.is_file():
+        return path
+    if guest := MODELS.absent().get(name):
+        raise ValueError(absence(f"model: {name!r}", guest))
+    raise ValueError(f"model: there is no file {path}; expected one, or a name: {', '.join(MODELS)}")
 
 
 def read(path: Path) -> Any:

@@ -21,7 +21,7 @@ class Program(CommandGroup):
             **{name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
         },
         "Look": {name: f"{_HERE}.look:{name}" for name in ("monitor", "check", "doctor", "record", "bridge")},
-        "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "peer", "keygen", "configs")},
+        "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"
 

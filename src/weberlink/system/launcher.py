@@ -320,7 +320,7 @@ class Session:
         link = self.configuration.system.link
         return {
             # A path that is found has no address of the file.
-            "addresses": {} if link.path == "ice" else {"listen": link.listen, "slave": link.slave},
+            "addresses": {} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
             "peers": peers,
             "paths": self._paths,
             "dscp": link.dscp,

@@ -19,6 +19,7 @@ from weberlink.system.composition.account import account
 from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
+from weberlink.system.finders import finder_of
 
 if TYPE_CHECKING:
     from weberlink.codec.bundle import BundleChannel
@@ -84,10 +85,8 @@ def build_security(configuration: Configuration) -> Security:
     """
     link = configuration.system.link
     sides = loaded_sides(configuration)
-    if link.security == "peers" and len(sides) == 1:
-        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
-
-        return acquaintance(configuration, *sides).security
+    if len(sides) == 1 and (finder := finder_of(configuration, *sides)) is not None:
+        return finder.security
     if link.security == "none":
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
 
