@@ -11,7 +11,7 @@ FRANKA := $(VENV)/franka
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka ros2 studies
+GUESTS := anywhere arms devices foxglove franka mujoco ros2 studies
 
 MINUTES ?= 60
 TIMES ?= 10

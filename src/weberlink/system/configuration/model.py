@@ -25,7 +25,7 @@ from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
-from weberlink.protocol.conversation import MOST_TICKS
+from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
