@@ -4,7 +4,6 @@ from weberlink.registry import Registry
 from weberlink.slave.robots.contract import RobotDriver
 
 BUILT_IN = {
-    "mujoco": "weberlink.slave.robots.mjcf.driver:MujocoRobot",
     "point": "weberlink.slave.robots.point:PointRobot",
     "simulated": "weberlink.slave.robots.simulated:SimulatedRobot",
 }

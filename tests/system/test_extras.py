@@ -33,7 +33,7 @@ PLACES = {
         "apps.lerobot_frames",
         "apps.lerobot_export",
     ),
-    "mujoco": ("slave.robots.mjcf", "arms.simulation"),
+    "mujoco": ("arms.simulation",),
     "lerobot": ("apps.lerobot_export",),
 }
 """Where each extra may be imported at the top of a module."""

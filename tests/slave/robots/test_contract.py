@@ -1,7 +1,6 @@
 """The kernel's robots keep the contract."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -15,18 +14,10 @@ from weberlink.testing.time import TICK, virtual_time
 
 GROUND = 500.0  # [N/m]
 COMPUTED = ("point", "simulated")
-SLIDERS = """
-<mujoco><option timestep="0.001"/><worldbody>
-<geom name="ground" type="plane" size="1 1 0.1" solref="-500 -20" solimp="0.99 0.99 0.001"/>
-<body pos="0 0 0.03">
-<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-<geom type="sphere" size="0.001" mass="0.1"/><site name="tip"/></body>
-</worldbody></mujoco>
-"""
 
 
 def test_every_built_in_driver_is_tried() -> None:
-    assert {*COMPUTED, "mujoco"} == set(BUILT_IN)
+    assert set(COMPUTED) == set(BUILT_IN)
 
 
 class TestComputedRobots(RobotContract):
@@ -35,14 +26,4 @@ class TestComputedRobots(RobotContract):
         ground = Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), GROUND)])
         driver = load(request.param)
         robot = driver(driver.Options(), ground, TICK)
-        yield RobotBench(robot, virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))
-
-
-class TestMujoco(RobotContract):
-    @pytest.fixture
-    def bench(self, tmp_path: Path) -> Iterator[RobotBench]:
-        model = tmp_path / "sliders.xml"
-        model.write_text(SLIDERS)
-        driver = load("mujoco")
-        robot = driver(driver.Options(model=model), None, TICK)
         yield RobotBench(robot, virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))

@@ -2,20 +2,16 @@
 
 import os
 from contextlib import suppress
-from importlib import import_module
-from importlib.util import find_spec
 from time import monotonic
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from weberlink.geometry.vector import Vector
-from weberlink.installation import install_line
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import Quaternion, RobotSpec
-from weberlink.slave.robots.mjcf.options import MujocoOptions
 from weberlink.slave.scenes.scene import Scene
+from weberlink_mujoco.options import MujocoOptions
 
 if TYPE_CHECKING:
-    from weberlink.slave.robots.mjcf.simulation import MjcfSimulation
     from weberlink.telemetry.pose import PoseWriter
 
 POSE_S = 1.0 / 30.0
@@ -26,23 +22,18 @@ class MujocoRobot(ComputedRobot):
     """The end effector follows commands with the compliance that `stiffness_n_m` sets."""
 
     Options = MujocoOptions
-    NEEDS: ClassVar[tuple[str, str]] = ("mujoco", "mujoco")
-    """The package that it needs, and the extra of this project that brings it."""
 
     def __init__(self, options: MujocoOptions, scene: Scene | None, tick_period: float) -> None:
         """Load the file.
 
         Raises:
-            ValueError: one line, for a wrong file, name or pose, for a scene beside that of the file, and where MuJoCo
-                is not installed.
+            ValueError: one line, for a wrong file, name or pose, and for a scene beside that of the file.
         """
         if scene is not None:
             raise ValueError("driver mujoco: touches what is in its MJCF file; leave slave.scene out")
-        package, extra = self.NEEDS
-        if find_spec(package) is None:
-            raise ValueError(f"driver mujoco: needs {package}; install it with: {install_line(extra)}")
-        module = import_module("weberlink.slave.robots.mjcf.simulation")
-        self._simulation: MjcfSimulation = module.MjcfSimulation(options, tick_period)
+        from weberlink_mujoco.simulation import MjcfSimulation  # noqa: PLC0415 - MuJoCo takes its time
+
+        self._simulation = MjcfSimulation(options, tick_period)
         spec = RobotSpec(
             name="mujoco",
             axes=self._simulation.axes,

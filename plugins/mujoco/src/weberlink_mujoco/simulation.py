@@ -1,20 +1,16 @@
 """Plant, position control and sensing of an MJCF file, stepped once per tick."""
 
 from math import ceil, sqrt
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import Quaternion, RobotFault
-from weberlink.slave.robots.mjcf.impedance import Impedance
-from weberlink.slave.robots.mjcf.options import MujocoOptions
-from weberlink.slave.robots.mjcf.plant import Array, Plant, settle
-from weberlink.slave.robots.mjcf.sensing import force_sensing
-
-if TYPE_CHECKING:
-    from weberlink.slave.robots.mjcf.rotation import PoseImpedance, TorqueSensing
+from weberlink_mujoco.impedance import Impedance
+from weberlink_mujoco.options import MujocoOptions
+from weberlink_mujoco.plant import Array, Plant, settle
+from weberlink_mujoco.sensing import force_sensing, torque_sensing
 
 STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
@@ -47,18 +43,9 @@ class MjcfSimulation:
         options.check_home(self.home)
         self._plant = plant
         self._options = options
-        self._control: Impedance | PoseImpedance
-        self._pose: PoseImpedance | None = None
-        self._torque_sensing: TorqueSensing | None = None
-        ratio, posture_hz = options.damping_ratio, options.posture_hz
-        if rotation is None:
-            self._control = Impedance(plant, options.stiffness_n_m, ratio, posture_hz)
-        else:
-            from weberlink.slave.robots.mjcf import rotation as poses  # noqa: PLC0415
-
-            stiffnesses = (options.stiffness_n_m, rotation.stiffness_n_m_rad)
-            self._control = self._pose = poses.PoseImpedance(plant, stiffnesses, ratio, posture_hz)
-            self._torque_sensing = poses.torque_sensing(plant, rotation.torque)
+        stiffnesses = [options.stiffness_n_m, *([] if rotation is None else [rotation.stiffness_n_m_rad])]
+        self._control = Impedance(plant, stiffnesses, options.damping_ratio, options.posture_hz)
+        self._torque_sensing = None if rotation is None else torque_sensing(plant, rotation.torque)
         self._force_sensing = force_sensing(plant, options.force)
         self.substeps = self._substeps(float(plant.model.opt.timestep), tick_period)
         self._step = tick_period / self.substeps
@@ -72,13 +59,11 @@ class MjcfSimulation:
     def reset(self) -> None:
         """Return to the initial state."""
         self._plant.reset()
-        if self._pose is not None:
-            self._pose.reset()
+        self._control.reset()
 
     def point(self, orientation: Quaternion) -> None:
-        """Set the orientation to hold, from that at home; no effect without `rotation`. See `PoseImpedance.point`."""
-        if self._pose is not None:
-            self._pose.point(orientation)
+        """Set the orientation to hold, from that at home; no effect without `rotation`. See `Impedance.point`."""
+        self._control.point(orientation)
 
     def advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
         """Move on by `elapsed` [s] toward `commanded` [m].

@@ -1,4 +1,4 @@
-"""The force of the environment on an end effector, in the world frame."""
+"""Force and torque of the environment on an end effector, in the world frame; the torque about its tip."""
 
 from collections.abc import Iterator
 from typing import Protocol
@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.robots.mjcf.options import CONTACTS
-from weberlink.slave.robots.mjcf.plant import Plant
+from weberlink_mujoco.options import CONTACTS
+from weberlink_mujoco.plant import Plant
 
 PressedContact = tuple[int, Vector, Vector, list[float]]
 """Number of the contact, its force [N] in the world frame, its own torque [N m] in its frame, and that frame, whose
@@ -84,3 +84,72 @@ class SensorSensing:
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self._frame.tolist()
         wx, wy, wz = self.weight
         return (-xx * a - xy * b - xz * c - wx, -yx * a - yy * b - yz * c - wy, -zx * a - zy * b - zz * c - wz)
+
+
+class TorqueSensing(Protocol):
+    """Reads the torque [N m] of the last step, about the tip and in the world frame."""
+
+    def torque(self) -> Vector: ...
+
+
+def torque_sensing(plant: Plant, name: str) -> TorqueSensing:
+    """The sensing that the option `rotation.torque` names.
+
+    Raises:
+        ValueError: the file has no such sensor, or no force sensor on the same site.
+    """
+    return ContactTorque(plant) if name == CONTACTS else SensorTorque(plant, plant.torque_sensor(name))
+
+
+class ContactTorque:
+    """The sum over all contacts of the end effector: r x f of each about the tip, and its own torque."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._sensing = ContactSensing(plant)
+        self._contacts, self._tip = plant.data.contact, plant.position
+
+    def torque(self) -> Vector:
+        tx = ty = tz = 0.0
+        ox, oy, oz = self._tip.tolist()
+        places = self._contacts.pos.tolist()
+        for number, (x, y, z), (d, e, f), (nx, ny, nz, sx, sy, sz, ux, uy, uz) in self._sensing.contacts():
+            px, py, pz = places[number]
+            px, py, pz = px - ox, py - oy, pz - oz
+            tx += py * z - pz * y + d * nx + e * sx + f * ux
+            ty += pz * x - px * z + d * ny + e * sy + f * uy
+            tz += px * y - py * x + d * nz + e * sz + f * uz
+        return (tx, ty, tz)
+
+
+class SensorTorque:
+    """A `<torque>` sensor of the file, referred to the tip, less the torque of the weight of what hangs on it.
+
+    The sensor gives the torque that holds the body of its site, about that site. The force sensor on the same site
+    gives what the change of the reference point adds. Inertia is not subtracted, as for the force.
+    """
+
+    def __init__(self, plant: Plant, sensor: int) -> None:
+        model, data = plant.model, plant.data
+        address, site = int(model.sensor_adr[sensor]), int(model.sensor_objid[sensor])
+        self._force = SensorSensing(plant, plant.force_sensor_on(site))
+        self._local = data.sensordata[address : address + 3]
+        self._frame, self._place, self._tip = data.site_xmat[site], data.site_xpos[site], plant.position
+        self._centre = data.subtree_com[int(model.site_bodyid[site])]
+
+    def torque(self) -> Vector:
+        a, b, c = self._local.tolist()
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._frame.tolist()
+        place, tip, centre = self._place.tolist(), self._tip.tolist(), self._centre.tolist()
+        wx, wy, wz = moment(centre, place, self._force.weight)
+        fx, fy, fz = moment(place, tip, self._force.force())
+        return (
+            fx - wx - xx * a - xy * b - xz * c,
+            fy - wy - yx * a - yy * b - yz * c,
+            fz - wz - zx * a - zy * b - zz * c,
+        )
+
+
+def moment(at: list[float], about: list[float], force: Vector) -> Vector:
+    """The torque of a force at one point about another."""
+    x, y, z = at[0] - about[0], at[1] - about[1], at[2] - about[2]
+    return (y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0])

@@ -5,13 +5,11 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
-from tests.slave.robots.mjcf.models import SLIDES, TICK, gantry, lead, robot, wall
+from plugins.mujoco.tests.models import SLIDES, TICK, gantry, lead, robot, wall
 from weberlink.geometry.rotation import Quaternion, angle_between, inverse, product, quaternion
 from weberlink.geometry.vector import Vector, norm, scale, subtract
 from weberlink.slave.robots.contract import RobotReading
-from weberlink.slave.robots.mjcf.driver import MujocoRobot
+from weberlink_mujoco.driver import MujocoRobot
 
 BALL = SLIDES + '<joint name="ball" type="ball"/>'
 TWIST = '<torque name="twist" site="flange"/></sensor>'
@@ -23,9 +21,7 @@ def turning(**options: Any) -> dict[str, Any]:
 
 
 def orientation_of(made: MujocoRobot) -> Quaternion:
-    pose = made._simulation._pose
-    assert pose is not None
-    return pose._orientation()
+    return made._simulation._control._orientation()
 
 
 def held(made: MujocoRobot, position: Vector, orientation: Quaternion, ticks: int) -> RobotReading:

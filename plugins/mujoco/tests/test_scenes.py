@@ -6,13 +6,11 @@ from random import Random
 import pytest
 import yaml
 
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
-from tests.slave.robots.mjcf.models import TICK, lead
+from plugins.mujoco.tests.models import TICK, lead
 from weberlink.geometry.vector import Vector, distance, norm
-from weberlink.slave.robots.mjcf.driver import MujocoRobot
+from weberlink_mujoco.driver import MujocoRobot
 
-CONFIGS = Path(__file__).parents[4] / "configs"
+CONFIGS = Path(__file__).parents[1] / "configs"
 
 
 @pytest.mark.parametrize(
