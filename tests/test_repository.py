@@ -18,7 +18,7 @@ KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-GENERATED = ("configuration.md", "command-reference.md")
+GENERATED = ("configuration.md", "command-reference.md", "datagrams.md")
 """Pages that the build of the documentation writes."""
 NAMES_OF_OTHERS = ("container.py",)
 """Where the name of a guest is that of a profile of MCAP."""

@@ -14,7 +14,7 @@ from tests.system.hostile import Content, Duel
 from tests.system.systems import ARMS, configuration
 from weberlink.codec.parameters import pack
 from weberlink.control.tuning import Tuning
-from weberlink.protocol.mailbox import QUEUED_EVENTS
+from weberlink.protocol.endpoint import QUEUED_EVENTS
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind
 from weberlink.system.configuration import Configuration
 from weberlink.update import MAX_GAP, MOST_PARAMETER_BYTES, ModelParameters, PreviousSample
@@ -91,7 +91,7 @@ def move(duel: Duel, kind: str, *what: Any) -> None:
         case "garble":
             duel.garble(*what)
         case "credit":
-            peer.credit = max(peer.credit, *what)
+            peer.grant(max(peer.credit.granted, *what))
         case "encoding":
             peer.report_encoding(duel.now, is_encoding=what[0])
         case "renew":
