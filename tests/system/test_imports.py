@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import ARMS, CONFIGS
+from tests.system.systems import ARMS, CONFIGS, HAS_ARMS
 from weberlink.cli import app
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.slave import build_robot
@@ -17,7 +17,7 @@ from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
 NAMED = ("delay", "lan", "loopback", "phantom", "replay", "rotation")
-FILES = (str(ARMS), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
+FILES = (*([str(ARMS)] if HAS_ARMS else []), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
 SIDES = ("master", "slave")
 BUILD = """
 import json, os, sys
