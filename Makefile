@@ -8,6 +8,7 @@ LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
+KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
@@ -17,7 +18,7 @@ MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
 
-.PHONY: system demo test compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
@@ -40,6 +41,11 @@ demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live sessions last
 	$(BIN)/python -m pytest -n auto
+
+test-kernel: export PYTHONDONTWRITEBYTECODE :=
+test-kernel: $(KERNEL)/.made  ## the kernel's tests in an environment without any guest or extra
+	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
+	$(KERNEL)/bin/python -m pytest -n auto tests
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build
@@ -155,6 +161,12 @@ $(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # wha
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(GUESTS:%=-e plugins/%)
+	touch $@
+
+$(KERNEL)/.made: requirements-dev.lock pyproject.toml
+	$(PYTHON) -m venv $(KERNEL)
+	$(KERNEL)/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.lock \
+		pytest pytest-xdist hypothesis noiseprotocol -e .
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo

@@ -10,13 +10,10 @@ import yaml
 
 from tests.system.packages import install
 from tests.system.systems import ARMS, CONFIGS, configuration
-from weberlink.codec.deadband import (
-    ConeDeadband,
-    Deadband,
-    ForceDeadband,
-    LevelCrossingDeadband,
-    VelocityDeadband,
-)
+from weberlink.codec.deadband import Deadband, ForceDeadband
+from weberlink.codec.deadband.cone import ConeDeadband
+from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
+from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out

@@ -228,7 +228,7 @@ def test_an_arm_that_fell_is_held_where_it_lies() -> None:
     bench.wait(0.2)
     assert bench.emulator.watchdog_trips == 6
     assert pushed(bench, 2) < 0.02
-    bench.emulator._angles[2], bench.emulator._velocities[2] = -0.3, 0.0
+    bench.emulator.angles[2], bench.emulator.velocities[2] = -0.3, 0.0
     with pytest.raises(HardwareFault, match="watchdog tripped"):
         bench.exchange.exchange(None)
     bench.exchange.close()

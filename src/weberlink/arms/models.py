@@ -106,6 +106,11 @@ class ArmModel:
         self.damping: Joints = tuple(self._model.dof_damping[self.dofs].tolist())
         self._force: Array = np.zeros(self._model.nv)
         self._jacobian: Array = np.zeros((3, self._model.nv))
+        self._moved: Array = np.eye(self._model.nv)[self.dofs]
+        """Speeds of all degrees of freedom where one axis moves, as others follow; a row for each axis."""
+        for dof, driver, ratio in self._followers:
+            self._moved[:, dof] += ratio * self._moved[:, driver]
+        self._placed: Joints = ()
 
     @property
     def axes(self) -> int:
@@ -116,13 +121,13 @@ class ArmModel:
         """Torques that hold the arm against gravity [N m]: dV/dq of its potential energy V, at these angles [rad]."""
         self._place(angles)
         self._mujoco.mj_rne(self._model, self._data, 0, self._force)
-        return tuple(self._reduced(self._force).tolist())
+        return tuple((self._moved @ self._force).tolist())
 
     def jacobian(self, angles: Joints) -> tuple[Joints, Joints, Joints]:
         """Velocity of the tip along x, y, z for each axis [m/rad], in the frame of the file."""
         self._place(angles)
         self._mujoco.mj_jacSite(self._model, self._data, self._jacobian, None, self._tip)
-        x, y, z = (tuple(self._reduced(row).tolist()) for row in self._jacobian)
+        x, y, z = (tuple(row) for row in (self._jacobian @ self._moved.T).tolist())
         return x, y, z
 
     def tip(self, angles: Joints) -> Vector:
@@ -133,35 +138,32 @@ class ArmModel:
 
     def inertia(self, angles: Joints) -> Joints:
         """Diagonal of the mass matrix [kg m^2], armature included."""
+        return tuple([row[axis] for axis, row in enumerate(self.mass(angles))])
+
+    def mass(self, angles: Joints) -> tuple[Joints, ...]:
+        """The mass matrix, row by row [kg m^2], armature included."""
         self._place(angles)
         self._mujoco.mj_crb(self._model, self._data)
-        own: list[float] = []
-        for axis in range(self.dofs.start, self.dofs.stop):
-            speeds: Array = np.zeros(self._model.nv)
-            speeds[axis] = 1.0
-            for dof, driver, ratio in self._followers:
-                speeds[dof] = ratio * speeds[driver]
+        rows: list[Joints] = []
+        for speeds in self._moved:
             self._mujoco.mj_mulM(self._model, self._data, self._force, speeds)
-            own.append(float(speeds @ self._force))
-        return tuple(own)
+            rows.append(tuple((self._moved @ self._force).tolist()))
+        return tuple(rows)
 
     @property
     def _tip(self) -> int:
         return int(self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_SITE, TIP))
 
     def _place(self, angles: Joints) -> None:
+        if angles == self._placed:
+            return
+        self._placed = angles
         data = self._data
         data.qpos[self.dofs] = angles
         for dof, driver, ratio in self._followers:
             data.qpos[dof] = ratio * data.qpos[driver]
         self._mujoco.mj_kinematics(self._model, data)
         self._mujoco.mj_comPos(self._model, data)
-
-    def _reduced(self, values: Array) -> Array:
-        """Values of the axes: joints that follow count with their ratio."""
-        for dof, driver, ratio in self._followers:
-            values[driver] += ratio * values[dof]
-        return values[self.dofs]
 
     def _coupled(self) -> list[tuple[int, int, float]]:
         """Degrees of freedom that follow another, in proportion."""
