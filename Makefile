@@ -8,16 +8,17 @@ LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
+KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := devices foxglove franka ros2 studies
+GUESTS := anywhere arms devices foxglove franka mujoco ros2 studies
 
 MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
 
-.PHONY: system demo test compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
@@ -40,6 +41,11 @@ demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live sessions last
 	$(BIN)/python -m pytest -n auto
+
+test-kernel: export PYTHONDONTWRITEBYTECODE :=
+test-kernel: $(KERNEL)/.made  ## the kernel's tests in an environment without any guest or extra
+	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
+	$(KERNEL)/bin/python -m pytest -n auto tests
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build
@@ -72,7 +78,7 @@ franka: $(FRANKA)/.made  ## the driver of the Franka FR3 under franka-sim, a sim
 
 anywhere: $(DEV)  ## two hosts behind NATs of every kind, and paths that fail in contact; needs root, coturn and nftables
 	mkdir -p build
-	$(BIN)/python -m trials.anywhere --json build/anywhere.json
+	$(BIN)/python -m plugins.anywhere.trials --json build/anywhere.json
 
 lint: $(DEV) $(PAGE_TOOLS)  ## style, types (also of the page's scripts), and the direction of imports
 	$(BIN)/ruff check .
@@ -133,7 +139,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
 	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,anywhere,docs]" >build/dev.in
+	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,docs]" >build/dev.in
 	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
 	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--output-file build/dev.lock build/dev.in
@@ -155,6 +161,12 @@ $(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # wha
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(GUESTS:%=-e plugins/%)
+	touch $@
+
+$(KERNEL)/.made: requirements-dev.lock pyproject.toml
+	$(PYTHON) -m venv $(KERNEL)
+	$(KERNEL)/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.lock \
+		pytest pytest-xdist hypothesis noiseprotocol -e .
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo

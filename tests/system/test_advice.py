@@ -89,7 +89,7 @@ def test_a_rate_beyond_the_machine_names_one_that_it_holds(tick_us: float | None
     assert list(tick_rate(Parts(configuration(f"rate_hz={USUAL_RATE_HZ}")), pytest.fail)) == [], "it is not measured"
 
 
-@pytest.mark.parametrize("file", ["loopback.yaml", "phantom-arm.yaml", "koch-so101.yaml"])
+@pytest.mark.parametrize("file", ["loopback.yaml", "phantom.yaml"])
 def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Path) -> None:
     key = tmp_path / "key"
     generate(key)

@@ -18,10 +18,9 @@ PACKAGES = {
     "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
     "lerobot": ("pyarrow",),
-    "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
     "guests": (
-        *("distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy", "statsmodels"),
-        "zenoh",
+        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy"),
+        *("segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh"),
     ),
 }
 """Import names of what an extra, or a guest, installs."""
@@ -34,12 +33,8 @@ PLACES = {
         "apps.lerobot_frames",
         "apps.lerobot_export",
     ),
-    "mujoco": ("slave.robots.mjcf", "arms.simulation"),
+    "mujoco": ("arms.simulation",),
     "lerobot": ("apps.lerobot_export",),
-    "anywhere": tuple(
-        f"anywhere.{each}"
-        for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
-    ),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

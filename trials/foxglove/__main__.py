@@ -190,7 +190,7 @@ def arms(laws: Laws, folder: Path) -> None:
             judge.next("topics", 0)
             with Program("loopback", "--duration", 3, *PATIENT) as program:
                 program.finish()
-            with Program("loopback", "configs/arms.yaml", "--duration", 20, *PATIENT) as program:
+            with Program("loopback", "plugins/arms/configs/arms.yaml", "--duration", 20, *PATIENT) as program:
                 bridge.until_said(f"session {program.pid}: slave at")
                 judge.until_all(ARMS)
                 sleep(2.0)

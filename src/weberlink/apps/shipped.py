@@ -22,9 +22,7 @@ SCHEMA = "weberlink.schema.json"
 OTHERS = {
     "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
-    "mujoco/": "MuJoCo models of the mujoco files",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "relay/": "a relay of one's own: mailbox and TURN server",
     "systemd/": "units of master, slave and page",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",

@@ -99,8 +99,8 @@ def doctor(
         typer.Option(
             "--link",
             metavar="PEER|HOST",
-            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer with "
-            "link.path ice, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
+            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer where "
+            "link.finder finds a path, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
         ),
     ] = None,
     seconds: Annotated[
@@ -130,7 +130,7 @@ def doctor(
     else:
         from weberlink.apps.doctor.link_report import examine_link, towards  # noqa: PLC0415
 
-        overrides = towards(link, load(file, overrides, [MASTER]).system.link, overrides)
+        overrides = towards(link, load(file, overrides, [MASTER]), overrides)
         configuration = load(file, overrides, [MASTER])
         with waiting:
             found = examine_link(configuration, overrides, seconds)

@@ -24,7 +24,8 @@ from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.daemon_order import DaemonOrder, failure
+from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.system.paths import notable, paths_of
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
@@ -319,7 +320,7 @@ class Session:
         link = self.configuration.system.link
         return {
             # A path that is found has no address of the file.
-            "addresses": {} if link.path == "ice" else {"listen": link.listen, "slave": link.slave},
+            "addresses": {} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
             "peers": peers,
             "paths": self._paths,
             "dscp": link.dscp,

@@ -11,4 +11,5 @@ A distribution with a driver inherits from the contract of its family, and gives
 
 import pytest
 
+pytest.register_assert_rewrite("weberlink.testing.arms")
 pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in ("devices", "messages", "robots")))

@@ -10,7 +10,7 @@ from time import monotonic, sleep
 
 import pytest
 
-from tests.apps.test_hardware import Emulated, norm
+from tests.apps.emulated import Emulated, norm
 from tests.program import Program
 from tests.wait import until
 from weberlink.master.devices.threaded_device import RAMP_S
