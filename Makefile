@@ -11,7 +11,7 @@ FRANKA := $(VENV)/franka
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := franka studies
+GUESTS := franka recording studies
 
 MINUTES ?= 60
 TIMES ?= 10

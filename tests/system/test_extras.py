@@ -15,27 +15,27 @@ from weberlink.system.configuration.extras import need
 
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
-    "recording": ("mcap", "zstandard"),
     "mujoco": ("mujoco",),
-    "lerobot": ("pyarrow",),
     "inverse3": ("websockets",),
     "ros2": ("zenoh", "rosbags"),
     "foxglove": ("foxglove", "rosbags"),
     "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
-    "guests": ("distributed", "matplotlib", "pandas", "pylibfranka", "scipy", "statsmodels"),
+    "guests": (
+        "distributed",
+        "matplotlib",
+        "mcap",
+        "pandas",
+        "pyarrow",
+        "pylibfranka",
+        "scipy",
+        "statsmodels",
+        "zstandard",
+    ),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "recording": (
-        "telemetry.recording",
-        "system.scoring.recorded",
-        "apps.ros_export",
-        "apps.lerobot_frames",
-        "apps.lerobot_export",
-    ),
     "mujoco": ("slave.robots.mjcf", "arms.simulation"),
-    "lerobot": ("apps.lerobot_export",),
     "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
     "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
     "foxglove": ("apps.bridge.foxglove", "apps.bridge.parameters"),

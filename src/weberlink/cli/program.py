@@ -20,7 +20,7 @@ them, of its entry point's name."""
 INSTALLED: Mapping[str, EntryPoint] = {entry.name: entry for entry in entry_points(group=GROUP)}
 TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Run": (try_session.try_session, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
-    "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
+    "Look": (look.monitor, look.check, look.doctor, look.bridge),
     "Setup": (setup.device, setup.peer, setup.keygen, setup.configs),
 }
 """The commands and groups of commands, as the help lists them."""

@@ -11,15 +11,16 @@ from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
-from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.model import EmulationSettings
 from weberlink.system.interruption import Interruption
 from weberlink.system.order import COMPLETED, INTERRUPTED
-from weberlink.system.recorder import check_target, facts, recording_ended
+from weberlink.system.recorder import facts, format_for, recording_ended
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import Records, score_of
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
 from weberlink.system.verdict import verdict
+from weberlink.telemetry.recorders import COMPLETE, RecordingFormat
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -94,12 +95,11 @@ def simulate(
         ConfigurationError: if a part cannot be made as the file asks.
     """
     system = configuration.system
-    if record is not None:
-        check_target(record)
+    form = None if record is None else format_for(record)
     simulation = build_simulation(configuration)
     score = score_of(system)
     recorder = TraceRecorder()
-    recording = None if record is None else VirtualRecording(configuration, record, tell)
+    recording = None if record is None or form is None else VirtualRecording(form, configuration, record, tell)
     length = DEFAULT_DURATION if duration is None else duration
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     observers.append(SimulatedTime(system.tick_period, length, progress))
@@ -164,28 +164,26 @@ class VirtualRecording:
         ConfigurationError: from the constructor, if the file cannot be made.
     """
 
-    def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:
-        from weberlink.telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
-
-        self._outcome = "complete"
-        self._tell = tell
+    def __init__(
+        self, form: RecordingFormat, configuration: Configuration, path: Path, tell: Callable[[str], None]
+    ) -> None:
+        self._outcome = COMPLETE
+        self._path, self._tell = path, tell
         try:
-            self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
-            for side in SIDES:
-                self._writer.add_side(Origin(side, configuration.system.rate_hz, 0.0, 0.0))
+            self._writer = form.create(path, facts(configuration, virtual=True), configuration.system.rate_hz)
         except OSError as error:
             raise ConfigurationError(f"--record: {path}: {error.strerror or error}") from None
 
     def add(self, master: Records, slave: Records) -> None:
         """Take the next records of both sides."""
-        if self._outcome == "complete":
+        if self._outcome == COMPLETE:
             try:
                 self._writer.write(MASTER, master)
                 self._writer.write(SLAVE, slave)
                 self._writer.flush()
             except OSError as error:
                 self._outcome = error.strerror or str(error)
-                self._tell(recording_ended(self._writer.path, self._outcome))
+                self._tell(recording_ended(self._path, self._outcome))
 
     def finish(self) -> dict[str, Any]:
         """End the file; returns the summary that the recorder of a live session gives."""
@@ -195,7 +193,7 @@ class VirtualRecording:
             self._outcome = error.strerror or str(error)
         writer = self._writer
         return {
-            "path": str(writer.path),
+            "path": str(self._path),
             "bytes": writer.size,
             "records": writer.records,
             "lost": writer.lost,
