@@ -1,8 +1,8 @@
 """Digests of sessions in virtual time: equal digests before and after a change show that behaviour is unchanged.
 
-The sessions are every shipped configuration that can run in virtual time, and variants of them: one for each predictor,
-deadband and control scheme, and some with a faulty or encrypted link. A digest covers every datagram of both
-directions, the report without its run time, and the signal that the robot felt.
+The sessions are every shipped configuration, of guests too, that can run in virtual time, and variants of them: one for
+each predictor, deadband and control scheme, and some with a faulty or encrypted link. A digest covers every datagram of
+both directions, the report without its run time, and the signal that the robot felt.
 
     python -m benchmarks.behaviour            compare with benchmarks/behaviour.json
     python -m benchmarks.behaviour --write    write that file
@@ -20,19 +20,20 @@ from tempfile import gettempdir
 from typing import Any
 
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.installation import config_folders
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 
-ROOT = Path(__file__).parents[1]
+FILES = {path.name: path for folder in config_folders() for path in folder.glob("*.yaml")}
 STORED = Path(__file__).with_suffix(".json")
 DURATION = 5.0
-LIVE = {"koch-so101.yaml", "phantom-arm.yaml", "ros2.yaml"}
+LIVE = {"arms-remote.yaml", "franka.yaml", "koch-so101.yaml", "phantom.yaml", "phantom-arm.yaml", "ros2.yaml"}
 KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
 ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 NO_KEY = {
     "anywhere.yaml": (
-        "link.path=direct",
+        "link.finder=null",
         "link.listen=127.0.0.1:47000",
         "link.slave=127.0.0.1:47000",
         "link.security=none",
@@ -65,9 +66,8 @@ LOOPBACK = {
 
 
 def cases() -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    for path in sorted((ROOT / "configs").glob("*.yaml")):
-        if path.name not in LIVE:
-            yield path.name, path.name, NO_KEY.get(path.name, ())
+    for name in sorted(FILES.keys() - LIVE):
+        yield name, name, NO_KEY.get(name, ())
     for name, overrides in LOOPBACK.items():
         yield f"loopback.yaml, {name}", "loopback.yaml", overrides
     for file in ("scene-height-field.yaml", "rotation.yaml", "scene-moving.yaml"):
@@ -88,7 +88,7 @@ def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
 
     EmulatedLink.send = observed  # type: ignore[method-assign,assignment]
     try:
-        summary, recorder = simulate(load(ROOT / "configs" / file, overrides), DURATION)
+        summary, recorder = simulate(load(FILES[file], overrides), DURATION)
     finally:
         EmulatedLink.send = send  # type: ignore[method-assign]
     del summary["run_time_s"]

@@ -152,7 +152,7 @@ class Dialer:
             self._open.popitem(last=False)
         return header + exchange.hello(pack_hello(hello, security.overhead))
 
-    def receive(self, data: bytes) -> Answer | str | DropReason | None:
+    def on_welcome(self, data: bytes) -> Answer | str | DropReason | None:
         """Take a WELCOME.
 
         Returns:

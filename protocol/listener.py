@@ -120,7 +120,7 @@ class Listener:
         for master in self._masters.values():
             master.pending.clear()
 
-    def receive(
+    def on_hello(
         self, data: bytes, address: Address, now: float, *, serving: Caller | None = None, is_engaged: bool = False
     ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or the reason to drop it.

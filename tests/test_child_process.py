@@ -1,34 +1,29 @@
 """Children of every kind are started in a folder of hostile modules: they do their work, and import none of them."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
-from socket import socket
+from time import monotonic
+from typing import Any
 
 import pytest
 
 from tests.program import PATIENT, ROOT
 from tests.system.systems import CONFIGS
-from weberlink.anywhere.order import FinderOrder, start_finder
-from weberlink.anywhere.pairing_order import PairingOrder, start_pairing
-from weberlink.child_process import python
-from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.touch.process import ServoProcess
-from weberlink.master.devices.touch.servo import ServoArguments
-from weberlink.protocol.aio import hand_over
-from weberlink.protocol.aio.hand_over import PathNews
+from weberlink.child_process import Child, python, shared_memory
+from weberlink.realtime.host import WatchOrder
 
-NOWHERE = "ws://127.0.0.1:1/v1"
 SESSION = (str(CONFIGS / "loopback.yaml"), "--duration", "1", "--set", "realtime.lock_memory=false", *PATIENT)
 OTHERS = ("weberlink", "aioice", "cv2", "msgpack", "mujoco", "numpy", "pydantic", "twisted", "uvloop", "websockets")
 HOSTILE = "with open({marker!r}, 'a') as marker:\n    marker.write(__name__ + ' ')\n"
 RUN = {
-    "guardian.py": "-I",
     "rules.py": ".with_name",
-    "child_process.py": "-P",
+    "child_process.py": '[sys.executable, "-',  # -P or -I
     "installation.py": "Path(sys.executable)",  # only names what the user may run
 }
 """Files of the product that name the interpreter, and how each keeps to installed modules."""
@@ -54,36 +49,6 @@ def test_python_path_counts(tmp_path: Path) -> None:
     assert done.stdout == "own\n"
 
 
-@pytest.mark.usefixtures("executed")
-def test_finder_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
-    process, end = start_finder(FinderOrder("master", ("nobody",), str(tmp_path), NOWHERE))
-    with process, end:
-        assert "nobody" in first_news(end).text
-
-
-def first_news(end: socket) -> PathNews:
-    end.setblocking(True)
-    received = hand_over.receive(end)
-    assert received is not None and isinstance(received[0], PathNews)
-    return received[0]
-
-
-@pytest.mark.usefixtures("executed")
-def test_pairing_imports_nothing_from_the_working_directory(tmp_path: Path) -> None:
-    pytest.importorskip("wormhole")
-    with start_pairing(PairingOrder("slave", "robot", str(tmp_path), NOWHERE)) as process:
-        assert process.stdout is not None
-        assert NOWHERE in json.loads(process.stdout.readline())["refused"]
-
-
-@pytest.mark.usefixtures("executed")
-def test_servo_imports_nothing_from_the_working_directory() -> None:
-    arguments = ServoArguments("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
-    process = ServoProcess(arguments)
-    with pytest.raises(HardwareFault, match=r"libnowhere\.so"):
-        process.start()
-
-
 @pytest.mark.realtime
 @pytest.mark.usefixtures("executed")
 def test_session_imports_nothing_from_the_working_directory() -> None:
@@ -102,3 +67,63 @@ def test_only_one_place_makes_commands_of_the_interpreter() -> None:
     for name, how in RUN.items():
         lines = [line for line in found[name].read_text().splitlines() if "sys.executable" in line]
         assert lines and all(how in line for line in lines)
+
+
+def child(code: str, *arguments: str, **options: Any) -> Child:
+    return Child(python("-c", code, *arguments), **options)
+
+
+def test_a_child_reads_lines_and_its_lines_are_read_whole() -> None:
+    echo = child(
+        "import sys\nfor line in sys.stdin: sys.stdout.write(line[::-1] + '.'); sys.stdout.flush()", stdin=-1, stdout=-1
+    )
+    echo.write_line("abc")
+    lines = echo.lines(10.0)
+    assert lines == [b""], "the line of which the end has not come is kept"
+    assert echo.end(10.0) == b"cba."
+    assert (echo.status, echo.how_it_ended, echo.lines()) == (0, "ended with status 0", [])
+    assert echo.end(10.0) == b"cba."
+    echo.write_line("nobody reads this")
+
+
+STUBBORN = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN if sys.argv[1:] else lambda *_: sys.exit())
+sys.stdout.write("ready\\n")
+sys.stdout.flush()
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize(
+    ("ignored", "status"), [((), 0), ((signal.SIGTERM,), -signal.SIGKILL)], ids=["heeds", "ignores"]
+)
+def test_a_child_ends_in_bounded_time(ignored: tuple[signal.Signals, ...], status: int) -> None:
+    process = child(STUBBORN, *map(str, ignored), stdout=-1)
+    assert process.lines(10.0) == [b"ready"]
+    begun = monotonic()
+    process.end(0.1, signal.SIGTERM)
+    assert monotonic() - begun < 5.0
+    assert process.status == status
+    assert ("SIGKILL" in process.how_it_ended) == bool(ignored)
+
+
+def test_signals_wait_until_the_child_takes_them() -> None:
+    ours = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    code = "import signal\nprint(*sorted(signal.pthread_sigmask(signal.SIG_BLOCK, ())), flush=True)"
+    process = child(code, stdout=-1, blocked=(signal.SIGINT,))
+    assert str(int(signal.SIGINT)).encode() in process.end(10.0).split()
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == ours
+
+
+def test_an_order_arrives_as_it_was_given() -> None:
+    order = WatchOrder((0, 3), 50, 1.5, 0.002, 0.0005)
+    assert order.parent == os.getpid()
+    assert WatchOrder.from_json(order.to_json()) == order
+
+
+def test_memory_is_shared() -> None:
+    with shared_memory("weberlink-test", 4) as (memory, descriptor):
+        code = f"from mmap import mmap\nmmap({descriptor}, 4)[:] = b'here'"
+        child(code, pass_fds=(descriptor,)).end(10.0)
+    assert memory[:] == b"here"

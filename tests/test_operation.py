@@ -10,6 +10,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
+from typer import Context
 from typer.main import get_command
 
 from tests.program import Program, document
@@ -46,7 +47,9 @@ def unit(name: str) -> Unit:
 
 def commands() -> dict[str, set[str]]:
     """Every command with its options."""
-    found = get_command(app).commands  # type: ignore[attr-defined]
+    program = get_command(app)
+    with Context(program) as context:
+        found = {name: program.get_command(context, name) for name in program.list_commands(context)}  # type: ignore[attr-defined]
     return {
         name: {option for parameter in command.params for option in parameter.opts} for name, command in found.items()
     }

@@ -4,18 +4,11 @@ from weberlink.master.devices.contract import DeviceDriver
 from weberlink.registry import Registry
 
 BUILT_IN = {
-    "force_dimension": "weberlink.master.devices.force_dimension.device:ForceDimensionDevice",
-    "gamepad": "weberlink.master.devices.gamepad:GamepadDevice",
-    "haply_2diy": "weberlink.master.devices.haply.device:HaplyDevice",
-    "inverse3": "weberlink.master.devices.inverse3.device:Inverse3Device",
     "operator": "weberlink.master.devices.operator:OperatorDevice",
     "pointer": "weberlink.master.devices.pointer:PointerDevice",
     "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
-    "ros2": "weberlink.master.devices.ros2.device:Ros2Device",
-    "spacemouse": "weberlink.master.devices.spacemouse.device:SpaceMouseDevice",
-    "touch": "weberlink.master.devices.touch.device:TouchDevice",
 }
 DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 from importlib import import_module
 from itertools import accumulate
 from math import inf, pi, sin
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.models import ArmModel, ModelName, load
+from weberlink.arms.models import ArmModel, load
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.motion import minimum_jerk
 
@@ -117,7 +116,6 @@ class JointHand(BaseModel):
 class ArmOperatorOptions(ModelOptions):
     """Options of `arm_operator`."""
 
-    model: ModelName | Path = Field(default="koch_leader", description=ModelOptions.model_fields["model"].description)
     hand: JointHand = JointHand()
     script: tuple[Step, ...] = Field(
         default=(), description="what the hand means to do; if empty, it moves each axis in turn and works the gripper"

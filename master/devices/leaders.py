@@ -5,10 +5,7 @@ from weberlink.registry import Registry
 
 BUILT_IN = {
     "arm_operator": "weberlink.master.devices.arm_operator:ArmOperator",
-    "koch_leader": "weberlink.master.devices.dynamixel_leader:KochLeader",
-    "omx_leader": "weberlink.master.devices.dynamixel_leader:OmxLeader",
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
-    "so101_leader": "weberlink.master.devices.so101_leader:So101Leader",
 }
 LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")
 

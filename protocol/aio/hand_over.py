@@ -40,7 +40,7 @@ class PathFound(NamedTuple):
 
     Args:
         number: of this path, unique in the life of the finder.
-        place: which of `link.paths` it is, from 0; it replaces the former path of this place to the same peer.
+        place: which of several it is, from 0; it replaces the former path of this place to the same peer.
         peer: name of the peer on the wire.
         remote: where to send to.
         channel: TURN channel (RFC 8656 section 12) in which to wrap what is sent to `remote`, the relay; None without.
@@ -157,7 +157,7 @@ class PathFacts(NamedTuple):
     """A path in use, in words, for people: the page, the report, the metrics.
 
     Args:
-        place: which of `link.paths` it is.
+        place: which of several it is.
         route: "direct", "punched", "relayed", or "" while there is none.
         via: name of the relay, or "".
         interface: network interface of this host, or "".

@@ -4,8 +4,6 @@ from weberlink.registry import Registry
 from weberlink.slave.robots.contract import RobotDriver
 
 BUILT_IN = {
-    "dynamixel": "weberlink.slave.robots.dynamixel.driver:DynamixelRobot",
-    "mujoco": "weberlink.slave.robots.mjcf.driver:MujocoRobot",
     "point": "weberlink.slave.robots.point:PointRobot",
     "simulated": "weberlink.slave.robots.simulated:SimulatedRobot",
 }

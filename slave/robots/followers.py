@@ -4,10 +4,7 @@ from weberlink.arms.contract import FollowerDriver
 from weberlink.registry import Registry
 
 BUILT_IN = {
-    "koch_follower": "weberlink.slave.robots.dynamixel_follower:KochFollower",
     "mujoco_arm": "weberlink.slave.robots.mujoco_arm:MujocoArm",
-    "open_manipulator_x": "weberlink.slave.robots.dynamixel_follower:OpenManipulatorX",
-    "so101_follower": "weberlink.slave.robots.so101_follower:So101Follower",
 }
 FOLLOWERS: Registry[FollowerDriver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
 

@@ -2,14 +2,13 @@
 
 from importlib import import_module
 from math import exp, pi
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.models import ModelName, load, mujoco
+from weberlink.arms.models import load, mujoco
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
 
@@ -95,7 +94,6 @@ class Ball(Solid):
 class MujocoArmOptions(ModelOptions):
     """Options of `mujoco_arm`."""
 
-    model: ModelName | Path = Field(default="so101", description=ModelOptions.model_fields["model"].description)
     stiffness_nm_rad: PerAxis = Field(default=30.0, description="of the position control, for all axes or for each")
     damping_ratio: float = Field(
         default=0.7, ge=0.0, le=10.0, description="of each axis alone, at home; friction of the model counts"

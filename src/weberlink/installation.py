@@ -17,6 +17,8 @@ from shutil import which
 
 GUESTS = Path(__file__).with_name("guests.json")
 """Made by `make schema`: group of entry points, name, and the guest that has the entry; of files for `CONFIGS`."""
+NEEDED = "needed guests"
+"""What is listed beside the groups: by guest, the guests that it depends on."""
 CONFIGS = "weberlink.configs"
 """The group of packages that hold configuration files; also the kernel's own."""
 
@@ -32,12 +34,16 @@ def guests(group: str | None) -> Mapping[str, str]:
     return _listed().get(group, {})
 
 
-def config_folders() -> list[Path]:
-    """The folders of configuration files: the program's own, then those of the guests that are installed."""
+def config_modules() -> list[str]:
+    """The packages of configuration files: the program's own, then those of the guests that are installed."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - a long import, for messages and one command
 
-    modules = [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
-    return [Path(str(files(module))).resolve() for module in modules]
+    return [CONFIGS, *(entry.module for entry in entry_points(group=CONFIGS))]
+
+
+def config_folders() -> list[Path]:
+    """Where these packages are."""
+    return [Path(str(files(module))).resolve() for module in config_modules()]
 
 
 def absence(what: str, guest: str) -> str:
@@ -56,7 +62,14 @@ def install_line(extra: str) -> str:
     if not (clone / "pyproject.toml").is_file():
         return f"{pip_install()} {quote(f'weberlink-{extra}' if is_guest else f'weberlink[{extra}]')}"
     where = "." if clone == Path.cwd() else str(clone)
-    return f"{pip_install()} -e {quote(f'{where}/plugins/{extra}' if is_guest else f'{where}[{extra}]')}"
+    folders = [f"{where}/plugins/{each}" for each in _with_needed(extra)] if is_guest else [f"{where}[{extra}]"]
+    return " ".join((pip_install(), *(f"-e {quote(each)}" for each in folders)))
+
+
+def _with_needed(guest: str) -> list[str]:
+    """The guests that this one needs, and itself: an index knows the former, a clone does not."""
+    needed = guests(NEEDED).get(guest, "").split()
+    return [*dict.fromkeys(each for other in needed for each in _with_needed(other)), guest]
 
 
 def pip_install() -> str:
@@ -76,7 +89,9 @@ def _short(path: Path) -> str:
 
 
 def _configurations(guest: Path) -> list[str]:
-    return sorted(path.stem for path in guest.glob("configs/*.yaml"))
+    """Configurations, other files and folders."""
+    own = (path for path in guest.glob("configs/[!_]*") if not path.is_symlink())
+    return sorted(path.stem if path.suffix == ".yaml" else path.name for path in own)
 
 
 def list_guests(plugins: Path) -> str:
@@ -87,6 +102,9 @@ def list_guests(plugins: Path) -> str:
         for group, entries in project.get("entry-points", {}).items():
             files_or_entries = _configurations(path.parent) if group == CONFIGS else entries
             found.setdefault(group, {}).update(dict.fromkeys(files_or_entries, path.parent.name))
+        ours = (each for each in project["dependencies"] if each.startswith("weberlink-"))
+        if needed := " ".join(each.removeprefix("weberlink-").partition("=")[0] for each in ours):
+            found.setdefault(NEEDED, {})[path.parent.name] = needed
     return json.dumps(found, indent=1, sort_keys=True) + "\n"
 
 

@@ -9,19 +9,18 @@ from typing import Any
 import pytest
 
 from tests.program import document, weberlink
-from tests.system.systems import CONFIGS
 from weberlink.apps import rules
 from weberlink.apps.devices import DeviceAccess, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.installation import install_line
-from weberlink.master import devices
-from weberlink.master.devices import leaders
+from weberlink.master.devices import DEVICES
+from weberlink.master.devices.leaders import LEADERS
 from weberlink.registry import Registry
-from weberlink.slave import robots
-from weberlink.slave.robots import followers
+from weberlink.slave.robots import ROBOTS
+from weberlink.slave.robots.followers import FOLLOWERS
 
-RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
+RULES = rules.shipped()
 OPEN = DeviceAccess(accessible=lambda path: True, rules=())
 """A host without rules where everything may be opened."""
 
@@ -39,8 +38,8 @@ def surveyed(access: DeviceAccess = OPEN, **drivers: Any) -> Survey:
 def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
     ended = weberlink("device", "list", "--json", "-")
     found = {(each["side"], each["driver"]): each for each in document(ended.output)["drivers"]}
-    assert {name for side, name in found if side == "master"} == {*devices.drivers(), *leaders.drivers()}
-    assert {name for side, name in found if side == "slave"} == {*robots.drivers(), *followers.drivers()}
+    assert {name for side, name in found if side == "master"} == {*DEVICES, *LEADERS}
+    assert {name for side, name in found if side == "slave"} == {*ROBOTS, *FOLLOWERS}
     for virtual in (("master", "operator"), ("slave", "point")):
         assert (found[virtual]["kind"], found[virtual]["state"]) == ("virtual", "ready")
     assert weberlink("device", "list").status == 0
@@ -76,16 +75,16 @@ def test_state_comes_with_its_fix(candidate: Any, state: str, advice: str | None
     ("text", "state", "advice"),
     [
         (None, "rules not installed", "weberlink device rules"),
-        (RULES.replace("0006", "0007"), "rules not installed", "weberlink device rules"),
-        (RULES, "no permission", "unplug"),
+        ("# former", "rules not installed", "weberlink device rules"),
+        ("", "no permission", "unplug"),
     ],
     ids=["no rules", "rules of another version", "rules"],
 )
 def test_no_permission_comes_with_its_fix(text: str | None, state: str, advice: str, tmp_path: Path) -> None:
     node = tmp_path / "ttyACM0"
     node.touch(0o600)
-    if text is not None:
-        (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
+    for name, shipped in RULES.items() if text is not None else ():
+        (tmp_path / name).write_text(shipped + str(text), encoding="utf-8")
     access = DeviceAccess(accessible=lambda path: False, rules=(tmp_path,))
     found = surveyed(access, paddle=driver(str(node)), other=driver(str(node)))
     assert [each.state for each in found.drivers] == [state] * 2
@@ -96,9 +95,9 @@ def test_no_permission_comes_with_its_fix(text: str | None, state: str, advice: 
 # --- the rules
 
 
-def granted(text: str, usb: UsbId) -> bool:
+def granted(usb: UsbId) -> bool:
     """Whether a rule gives access to a device of this identity."""
-    for line in text.splitlines():
+    for line in "\n".join(RULES.values()).splitlines():
         vendor, product = (re.search(rf'ATTRS\{{{key}\}}=="([^"]*)"', line) for key in ("idVendor", "idProduct"))
         if 'TAG+="uaccess"' not in line or vendor is None or vendor[1] != f"{usb.vendor:04x}":
             continue
@@ -109,13 +108,15 @@ def granted(text: str, usb: UsbId) -> bool:
     return False
 
 
-def test_rules_cover_every_built_in_driver_and_no_other_device() -> None:
-    for table in (devices, robots):
-        for name in table.BUILT_IN:
+def test_rules_cover_every_driver_and_no_other_device() -> None:
+    for table in (DEVICES, ROBOTS, LEADERS, FOLLOWERS):
+        for name in table:
             for usb in getattr(table.load(name), "USB", ()):
-                assert granted(RULES, usb), f"{UDEV_RULES} gives no access to {usb} of {name}"
+                assert granted(usb), f"no rule gives access to {usb} of {name}"
     for usb in (UsbId(0x1234, 0x0007), UsbId(0xDEAD, None)):
-        assert not granted(RULES, usb)
+        assert not granted(usb)
+    for name in RULES:
+        assert name < "73", "73-seat-late.rules reads the tag"
 
 
 @pytest.mark.parametrize(("udev", "part"), [(0, "applied"), (1, "unplug"), (None, "cannot be run")])
@@ -126,11 +127,12 @@ def test_rules_are_installed_whether_udev_applies_them_or_not(udev: int | None, 
         program.chmod(0o755)
     assert not rules.installed([folder])
     (line,) = rules.install(folder, str(program))
-    assert line.startswith(f"{folder / UDEV_RULES}: installed")
+    assert line.startswith(str(folder / UDEV_RULES))
+    assert ": installed" in line
     assert part in line
     assert rules.installed([tmp_path / "none", folder])
-    assert [path.name for path in folder.iterdir()] == [UDEV_RULES]
-    assert stat.S_IMODE((folder / UDEV_RULES).stat().st_mode) == 0o644
+    assert {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()} == RULES
+    assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o644}
     if udev == 0:
         reload, trigger = log.read_text().splitlines()
         assert (reload, trigger.split()[:2]) == ("control --reload", ["trigger", "--action=change"])

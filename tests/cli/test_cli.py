@@ -19,11 +19,10 @@ from weberlink.system.configuration import load
 from weberlink.system.simulate import simulate
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
-HARDWARE = ("koch-so101.yaml", "phantom-arm.yaml")
+HARDWARE = ("phantom.yaml",)
 """Those whose drivers need hardware or its emulator."""
-BETWEEN_HOSTS = ("koch-so101.yaml", "lan.yaml")
+BETWEEN_HOSTS = ("lan.yaml",)
 """Those in which the master calls another host."""
-LED = ("ros2.yaml",)
 """Those that another program leads."""
 COMMANDS = get_command(app).commands  # type: ignore[attr-defined]
 MEMBERS = [f"{name} {member}" for name, group in COMMANDS.items() for member in getattr(group, "commands", ())]
@@ -58,7 +57,7 @@ def test_every_command_explains_itself(command: str) -> None:
 
 
 EVALUATE = "study evaluate configs/traces/operator.npz"
-LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom-arm.yaml"
+LOOPBACK, FIG6, ARM = "configs/loopback.yaml", "configs/fig6.yaml", "configs/phantom.yaml"
 WRONG = {
     # The command or the option is not there.
     "loopback --durations 3": "--duration",
@@ -66,8 +65,6 @@ WRONG = {
     # A number is none, or out of its range.
     "loopback --duration three": "--duration",
     f"simulate {LOOPBACK} --duration -1": "--duration",
-    "bridge ros2 --domain 233": "233",
-    "bridge ros2 --rate inf": "--rate",
     "monitor --port 70000": "--port",
     # A field of the file.
     **{
@@ -80,7 +77,6 @@ WRONG = {
     f"check {FIG6} --set codec.force.step_n=0.0001": "codec.force.step_n",
     f"master {LOOPBACK} --duration 0": "link.slave",
     "doctor configs/lan.yaml --set rate_hz=x": "rate_hz",
-    "doctor configs/anywhere.yaml --link nobody --set link.peer_store=.": "nobody",
     # The file is not there, or not for this command.
     "check .": "is a folder",
     "doctor --link robot": "--link",
@@ -97,7 +93,7 @@ WRONG = {
     "try --scene moon": "--scene moon",
     **{
         f"{command} --listen {address}": f"--listen {address}"
-        for command in ("try", "monitor", "bridge foxglove")
+        for command in ("try", "monitor")
         for address in ("0.0.0.0", "::", "192.0.2.1")
     },
     # A device that is not known, its options, and an emulator's.
@@ -130,7 +126,6 @@ def test_a_wrong_argument_is_one_line_that_names_it(
 @pytest.mark.parametrize(
     ("line", "variables", "status", "field"),
     [
-        ("bridge ros2", {"ZENOH_SESSION_CONFIG_URI": "/none.json5"}, 1, "none.json5"),
         ("try --listen 192.0.2.1 --public", {}, 1, "--listen 192.0.2.1"),
         ("loopback --duration 0", {"XDG_RUNTIME_DIR": ""}, 1, "weberlink is a file"),
     ],
@@ -201,7 +196,7 @@ def test_check_says_what_a_shipped_file_composes(name: str, key: str) -> None:
     assert len(re.findall(r"update of \d+.* bytes of UDP payload", ended.output)) == channels
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name not in HARDWARE + LED])
+@pytest.mark.parametrize("name", [name for name in FILES if name not in HARDWARE])
 def test_simulate_completes_every_shipped_file(name: str, key: str) -> None:
     ended = run(f"simulate configs/{name} --duration 0.3 --json - --set", key)
     assert ended.status == 0, ended.errors

@@ -76,7 +76,6 @@ json.dump([weberlink(*line) for line in json.loads(sys.argv[1])], sys.stdout)
 WITHOUT = [
     # A package is asked for where it is needed only, and after what is nearer: a name that is wrong.
     (["try"], 2, install_line("monitor")),
-    (["check", CONFIGS / "mujoco-arm.yaml"], 2, install_line("mujoco")),
     (["loopback", "--record", "a.mcap"], 2, "--record is of weberlink-recording, which is not installed; install it"),
     (["record", "info", "a.mcap"], 2, install_line("recording")),
 ]
@@ -100,10 +99,11 @@ def rate(file: File) -> None:
 """
 
 
-def test_command_of_another_distribution_runs(tmp_path: Path) -> None:
-    install(tmp_path, "rates", {"rates": COMMAND}, "[weberlink.commands]\nrate = rates:rate\n")
+@pytest.mark.parametrize(("group", "words"), [("commands", ["rate"]), ("bridges", ["bridge", "rate"])])
+def test_command_of_another_distribution_runs(tmp_path: Path, group: str, words: list[str]) -> None:
+    install(tmp_path, "rates", {"rates": COMMAND}, f"[weberlink.{group}]\nrate = rates:rate\n")
     paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
-    assert python("-m", "weberlink", "rate", LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
+    assert python("-m", "weberlink", *words, LOOPBACK, PYTHONPATH=paths) == (0, "1000 Hz\n", "")
 
 
 def told(ended: Ended) -> str:

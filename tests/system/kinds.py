@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.system.stops import StoppedSide
-from tests.system.systems import system
+from tests.system.systems import ARMS, system
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
@@ -78,7 +79,7 @@ class Kind:
         device, robot: computed ones, for tests to derive from.
     """
 
-    file: str
+    file: str | Path
     overrides: tuple[str, ...]
     begin: float
     channels: tuple[Channel, ...]
@@ -95,15 +96,16 @@ if find_spec("mujoco"):
     from weberlink.master.devices.arm_operator import ArmOperator
     from weberlink.slave.robots.mujoco_arm import MujocoArm
 
+    MODEL = ARMS.with_name("arm.xml")
     ARM = Kind(
-        "arms.yaml",
+        ARMS,
         (
             "link={listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}",
-            "codec={joints: {names: [shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll]}, gripper: {}}",
-            "master.device={driver: arm_operator, model: koch_leader, script: [{motion: move, duration_s: 0.5,"
-            " joints_rad: [0.1, 0.4, 0.3, 0, 0]}, {motion: hold, duration_s: 10}]}",
+            "codec={joints: {names: [pan, lift, elbow, pitch, roll]}, gripper: {}}",
+            f"master.device={{driver: arm_operator, model: {MODEL}, torque_nm: 0.215, script: [{{motion: move,"
+            f" duration_s: 0.5, joints_rad: [0.1, 0.4, 0.3, 0, 0]}}, {{motion: hold, duration_s: 10}}]}}",
             "master.joint_mapping={torque_scale: 0.08, gripper: {follower_rad: [0, 1.7]}}",
-            "slave.robot={driver: mujoco_arm, model: so101,"
+            f"slave.robot={{driver: mujoco_arm, model: {MODEL},"
             " objects: [{kind: box, position_m: [0.4, 0, 0.1], size_m: [0.2, 0.6, 0.2]}]}",
         ),
         0.8,

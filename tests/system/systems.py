@@ -12,9 +12,13 @@ from weberlink.system.simulation import Simulation
 from weberlink.telemetry.record import Record
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"
+"""Two computed arms; no file of arms is shipped with the kernel."""
 
 
-def configuration(*overrides: str, file: str = "loopback.yaml", device: Any = None, robot: Any = None) -> Configuration:
+def configuration(
+    *overrides: str, file: str | Path = "loopback.yaml", device: Any = None, robot: Any = None
+) -> Configuration:
     """A shipped file with overrides; `device` and `robot` are classes to be built in place of the drivers'."""
     loaded = load(CONFIGS / file, overrides)
     if device is not None:

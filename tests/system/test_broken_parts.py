@@ -12,14 +12,14 @@ import pytest
 from tests.apps.packages import add_drivers
 from tests.program import PATIENT, Program, document, weberlink
 from tests.system.packages import install
-from tests.system.systems import CONFIGS
+from tests.system.systems import ARMS, CONFIGS
 
 DISTRIBUTION = "breaking-parts"
 GROUPS = {
     "devices": ("loopback.yaml", "master.device.driver={}"),
     "robots": ("loopback.yaml", "slave.robot.driver={}"),
-    "leaders": ("arms.yaml", "master.device.driver={}"),
-    "followers": ("arms.yaml", "slave.robot.driver={}"),
+    "leaders": (ARMS, "master.device.driver={}"),
+    "followers": (ARMS, "slave.robot.driver={}"),
     "predictors": ("loopback.yaml", "codec.force.predictor={}"),
     "deadbands": ("loopback.yaml", "codec.force.deadband={{shape: {}}}"),
     "integrators": ("scene-simulated-robot.yaml", "slave.robot.integrator={}"),
@@ -104,7 +104,7 @@ def sets(*overrides: str) -> list[str]:
     return [part for each in overrides for part in ("--set", each)]
 
 
-def line_of(command: str, file: str, *overrides: str) -> str:
+def line_of(command: str, file: str | Path, *overrides: str) -> str:
     """The one line of a command that fails and prints nothing else."""
     status, output, errors = weberlink(command, CONFIGS / file, *sets(*overrides))
     assert (status, output) == (2, ""), errors

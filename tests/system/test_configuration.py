@@ -9,14 +9,11 @@ import pytest
 import yaml
 
 from tests.system.packages import install
-from tests.system.systems import CONFIGS, configuration
-from weberlink.codec.deadband import (
-    ConeDeadband,
-    Deadband,
-    ForceDeadband,
-    LevelCrossingDeadband,
-    VelocityDeadband,
-)
+from tests.system.systems import ARMS, CONFIGS, configuration
+from weberlink.codec.deadband import Deadband, ForceDeadband
+from weberlink.codec.deadband.cone import ConeDeadband
+from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
+from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
@@ -96,7 +93,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("slave.robot={driver: point}", "codec.rotation: slave.robot"),
         ("codec.rotation.torque.step_nm=0.00001", "codec.rotation.torque.step_nm"),
     ],
-    "arms.yaml": [
+    ARMS.name: [
         ("codec.joints.names=[a, a]", "codec.joints"),
         ("codec.joints.names=[a, b]", "codec.joints.names"),
         ("codec.joints.angle.bound_rad=[0.1, -1, 0.1, 0.1, 0.1]", "codec.joints.angle.bound_rad.1"),
@@ -114,9 +111,9 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
 
 @pytest.mark.parametrize(("file", "override", "field"), [(file, *row) for file in REFUSED for row in REFUSED[file]])
 def test_what_is_wrong_is_refused_in_one_line_by_the_path_of_its_field(file: str, override: str, field: str) -> None:
-    if file == "arms.yaml":
+    if file == ARMS.name:
         pytest.importorskip("mujoco")
-    message = refusal(CONFIGS / file, *override.split(" & "))
+    message = refusal(ARMS if file == ARMS.name else CONFIGS / file, *override.split(" & "))
     assert field in message
     assert file in message or "--set" in message or override in message
 
@@ -246,7 +243,10 @@ def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("side", "hardware"),
-    [(MASTER, "master: {device: {driver: haply_2diy}}"), (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}")],
+    [
+        (MASTER, "master: {device: {driver: polhem_serial}}"),
+        (SLAVE, "slave: {robot: {driver: dynamixel, baud: 1000000}}"),
+    ],
 )
 def test_hardware_without_a_key_is_refused_at_its_own_end(tmp_path: Path, hardware: str, side: str) -> None:
     path = write(tmp_path, MINIMAL + hardware)

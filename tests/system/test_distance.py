@@ -13,13 +13,11 @@ KEYLESS = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.se
 FILES = {
     "loopback.yaml": (),
     "lan.yaml": KEYLESS,
-    "anywhere.yaml": (*KEYLESS, "link.path=direct"),
     "try.yaml": (),
-    "arms.yaml": ("link.security=none",),
 }
 
 
-@pytest.mark.parametrize(("file", "delay_ms"), [*zip(FILES, (50, 150, 100, 20, 75), strict=True)])
+@pytest.mark.parametrize(("file", "delay_ms"), [*zip(FILES, (50, 150, 20), strict=True)])
 def test_a_shipped_file_is_connected_from_start_to_end(file: str, delay_ms: int) -> None:
     emulate = f"link.emulate={{delay_ms: {delay_ms}, jitter_ms: 5, loss: 0.02, seed: 1}}"
     summary, _ = simulate(load(CONFIGS / file, (*FILES[file], emulate)), 3.0)

@@ -16,33 +16,15 @@ from weberlink.system.configuration.extras import need
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
     "mujoco": ("mujoco",),
-    "inverse3": ("websockets",),
-    "ros2": ("zenoh", "rosbags"),
-    "foxglove": ("foxglove", "rosbags"),
-    "anywhere": ("aioice", "wormhole", "twisted", "websockets", "segno"),
     "guests": (
-        "distributed",
-        "matplotlib",
-        "mcap",
-        "pandas",
-        "pyarrow",
-        "pylibfranka",
-        "scipy",
-        "statsmodels",
-        "zstandard",
+        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "mcap", "pandas", "pyarrow", "pylibfranka"),
+        *("rosbags", "scipy", "segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh", "zstandard"),
     ),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "mujoco": ("slave.robots.mjcf", "arms.simulation"),
-    "inverse3": ("hardware.websocket_port", "hardware.websocket_device", "master.devices.inverse3.service"),
-    "ros2": ("ros2", "apps.bridge.ros2", "apps.bridge.topics", "apps.ros_markers", "master.devices.ros2.listener"),
-    "foxglove": ("apps.bridge.foxglove", "apps.bridge.parameters"),
-    "anywhere": tuple(
-        f"anywhere.{each}"
-        for each in ("answering", "calling", "finder", "ice", "mailbox", "pairing", "paths", "qr", "rendezvous")
-    ),
+    "mujoco": ("arms.simulation",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

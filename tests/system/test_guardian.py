@@ -6,10 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.master.devices.benches import armed
 from tests.system.kinds import Kind, each_kind
 from tests.system.systems import system
-from weberlink.master.devices import BUILT_IN
 from weberlink.master.devices.contract import DeviceSpec
 from weberlink.system.composition.master import check_force_ends
 from weberlink.system.configuration import ConfigurationError
@@ -50,14 +48,3 @@ def test_a_side_with_such_a_driver_is_not_built(kind: Kind) -> None:
 
     with pytest.raises(ConfigurationError, match=r"set master\.accept_no_watchdog"):
         system(*kind.overrides, file=kind.file, device=Unguarded)
-
-
-WITHOUT_MOTORS = {"operator", "replay", "pointer", "ros2", "gamepad", "spacemouse"}
-
-
-@pytest.mark.parametrize("name", sorted(set(BUILT_IN) - WITHOUT_MOTORS))
-def test_the_built_in_drivers_of_hardware_end_their_force(name: str) -> None:
-    options = {"model": "vintage_phantom"} if name == "polhem_serial" else {}
-    device = armed(name, **options)
-    assert device.spec.force_feedback
-    check_force_ends(device, name, None)

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import CONFIGS
+from tests.system.systems import ARMS, CONFIGS
 from weberlink.cli import app
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
-NAMED = ("arms", "delay", "lan", "loopback", "mujoco-wrench", "phantom-arm", "replay", "rotation")
-FILES = tuple(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot"))
+NAMED = ("delay", "lan", "loopback", "phantom", "replay", "rotation")
+FILES = (str(ARMS), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
 SIDES = ("master", "slave")
 BUILD = """
 import json, os, sys
@@ -47,13 +47,14 @@ for arguments in json.loads(sys.argv[1]):
 """
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
-    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher", "anywhere", "ros2")),
-    *("weberlink_franka", "weberlink_studies", "matplotlib", "scipy"),
+    *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher")),
+    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "mujoco", "ros2", "studies")),
+    *("matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }
 """What watches a daemon, and what is of other systems and makers; none of these files names one."""
 WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
-HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}
+HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators"}
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +88,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     scheme, turns = system.control.scheme, system.codec.rotation is not None
     device, robot = system.master.device.driver, system.slave.robot.driver
     arms = system.codec.joints is not None
-    simulated, mujoco = slave and robot == "simulated", slave and robot == "mujoco"
-    computes = arms or mujoco  # by MuJoCo
+    simulated = slave and robot == "simulated"
     mapped = master and system.master.mapping is not None
     secured = system.link.security != "none"
     integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
@@ -96,7 +96,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     builds_device = master or follows  # its stiffness is that of the robot
     coded = system.codec.position if master else system.codec.force
     learns = bool({"path", "elastic"} & {coded.predictor, *(coded.bank if coded.predictor == "adaptive" else ())})
-    plugged = (master and device == "polhem_serial") or (slave and robot == "dynamixel")
+    plugged = master and device == "polhem_serial"
     return {
         "cryptography": secured,
         "weberlink.protocol.psk": secured,
@@ -117,11 +117,8 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.tool": turns and slave and robot == "point",
         "weberlink.slave.robots.simulated": simulated,
         **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
-        "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
-        "weberlink.slave.robots.mjcf": mujoco,
-        "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
-        "mujoco": computes,
-        "numpy": computes or learns or (builds_device and device == "replay"),
+        "mujoco": arms,
+        "numpy": arms or learns or (builds_device and device == "replay"),
         "serial": plugged,
         "weberlink.hardware": plugged,
     }

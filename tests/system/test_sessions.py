@@ -27,7 +27,7 @@ from tests.system.kinds import (
     run,
     says,
 )
-from tests.system.systems import configuration, system
+from tests.system.systems import ARMS, configuration, system
 from weberlink.geometry.vector import ZERO
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.states import State
@@ -80,7 +80,7 @@ def coded_within(run: Run, name: str, *, ahead: bool) -> None:
     if name == "arm":
         built = run.simulation.slave.outgoing
         error = np.abs(counted["joint_decoded"].astype(float) - counted["joint_raw"])
-        codec = configuration(*KINDS["arm"].overrides, file="arms.yaml").system.codec
+        codec = configuration(*KINDS["arm"].overrides, file=ARMS).system.codec
         assert codec.joints is not None and codec.gripper is not None and len(built) == 2
         floors = np.array([codec.joints.torque.floor_nm] * (len(JOINTS) - 1) + [codec.gripper.torque.floor_nm], float)
         webers = np.array([codec.joints.torque.weber] * (len(JOINTS) - 1) + [codec.gripper.torque.weber])

@@ -79,7 +79,7 @@ CASES: dict[str, tuple[str, dict[str, Any], str]] = {
     "device": (FAILURE, {"outcome": "failed: device fault: unplugged"}, "unplugged"),
     "robot": (FAILURE, {"outcome": "failed: robot fault: no power"}, "no power"),
     "taken_over": (FAILURE, {"outcome": "failed: taken over by bob"}, "bob"),
-    "killed": (FAILURE, {"outcome": "failed: slave killed by signal 9"}, "signal 9"),
+    "killed": (FAILURE, {"outcome": "failed: slave was killed by SIGKILL"}, "SIGKILL"),
     "ended": (FAILURE, {"outcome": "failed: it burns"}, "it burns"),
     "emergency_stop": (FAILURE, {"outcome": "failed: emergency stop"}, "emergency stop"),
     "recording": (FAILURE, {"recording.outcome": "No space left on device"}, "No space left on device; 2000 kB"),

@@ -41,7 +41,7 @@ def write(ring: RingWriter, made: Records) -> None:
         ring.write(values)
 
 
-def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
+def description(side: str, file: str | Path = "loopback.yaml") -> dict[str, Any]:
     """As a daemon of this configuration writes it, but for what may be changed."""
     system = load(CONFIGS / file).system
     force, torque = banks(system)

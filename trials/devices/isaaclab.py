@@ -20,12 +20,12 @@ from typing import Any
 
 from tests.wait import PATIENCE, until
 from weberlink.geometry.vector import Vector, distance
-from weberlink.hardware.websocket_device import WebSocketDevice
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.inverse3.device import Inverse3Device
-from weberlink.master.devices.inverse3.options import Inverse3Options
-from weberlink.master.devices.inverse3.protocol import ours, theirs
-from weberlink.master.emulators.inverse3 import Inverse3Emulator, Inverse3EmulatorOptions
+from weberlink_devices.inverse3.device import Inverse3Device
+from weberlink_devices.inverse3.emulator import Inverse3Emulator, Inverse3EmulatorOptions
+from weberlink_devices.inverse3.options import Inverse3Options
+from weberlink_devices.inverse3.protocol import ours, theirs
+from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 
 MODULE = "devices/haply/se3_haply.py"
 PUSH: Vector = (0.5, -0.25, 1.0)

@@ -13,14 +13,14 @@ from time import monotonic, sleep
 
 import numpy as np
 
-from tests.master.devices.ros2.publishing import listening, next_target
+from plugins.ros2.tests.ports import endpoint
+from plugins.ros2.tests.publishing import listening, next_target
 from tests.program import ROOT
-from tests.ros2.ports import endpoint
-from weberlink.master.devices.ros2.process import ListenerProcess
 from weberlink.realtime.process import prepare
 from weberlink.testing.time import TICK
+from weberlink_ros2.process import ListenerProcess
 
-SDK = "tests.master.devices.ros2.sdk_publisher"
+SDK = "plugins.ros2.tests.sdk_publisher"
 
 
 def main(seconds: float = 60.0, rate_hz: float = 1000.0) -> None:

@@ -23,13 +23,13 @@ from statistics import median
 from time import monotonic, sleep
 from typing import Any
 
-from tests.master.devices.touch.fake_hd import CYCLES, Board, library, plugged
-from weberlink.master.devices.touch.device import TouchDevice
-from weberlink.master.devices.touch.exchange import MEMORY_SIZE, ServoMemory
-from weberlink.master.devices.touch.hdapi import Hdapi
-from weberlink.master.devices.touch.options import TouchOptions
-from weberlink.master.devices.touch.servo import ServoArguments, TouchServo
+from plugins.devices.tests.touch.fake_hd import CYCLES, Board, library, plugged
 from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage
+from weberlink_devices.touch.device import TouchDevice
+from weberlink_devices.touch.exchange import MEMORY_SIZE, ServoMemory
+from weberlink_devices.touch.hdapi import Hdapi
+from weberlink_devices.touch.options import TouchOptions
+from weberlink_devices.touch.servo import ServoArguments, TouchServo
 
 TICK = 0.001
 MODES = ("none", "here", "process")

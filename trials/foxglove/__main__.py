@@ -22,9 +22,9 @@ from tests.laws import Laws, write
 from tests.program import PATIENT, Program
 from tests.wait import until
 from trials.rig import Command, Loopback
-from weberlink.apps.ros_markers import DELETE_ALL
 from weberlink.system.control_socket import ask
 from weberlink.telemetry.ring import default_path
+from weberlink_ros2.markers import DELETE_ALL
 
 HERE = Path(__file__).parent
 PACKAGES = Path(".venv/foxglove/node_modules")
@@ -190,7 +190,7 @@ def arms(laws: Laws, folder: Path) -> None:
             judge.next("topics", 0)
             with Program("loopback", "--duration", 3, *PATIENT) as program:
                 program.finish()
-            with Program("loopback", "configs/arms.yaml", "--duration", 20, *PATIENT) as program:
+            with Program("loopback", "plugins/arms/configs/arms.yaml", "--duration", 20, *PATIENT) as program:
                 bridge.until_said(f"session {program.pid}: slave at")
                 judge.until_all(ARMS)
                 sleep(2.0)

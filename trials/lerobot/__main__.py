@@ -27,7 +27,7 @@ from trials.rig import Loopback, within
 from weberlink.system.configuration import SIDES, SLAVE
 from weberlink.telemetry.record import RELEASED
 
-LED, REMOTE = "configs/arms.yaml", "plugins/arms-remote.yaml"
+LED, REMOTE = "plugins/arms/configs/arms.yaml", "plugins/arms/configs/arms-remote.yaml"
 FPS = 30
 PIECE_S = 5.0
 """Length of one piece of a comparison: a ring holds 10 s."""

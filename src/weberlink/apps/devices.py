@@ -192,8 +192,7 @@ class _Inspection:
 
     def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
-            # The rules name the devices of the built-in drivers alone.
-            return NO_PERMISSION if self.has_rules or self.package is not None else NO_RULES
+            return NO_PERMISSION if self.has_rules or not rules.covers(self.package) else NO_RULES
         return READY if found.problem is None else UNUSABLE
 
     def _advice(self, found: PluggedDevice, state: str) -> Iterator[str]:
@@ -202,7 +201,7 @@ class _Inspection:
         elif state == NO_PERMISSION:
             yield rules.group_line(found.path, self.host.groups) or (
                 f"unplug {found.path} and plug it in again: it was plugged in before the rules were installed"
-                if self.package is None
+                if rules.covers(self.package)
                 else f"no permission to open {found.path}; {self.package} documents the udev rule that it needs"
             )
         elif state == UNUSABLE:
@@ -219,7 +218,7 @@ class _Inspection:
             return
         if latency_ms > LATENCY_MS:
             by_hand = f"echo {LATENCY_MS} | sudo tee {timer}"
-            line = by_hand if self.has_rules or self.package is not None else rules.install_line()
+            line = by_hand if self.has_rules or not rules.covers(self.package) else rules.install_line()
             yield f"{found.path} delays replies by {latency_ms} ms (latency timer): {line}"
 
     def _lasting(self, path: str) -> str:

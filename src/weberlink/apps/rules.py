@@ -1,4 +1,7 @@
-"""Installs and checks the udev rules that give users access to devices. A test checks that they cover all drivers."""
+"""Installs and checks the udev rules that give users access to devices: files *.rules beside the configurations.
+
+Every installed distribution may have one, in the package that it names under `weberlink.configs`.
+"""
 
 import grp
 import os
@@ -8,13 +11,14 @@ import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 
 from weberlink.child_process import python
-from weberlink.hardware.discovery import UDEV_RULES
+from weberlink.installation import CONFIGS, config_folders
 
 RULES_DIR = Path("/etc/udev/rules.d")
 FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))
@@ -29,15 +33,21 @@ class RulesError(Exception):
     """The rules cannot be installed; the message says why and what to do."""
 
 
-def shipped() -> str:
-    """The rules of this version."""
-    return (files("weberlink.configs") / UDEV_RULES).read_text(encoding="utf-8")
+def shipped() -> dict[str, str]:
+    """The rules of the installed distributions, by the names of their files."""
+    paths = (path for folder in config_folders() for path in sorted(folder.glob("*.rules")))
+    return {path.name: path.read_text(encoding="utf-8") for path in paths}
 
 
-def installed(folders: Iterable[Path] = FOLDERS) -> bool:
-    """Whether the rules of this version are installed."""
-    text = shipped()
-    return any(_text(folder / UDEV_RULES) == text for folder in folders)
+def covers(package: str | None) -> bool:
+    """Whether a distribution brings rules for its devices; None for this program's own drivers."""
+    found = (entry for entry in entry_points(group=CONFIGS) if entry.dist is not None and entry.dist.name == package)
+    return package is None or any(any(Path(str(files(entry.module))).glob("*.rules")) for entry in found)
+
+
+def installed(folders: Sequence[Path] = FOLDERS) -> bool:
+    """Whether all these rules are installed."""
+    return all(any(_text(folder / name) == text for folder in folders) for name, text in shipped().items())
 
 
 def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
@@ -48,26 +58,32 @@ def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
         udevadm: path of that program; searched if not given.
 
     Raises:
-        RulesError: they cannot be written; nothing is changed.
+        RulesError: they cannot be written; no file is left half written.
     """
-    target = folder / UDEV_RULES
-    draft = target.with_name(f".{UDEV_RULES}.{os.getpid()}")  # udev reads only what ends in .rules
+    rules = shipped()
+    for name, text in rules.items():
+        _write(folder / name, text)
+    problem = _apply(udevadm or shutil.which("udevadm"))
+    paths = " and ".join(str(folder / name) for name in rules)
+    if problem is None:
+        return [f"{paths}: installed, and applied to plugged devices"]
+    return [f"{paths}: installed; {problem}, so unplug the devices and plug them in again, or restart"]
+
+
+def _write(target: Path, text: str) -> None:
+    draft = target.with_name(f".{target.name}.{os.getpid()}")  # udev reads only what ends in .rules
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        draft.write_text(shipped(), encoding="utf-8")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_text(text, encoding="utf-8")
         draft.chmod(0o644)
         draft.replace(target)
     except PermissionError:
-        raise RulesError(f"{folder}: only root may write there; run: {install_line()}") from None
+        raise RulesError(f"{target.parent}: only root may write there; run: {install_line()}") from None
     except OSError as error:
         raise RulesError(f"{target}: cannot be written: {error.strerror}") from None
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
-    problem = _apply(udevadm or shutil.which("udevadm"))
-    if problem is None:
-        return [f"{target}: installed, and applied to plugged devices"]
-    return [f"{target}: installed; {problem}, so unplug the devices and plug them in again, or restart"]
 
 
 def install_line() -> str:

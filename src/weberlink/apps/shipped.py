@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from weberlink.installation import CONFIGS, absence, config_folders, guests
+from weberlink.installation import CONFIGS, absence, config_folders, config_modules, guests
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.targets import TargetError, check_file
 
@@ -21,16 +22,12 @@ SCHEMA = "weberlink.schema.json"
 OTHERS = {
     "49-weberlink.rules": "udev rules of the devices; weberlink device rules installs them",
     "arms/": "MuJoCo models of the arms",
-    "foxglove-layout.json": "layout of Foxglove for an exported recording",
-    "foxglove-live-layout.json": "layout of Foxglove for weberlink bridge foxglove",
-    "mujoco/": "MuJoCo models of the mujoco files",
     "plotjuggler-layout.xml": "layout of PlotJuggler for an exported recording",
-    "relay/": "a relay of one's own: mailbox and TURN server",
     "systemd/": "units of master, slave and page",
     "traces/": "a recorded motion",
     SCHEMA: "schema of configuration files, for editors",
 }
-"""What is no configuration: files and folders, and what they are for."""
+"""What is no configuration: files and folders, and what they are for; guests say it in the package of theirs."""
 SHORTEST, LONGEST = 30, 100
 """Characters of a sentence that says enough alone, and of one that is cut at its colon."""
 
@@ -54,7 +51,12 @@ class Listing:
 def listing() -> Listing:
     found = sorted((path for folder in config_folders() for path in folder.glob("*.yaml")), key=lambda path: path.stem)
     configurations = [(path.stem, _about(path)) for path in found]
-    return Listing([*configurations, *OTHERS.items()])
+    others = {
+        name: about
+        for module in config_modules()
+        for name, about in vars(import_module(module)).get("OTHERS", {}).items()
+    }
+    return Listing([*configurations, *sorted((OTHERS | others).items())])
 
 
 def _about(path: Path) -> str:

@@ -23,7 +23,7 @@ class ModelOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     model: ModelName | Path = Field(
-        description="name of a model that comes with WeberLink, or an MJCF file with hinges that have names and "
+        description="name of a model that is installed, or an MJCF file with hinges that have names and "
         "ranges, `gripper` last if there is one, and a site `tip`; a relative path starts at the folder of this file",
     )
     home_rad: tuple[float, ...] | None = Field(

@@ -1,26 +1,27 @@
 """Mechanical models of arms: kinematics, gravity, inertia and friction, computed by MuJoCo from an MJCF file.
 
-MuJoCo is optional (extra `mujoco`) and imported when a model is loaded.
+MuJoCo is optional (extra `mujoco`) and imported when a model is loaded. Models come with distributions: entry points of
+the group `weberlink.arm_models`, each the path of its file.
 """
 
 from importlib import import_module
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import Vector
-from weberlink.installation import install_line
+from weberlink.installation import absence, install_line
+from weberlink.registry import Registry
 
 Array = NDArray[np.float64]
 
-ModelName = Literal["koch_follower", "koch_leader", "omx_leader", "open_manipulator_x", "so101"]
-NAMES: tuple[str, ...] = get_args(ModelName)
-"""Models that come with this package, in `configs/arms`; each file names its source and what is not public."""
+MODELS: Registry[Path] = Registry("model of an arm", {}, "weberlink.arm_models")
+ModelName = Annotated[str, AfterValidator(MODELS.check_known)]
 
 GRIPPER = "gripper"
 """Name of the joint of a gripper."""
@@ -105,6 +106,11 @@ class ArmModel:
         self.damping: Joints = tuple(self._model.dof_damping[self.dofs].tolist())
         self._force: Array = np.zeros(self._model.nv)
         self._jacobian: Array = np.zeros((3, self._model.nv))
+        self._moved: Array = np.eye(self._model.nv)[self.dofs]
+        """Speeds of all degrees of freedom where one axis moves, as others follow; a row for each axis."""
+        for dof, driver, ratio in self._followers:
+            self._moved[:, dof] += ratio * self._moved[:, driver]
+        self._placed: Joints = ()
 
     @property
     def axes(self) -> int:
@@ -115,13 +121,13 @@ class ArmModel:
         """Torques that hold the arm against gravity [N m]: dV/dq of its potential energy V, at these angles [rad]."""
         self._place(angles)
         self._mujoco.mj_rne(self._model, self._data, 0, self._force)
-        return tuple(self._reduced(self._force).tolist())
+        return tuple((self._moved @ self._force).tolist())
 
     def jacobian(self, angles: Joints) -> tuple[Joints, Joints, Joints]:
         """Velocity of the tip along x, y, z for each axis [m/rad], in the frame of the file."""
         self._place(angles)
         self._mujoco.mj_jacSite(self._model, self._data, self._jacobian, None, self._tip)
-        x, y, z = (tuple(self._reduced(row).tolist()) for row in self._jacobian)
+        x, y, z = (tuple(row) for row in (self._jacobian @ self._moved.T).tolist())
         return x, y, z
 
     def tip(self, angles: Joints) -> Vector:
@@ -132,35 +138,32 @@ class ArmModel:
 
     def inertia(self, angles: Joints) -> Joints:
         """Diagonal of the mass matrix [kg m^2], armature included."""
+        return tuple([row[axis] for axis, row in enumerate(self.mass(angles))])
+
+    def mass(self, angles: Joints) -> tuple[Joints, ...]:
+        """The mass matrix, row by row [kg m^2], armature included."""
         self._place(angles)
         self._mujoco.mj_crb(self._model, self._data)
-        own: list[float] = []
-        for axis in range(self.dofs.start, self.dofs.stop):
-            speeds: Array = np.zeros(self._model.nv)
-            speeds[axis] = 1.0
-            for dof, driver, ratio in self._followers:
-                speeds[dof] = ratio * speeds[driver]
+        rows: list[Joints] = []
+        for speeds in self._moved:
             self._mujoco.mj_mulM(self._model, self._data, self._force, speeds)
-            own.append(float(speeds @ self._force))
-        return tuple(own)
+            rows.append(tuple((self._moved @ self._force).tolist()))
+        return tuple(rows)
 
     @property
     def _tip(self) -> int:
         return int(self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_SITE, TIP))
 
     def _place(self, angles: Joints) -> None:
+        if angles == self._placed:
+            return
+        self._placed = angles
         data = self._data
         data.qpos[self.dofs] = angles
         for dof, driver, ratio in self._followers:
             data.qpos[dof] = ratio * data.qpos[driver]
         self._mujoco.mj_kinematics(self._model, data)
         self._mujoco.mj_comPos(self._model, data)
-
-    def _reduced(self, values: Array) -> Array:
-        """Values of the axes: joints that follow count with their ratio."""
-        for dof, driver, ratio in self._followers:
-            values[driver] += ratio * values[dof]
-        return values[self.dofs]
 
     def _coupled(self) -> list[tuple[int, int, float]]:
         """Degrees of freedom that follow another, in proportion."""
@@ -206,10 +209,13 @@ class ArmModel:
 
 def path_of(model: str | Path) -> Path:
     """The file of a model; raises ValueError if there is none."""
-    path = Path(str(files("weberlink.configs") / "arms" / f"{model}.xml")) if model in NAMES else Path(model)
-    if not path.is_file():
-        raise ValueError(f"model: there is no file {path}; expected one, or a name: {', '.join(NAMES)}")
-    return path
+    name = Path(model).name
+    path = MODELS[name] if str(model) in MODELS else Path(model)
+    if path.is_file():
+        return path
+    if guest := MODELS.absent().get(name):
+        raise ValueError(absence(f"model: {name!r}", guest))
+    raise ValueError(f"model: there is no file {path}; expected one, or a name: {', '.join(MODELS)}")
 
 
 def read(path: Path) -> Any:

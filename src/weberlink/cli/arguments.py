@@ -1,22 +1,28 @@
 """Arguments that commands share, and the command group: help by topic, one-line errors, the answer to Ctrl-C."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from signal import SIG_DFL, SIGINT, SIGTERM, default_int_handler, getsignal, signal
 from threading import current_thread, main_thread
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command, get_group
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
-from weberlink.installation import absence, guests
+from weberlink.installation import absence, guests, install_line
+from weberlink.registry import resolve
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
@@ -108,24 +114,86 @@ def interruptible() -> Iterator[None]:
             signal(number, SIG_DFL)
 
 
+def _installed(entry: "EntryPoint") -> Any:
+    """The command, or group of commands, of another distribution; one that says why, if it cannot be loaded."""
+    try:
+        found = entry.load()
+        problem = None if callable(found) else "it is not a function"
+    except Exception as error:  # whatever it is, the other commands must work
+        found, problem = None, f"{type(error).__name__}: {error}"
+    if problem is not None:
+        text = f"{entry.name}: the command of another distribution, {entry.value}, cannot be used: {problem}"
+
+        def broken() -> None:
+            """Cannot be used; run it to see why."""
+            fail(" ".join(text.split()), MISCONFIGURED)
+
+        found = broken
+    return _command(entry.name, found, "Installed")
+
+
+def _command(name: str, found: Any, topic: str) -> Any:
+    """A command of a function, or a group of commands of a typer app."""
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    if isinstance(found, typer.Typer):
+        alone.add_typer(found, name=name, rich_help_panel=topic)
+        return get_group(alone).commands[name]
+    alone.command(name, rich_help_panel=topic)(found)
+    return get_command(alone)
+
+
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, errors in one line, Ctrl-C in one line with status 130."""
+
+    topics: ClassVar[Mapping[str, Mapping[str, str]]] = {}
+    """By topic: functions with typer annotations, or typer apps, as "module:attribute", each a command, or a group of
+    them, of its name. Only the one that is asked for is imported."""
+    extended_by: str | None = None
+    """Group of entry points of other distributions that add such commands."""
+
+    @cached_property
+    def _others(self) -> Mapping[str, "EntryPoint"]:
+        if self.extended_by is None:
+            return {}
+        from importlib.metadata import entry_points  # noqa: PLC0415 - as long an import as all of ours
+
+        return {each.name: each for each in entry_points(group=self.extended_by)}
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            for topic, places in self.topics.items():
+                if cmd_name in places:
+                    self.commands[cmd_name] = _command(cmd_name, resolve(places[cmd_name]), topic)
+        if cmd_name not in self.commands and cmd_name in self._others:
+            self.commands[cmd_name] = _installed(self._others[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        own = [name for places in self.topics.values() for name in places]
+        for name in (*own, *self._others):
+            self.get_command(ctx, name)
+        return [*dict.fromkeys((*own, *super().list_commands(ctx)))]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
         topics: dict[str, list[tuple[str, str]]] = {}
-        longest = max(map(len, self.list_commands(ctx)))
-        for name, command in self.commands.items():
+        names = self.list_commands(ctx)
+        absent = {name: guest for name, guest in guests(self.extended_by).items() if name not in names}
+        longest = max(map(len, (*names, *absent)))
+        for name in names:
+            command = self.commands[name]
             topic = getattr(command, "rich_help_panel", None) or "Commands"
             text = command.get_short_help_str(formatter.width - longest - 6)
             topics.setdefault(topic, []).append((name.ljust(longest), text))
+        if absent:
+            topics["Not installed"] = [(name.ljust(longest), install_line(guest)) for name, guest in absent.items()]
         for topic, rows in topics.items():
             with formatter.section(topic):
                 formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            guest = guests("weberlink.commands").get(args[0]) if ctx.parent is None else None
+            guest = guests(self.extended_by).get(args[0])
             if guest is not None:
                 ctx.fail(absence(f"the command {args[0]!r}", guest))
             ctx.fail(f"there is no command {args[0]!r}; {_known(args[0], self.list_commands(ctx))}")

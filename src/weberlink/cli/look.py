@@ -19,14 +19,18 @@ from weberlink.cli.arguments import (
     SessionName,
     Set,
     check_public,
-    finite,
 )
 from weberlink.cli.output import fail, failing, tell, write
 from weberlink.system.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
 
-bridge = typer.Typer(
-    name="bridge", cls=CommandGroup, help="Carry a running session to other systems.", no_args_is_help=True
-)
+
+class Bridges(CommandGroup):
+    """Those of other distributions."""
+
+    extended_by = "weberlink.bridges"
+
+
+bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
 
 # Each command imports what it needs when it runs.
 
@@ -91,8 +95,8 @@ def doctor(
         typer.Option(
             "--link",
             metavar="PEER|HOST",
-            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer with "
-            "link.path ice, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
+            help="Measure the link to the waiting slave instead, and name settings that suit it: of a known peer where "
+            "link.finder finds a path, else of HOST or HOST:PORT. No device is opened, and the robot does not move.",
         ),
     ] = None,
     seconds: Annotated[
@@ -122,64 +126,9 @@ def doctor(
     else:
         from weberlink.apps.doctor.link_report import examine_link, towards  # noqa: PLC0415
 
-        overrides = towards(link, load(file, overrides, [MASTER]).system.link, overrides)
+        overrides = towards(link, load(file, overrides, [MASTER]), overrides)
         configuration = load(file, overrides, [MASTER])
         with waiting:
             found = examine_link(configuration, overrides, seconds)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
-
-
-@bridge.command()
-def ros2(
-    session: SessionName = None,
-    domain: Annotated[int, typer.Option(metavar="N", envvar="ROS_DOMAIN_ID", help="ROS domain, 0 to 232.")] = 0,
-    connect: Annotated[
-        str | None,
-        typer.Option(metavar="ENDPOINT", help="Zenoh router; default: tcp/localhost:7447, or none on this host."),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ", min=0.1, callback=finite, help="Messages per second and topic; default: every tick."
-        ),
-    ] = None,
-    depth: Annotated[int, typer.Option(metavar="N", min=1, help="Depth of the queues, as announced.")] = 10,
-    best_effort: Annotated[
-        bool, typer.Option("--best-effort", help="Announce the topics as best effort, not as reliable.")
-    ] = False,
-) -> None:
-    """Publish a running session as ROS 2 topics, until Ctrl-C."""
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
-
-    for package in ("zenoh", "rosbags"):
-        need(package, "ros2", "weberlink bridge ros2")
-    from weberlink.apps.bridge.ros2 import run  # noqa: PLC0415
-    from weberlink.ros2.names import Qos  # noqa: PLC0415
-    from weberlink.ros2.node import NodeError  # noqa: PLC0415
-
-    with failing(NodeError, prefix="bridge ros2: "):
-        run(session, domain, connect, Qos(not best_effort, depth), rate)
-
-
-@bridge.command()
-def foxglove(
-    session: SessionName = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 for any free port.")] = 8765,
-    listen: Listen = "127.0.0.1",
-    public: Public = False,
-    allow_changes: Annotated[
-        bool, typer.Option("--allow-changes", help="Let every client set parameters: deadband, predictor, link.")
-    ] = False,
-) -> None:
-    """Show a running session in Foxglove, until Ctrl-C."""
-    from weberlink.system.configuration.extras import need  # noqa: PLC0415
-
-    for package in ("foxglove", "rosbags"):
-        need(package, "foxglove", "weberlink bridge foxglove")
-    from weberlink.apps.bridge.foxglove import run  # noqa: PLC0415
-    from weberlink.apps.monitor.address import MonitorError  # noqa: PLC0415
-
-    check_public(listen, public)
-    with failing(MonitorError):
-        run(session, listen, port, allow_changes=allow_changes)

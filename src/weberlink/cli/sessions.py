@@ -18,9 +18,7 @@ from weberlink.system.targets import STANDARD_OUTPUT
 if TYPE_CHECKING:
     from weberlink.system.advice import Parts
 
-PeerLabel = Annotated[
-    str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer (weberlink peer) only.")
-]
+PeerLabel = Annotated[str | None, typer.Option("--peer", metavar="NAME", help="Meet this known peer only.")]
 INVITE = ""
 """In place of a code: one is made and shown."""
 
@@ -80,29 +78,30 @@ def slave(
 
 
 def acquainted(path: Path, overrides: Sequence[str], side: str, label: str | None, code: str | None) -> list[str]:
-    """Overrides by which a side meets a known peer; with a code, the two hosts are paired first."""
+    """Overrides by which the path finder of the file meets a peer; with a code, the two hosts are paired first."""
     if label is None and code is None:
         return []
-    added = ["link.security=peers"]
-    if code is not None:
-        from weberlink.apps.pairing import pair  # noqa: PLC0415
-        from weberlink.system.configuration import load  # noqa: PLC0415
+    from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
 
-        paired = pair(load(path, [*overrides, *added], [side]), side, code, label)
+    configuration = load(path, overrides, [side])
+    if configuration.finder is None:
+        asked = "--peer" if code is None else "--join" if code else "--invite"
+        raise ConfigurationError(f"{asked}: needs link.finder in the file, which knows other hosts by name")
+    if code is not None:
+        label = configuration.finder.driver.pair(configuration, side, code, label)
         if side == SLAVE:  # which waits for all that it knows
-            return added
-        label = paired
-    return [*added, f"link.peer={json.dumps(label)}"]
+            return []
+    return [f"link.finder.peer={json.dumps(label)}"]
 
 
 def one_host(path: Path, overrides: Sequence[str]) -> list[str]:
     """Overrides by which both sides meet on this host. Raises ConfigurationError for a file of two that pair."""
     from weberlink.system.configuration import ConfigurationError, load  # noqa: PLC0415
 
-    if load(path, overrides).system.link.security == "peers":
+    if load(path, overrides).finder is not None:
         raise ConfigurationError(
-            f"{path}: link.security: peers is for two hosts; for weberlink loopback add --set link.security=session "
-            "--set link.path=direct --set link.listen=127.0.0.1:47000"
+            f"{path}: link.finder is for two hosts; for weberlink loopback add --set link.finder=null "
+            "--set link.security=session --set link.listen=127.0.0.1:47000"
         )
     return free_port(path, overrides)
 

@@ -1,7 +1,4 @@
-"""Emulated devices: the interface of one, the loop that carries its bytes, and the pseudo terminal that serves it.
-
-A device behind a WebSocket is served by `weberlink.hardware.websocket_device`.
-"""
+"""Emulated devices: the interface of one, the loop that carries its bytes, and the pseudo terminal that serves it."""
 
 import os
 import tty
@@ -61,10 +58,11 @@ class Emulator(Protocol):
 
 
 class EmulatorClass(Protocol):
-    """An emulator class: its options, its transport (serial, hid, evdev, websocket), and its own faults.
+    """An emulator class: its options, its transport (serial, hid, evdev, or one of its own), and its own faults.
 
     `OWN_FAULTS` says what each value does. Emulators of the kernel's devices (hid, evdev) have `identity`, a
-    `weberlink.hardware.umockdev.Identity`; those on a WebSocket are a `weberlink.hardware.websocket_device.Service`.
+    `weberlink.hardware.umockdev.Identity`. One with a transport of its own has `served(begin)`, which gives the
+    `ServedDevice` for the arguments of that class, with its `address`.
     """
 
     Options: ClassVar[type[BaseModel]]

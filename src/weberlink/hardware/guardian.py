@@ -4,16 +4,15 @@ For devices whose board keeps the last force without a host; see `weberlink.hard
 """
 
 import os
-import signal
-import subprocess
-import sys
 from contextlib import suppress
 from mmap import mmap
 from pathlib import Path
 from select import select
 from socket import socketpair
+from subprocess import DEVNULL
 from time import monotonic
 
+from weberlink.child_process import Child, isolated_python, shared_memory
 from weberlink.hardware import guardian_process
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian_process import BEATS, LEASE, MEMORY_SIZE, WRITES, put_message
@@ -49,7 +48,7 @@ class Guardian:
         """May be changed before `watch`, like `rests`."""
         self.rests = rests
         self._all_rests = (zero, *rests)
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._socket = -1
         self._memory: mmap | None = None
         self._shared = memoryview(bytearray(MEMORY_SIZE))
@@ -77,30 +76,17 @@ class Guardian:
         self.stop()
         self._all_rests = (self.zero, *self.rests)
         ours, theirs = socketpair()
-        memory = os.memfd_create("weberlink-guardian")
         try:
-            os.ftruncate(memory, MEMORY_SIZE)
-            self._memory = mmap(memory, MEMORY_SIZE)
-            self._shared = memoryview(self._memory)
-            self._words = self._shared.cast("q")
-            put_message(self._shared, self.zero)
-            inherited = (theirs.fileno(), descriptor, memory)
-            self._child = subprocess.Popen(  # noqa: S603 - our own
-                # -I -S: neither the user's environment nor installed packages.
-                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                pass_fds=inherited,
-                start_new_session=True,  # Ctrl-C and signals to our process group do not reach it
-                cwd=Path("/"),
-            )
+            with theirs, shared_memory("weberlink-guardian", MEMORY_SIZE) as (self._memory, memory):
+                self._shared = memoryview(self._memory)
+                self._words = self._shared.cast("q")
+                put_message(self._shared, self.zero)
+                inherited = (theirs.fileno(), descriptor, memory)
+                command = isolated_python(guardian_process.__file__, *map(str, inherited))
+                self._child = Child(command, pass_fds=inherited, stderr=DEVNULL, cwd=Path("/"))
         except OSError as error:
             ours.close()
             raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None
-        finally:
-            theirs.close()
-            os.close(memory)
         self._socket = ours.detach()
         self._writes = 0
         self._wait_for_start()
@@ -146,11 +132,7 @@ class Guardian:
             return
         with suppress(OSError):
             os.write(self._socket, b"x")
-        try:
-            child.wait(END_S)
-        except subprocess.TimeoutExpired:  # it was stopped by a signal
-            child.send_signal(signal.SIGKILL)
-            child.wait()
+        child.end(END_S)
         os.close(self._socket)
         self._words.release()
         self._shared.release()
@@ -185,7 +167,7 @@ class Guardian:
         if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
             self._beats = (beats, now)
             since = now
-        elif now - since > DEAD_S and self._child.poll() is not None:  # a system call, unlike the word
+        elif now - since > DEAD_S and not self._child.running:  # a system call, unlike the word
             raise HardwareFault(DIED)
         self._looked_at = now
         return now - since

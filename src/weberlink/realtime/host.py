@@ -10,13 +10,14 @@ import os
 import sys
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from signal import SIG_DFL, SIGKILL, SIGTERM, signal
 from time import monotonic, sleep
 from typing import NamedTuple, Self
 
+from weberlink.child_process import Order
 from weberlink.realtime.process import die_with_parent, prepare
 
 STATISTICS = Path("/proc/stat")
@@ -88,7 +89,7 @@ class Steal(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WatchOrder:
+class WatchOrder(Order):
     """What the program watches.
 
     Args:
@@ -98,7 +99,6 @@ class WatchOrder:
         first: a deadline [s, clock of `time.monotonic`].
         interval: between deadlines [s].
         least: lateness from which a wake-up is written [s].
-        parent: process that the program ends with.
     """
 
     processors: tuple[int, ...]
@@ -106,10 +106,6 @@ class WatchOrder:
     first: float
     interval: float
     least: float
-    parent: int
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
 
 
 def main(text: str) -> int:
@@ -117,7 +113,7 @@ def main(text: str) -> int:
 
     Ends when it is told to, or when one of its watchers has ended.
     """
-    order = WatchOrder(**json.loads(text))
+    order = WatchOrder.from_json(text)
     signal(SIGTERM, lambda *_: sys.exit())
     die_with_parent(SIGTERM, order.parent)
     grant = prepare(order.priority, lock_memory=False, cpu=None).priority

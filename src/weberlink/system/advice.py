@@ -396,7 +396,7 @@ def _emulated_ms(system: System) -> float:
 def placeholders(parts: Parts) -> Iterator[str]:
     """Addresses that stand for one's own: of the slave, which the operator's side calls, or of a device or robot."""
     configuration, link = parts.configuration, parts.system.link
-    found = {} if link.path == "ice" or configuration.device is None else {"link.slave": link.slave}
+    found = {} if configuration.finds_path or configuration.device is None else {"link.slave": link.slave}
     for where, part in (("master.device", configuration.device), ("slave.robot", configuration.robot)):
         options = {} if part is None else part.options.model_dump()
         found |= {f"{where}.{name}": value for name, value in options.items() if isinstance(value, str)}

@@ -144,7 +144,8 @@ def _measured(spec: RobotSpec) -> Iterator[str]:
 
 def _link(system: System) -> Iterator[str]:
     link = system.link
-    yield f"link      {link.slave}, security {link.security}"
+    finder = link.finder
+    yield f"link      {link.slave}, security {link.security}" if finder is None else f"link      by {finder.driver}"
     yield f"limits    {link.silence_ms:g} ms of silence, round trips up to {link.longest_round_trip_ms:g} ms"
     if link.playout_ms > 0.0:
         yield f"          every update is used {link.playout_ms:g} ms later than on its fastest way"

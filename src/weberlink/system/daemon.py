@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, Signals, pthread_sigmask, signal
-from subprocess import TimeoutExpired
 from time import monotonic, perf_counter, time_ns
 from traceback import format_exception, print_exception
 from types import FrameType
@@ -29,23 +28,21 @@ from weberlink.system.configuration import MASTER, Configuration, ConfigurationE
 from weberlink.system.configuration.errors import trace_of
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
-from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.daemon_order import DaemonOrder, failure
+from weberlink.system.finders import PathFinder, finder_of, finding
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
 from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 if TYPE_CHECKING:
     from socket import socket
 
-    from weberlink.anywhere.peers import Peer
-    from weberlink.system.composition.acquaintance import Acquaintance
     from weberlink.system.live_link import LiveLink
 
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 STOP_SLACK_S, STOP_FADES = 1.0, 2.0
 """Longest orderly stop: a time [s], and multiples of that in which the force fades, because late ticks stretch it."""
-FINDER_ENDS_S = 2.0
-"""Time that the process that finds paths has to end, after which it is killed [s]."""
 
 
 class StartError(Exception):
@@ -95,14 +92,11 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic()  # the first tick is that of the first deadline after opening
-    known = _known(order, configuration)
-    side = _build(order, configuration, epoch, known)
+    finder = finder_of(configuration, order.side)
+    side = _build(order, configuration, epoch, finder)
     with ExitStack() as stack:
         # Before the rights are taken, so that it gets none, and has imported its libraries by the time of the session.
-        end = None
-        if system.link.path == "ice":
-            assert known is not None  # it needs security: peers
-            end = stack.enter_context(finder(configuration, order.side, known.peers, take_over=order.take_over))
+        end = stack.enter_context(finding(configuration, finder, take_over=order.take_over))
         # After the imports of the side: with real-time rights they would hold up the other side.
         grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
         link = emulated_link(order.side, system, epoch)
@@ -122,19 +116,10 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     return _summary(run_, side, udp, grants)
 
 
-def _known(order: DaemonOrder, configuration: Configuration) -> "Acquaintance | None":
-    """The known peers, where the file asks for them."""
-    if configuration.system.link.security != "peers":
-        return None
-    from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - see above
-
-    return acquaintance(configuration, order.side)
-
-
-def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known: "Acquaintance | None") -> Side:
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float, finder: PathFinder | None) -> Side:
     link = configuration.system.link
-    if known is not None:
-        security, name, expects = known.security, known.own, known.expects
+    if finder is not None:
+        security, name, expects = finder.security, finder.own, finder.expects
     else:
         security, name, expects = build_security(configuration), description.default_name(order.side, link.listen), ""
     common: dict[str, Any] = {
@@ -148,35 +133,11 @@ def _build(order: DaemonOrder, configuration: Configuration, epoch: float, known
     if order.side == MASTER:
         from weberlink.system.composition.master import build_master  # noqa: PLC0415
 
-        peer = split_address(link.slave) if link.path == "direct" else address_of(expects)
+        peer = address_of(expects) if configuration.finds_path else split_address(link.slave)
         return build_master(configuration, peer=peer, **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
     return build_slave(configuration, live=True, **common)
-
-
-@contextmanager
-def finder(
-    configuration: Configuration, side: str, peers: "tuple[Peer, ...]", *, take_over: bool
-) -> "Iterator[socket]":
-    """The socket to the process that finds paths to these peers, which has ended when this is left.
-
-    Raises:
-        ConfigurationError: a package that it needs is not installed.
-    """
-    from weberlink.anywhere.order import start_finder  # noqa: PLC0415 - see above
-    from weberlink.system.composition.acquaintance import finder_order  # noqa: PLC0415
-
-    process, end = start_finder(finder_order(configuration, side, peers, take_over=take_over))
-    try:
-        yield end
-    finally:
-        end.close()
-        try:
-            process.wait(FINDER_ENDS_S)
-        except TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 def emulated_link(name: str, system: System, epoch: float) -> "LiveLink | None":

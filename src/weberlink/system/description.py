@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
 LONGEST = 1_000_000
 """Largest description [bytes]; the shipped configurations take up to 10 kB."""
-SECRETS: dict[str, Any] = {
-    "link": {"key_file": True, "peer_store": True, "turn": {"secret_file": True, "credentials_file": True}}
-}
 
 
 def path_beside(ring: str | Path) -> Path:
@@ -57,13 +54,16 @@ def describe(configuration: Configuration, side: str, port: Port | None = None) 
     """
     system = configuration.system
     force, torque = banks(system)
+    options = {} if system.link.finder is None else system.link.finder.options
+    secret: dict[str, Any] = {"key_file": True, "finder": {name: True for name in options if name != "peer"}}
     return {
         "side": side,
         "name": getattr(system.link.names, side) or default_name(side, system.link.listen),
         "file": str(configuration.path.absolute()),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
-        "system": system.model_dump(mode="json", exclude=SECRETS),
+        "system": system.model_dump(mode="json", exclude={"link": secret}),
+        "finds_path": configuration.finds_path,
         "bank": list(force),
         "position_bank": list(motion_bank(system)),
         **({} if torque is None else {"torque_bank": list(torque)}),

@@ -2,13 +2,14 @@
 
 import json
 import os
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
+from signal import SIGTERM
+from subprocess import PIPE
 from time import monotonic
 from typing import Any
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python
 from weberlink.realtime.host import Steal, WakeUp, WatchOrder
 from weberlink.realtime.process import HIGHEST_PRIORITY
 from weberlink.system.configuration import SIDES
@@ -26,7 +27,6 @@ SETTLED_S = 0.5
 LEAD_S = 0.05
 """From the start of the program to its first deadline, at least [s]."""
 STOP_LIMIT_S = 1.0
-READ_BYTES = 1 << 16
 TOO_SHORT = "the session was too short"
 
 
@@ -49,8 +49,7 @@ class HostWatch:
         self._share = HostShare(processors, self._period)
         self._ticked: dict[str, float] = dict.fromkeys(sides, 0.0)
         self._started = False
-        self._process: subprocess.Popen[bytes] | None = None
-        self._text = b""
+        self._process: Child | None = None
         self._unknown: str | None = TOO_SHORT
         self._steal: Steal | None = None
         self._began = 0.0
@@ -90,16 +89,10 @@ class HostWatch:
     def stop(self) -> None:
         """End the process; may be repeated."""
         process, self._process = self._process, None
-        if process is None or process.stdout is None:
-            return
-        self._read(process)
-        process.terminate()
-        try:
-            process.wait(STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
+        if process is not None:
+            self._read(process)
+            process.send_signal(SIGTERM)
+            process.end(STOP_LIMIT_S)
 
     def _start(self) -> None:
         """Start with deadlines as far as possible from those of the daemons, so that no tick waits for a watcher."""
@@ -112,37 +105,25 @@ class HostWatch:
             first=first,
             interval=interval,
             least=LATE_TICKS * self._period,
-            parent=os.getpid(),
         )
         self._started = True
         self._steal = Steal.read(self._processors)
         try:
-            self._process = subprocess.Popen(  # noqa: S603
-                python("-m", "weberlink.realtime.host", order.to_json()),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                start_new_session=True,  # Ctrl-C reaches the launcher only
-            )
+            self._process = Child(python("-m", "weberlink.realtime.host", order.to_json()), stdout=PIPE)
         except OSError as error:
             self._unknown = f"no process: {error.strerror}"
-            return
-        if self._process.stdout is not None:
-            os.set_blocking(self._process.stdout.fileno(), False)
 
-    def _read(self, process: subprocess.Popen[bytes]) -> None:
+    def _read(self, process: Child) -> None:
         """Take what the process has written: a line on its scheduling class, then one for each stall."""
-        ended = process.poll() is not None
-        while process.stdout is not None and (new := process.stdout.read(READ_BYTES)):
-            self._text += new
-        *lines, self._text = self._text.split(b"\n")
-        for line in lines:
+        ended = not process.running
+        for line in process.lines():
             if line.startswith(b"{"):
                 self._answered(json.loads(line))
             else:
                 processor, *times = line.split()
                 self._share.add_stall(int(processor), WakeUp(*map(float, times)))
         if ended and self._unknown in (None, TOO_SHORT):
-            self._unknown = f"the watcher ended with status {process.returncode}"
+            self._unknown = f"the watcher {process.how_it_ended}"
 
     def _answered(self, grant: dict[str, Any]) -> None:
         if grant["granted"]:

@@ -7,34 +7,25 @@ there are any: until then the daemons need the processors.
 import json
 import os
 import re
-import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from signal import (
-    SIG_BLOCK,
-    SIG_DFL,
-    SIG_IGN,
-    SIG_SETMASK,
-    SIGTERM,
-    Signals,
-    getsignal,
-    pthread_sigmask,
-    signal,
-)
+from signal import SIG_DFL, SIG_IGN, SIGTERM, Signals, getsignal, signal
+from subprocess import PIPE
 from time import monotonic, sleep, time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python
 from weberlink.master.devices import pointer_link, remote_link
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.daemon_order import DaemonOrder, failure
+from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.system.paths import notable, paths_of
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
@@ -72,25 +63,8 @@ class Daemon:
         self._order = order
         self._reader: RingReader | None = None
         self._ring = Path(order.ring)
-        # In its own process group: Ctrl-C reaches the launcher only, which stops the sides in order.
-        # Signals are inherited blocked and wait for the event loop: an early one is an orderly end too.
-        held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
-        try:
-            self._process = subprocess.Popen(  # noqa: S603
-                python("-m", "weberlink.system.daemon", order.to_json()),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                start_new_session=True,
-            )
-        except BaseException:
-            pthread_sigmask(SIG_SETMASK, held_back)
-            raise
-        try:
-            pthread_sigmask(SIG_SETMASK, held_back)
-        except BaseException:  # Ctrl-C since: nobody has this object, so nobody else ends the process
-            self._process.kill()
-            self._process.communicate()
-            raise
+        command = python("-m", "weberlink.system.daemon", order.to_json())
+        self._process = Child(command, stdout=PIPE, blocked=STOP_SIGNALS)
 
     @property
     def pid(self) -> int:
@@ -98,7 +72,7 @@ class Daemon:
 
     @property
     def running(self) -> bool:
-        return self._process.poll() is None
+        return self._process.running
 
     @property
     def begun(self) -> bool:
@@ -135,18 +109,12 @@ class Daemon:
 
     def finish(self) -> dict[str, Any]:
         """Wait for the end for a limited time; returns the summary."""
-        try:
-            output, _ = self._process.communicate(timeout=STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            output, _ = self._process.communicate()
-        status = self._process.returncode
+        output = self._process.end(STOP_LIMIT_S)
         try:
             summary: dict[str, Any] = json.loads(output)
         except ValueError:
-            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            summary = failure(f"{self.side} {ended}")
-        return summary | {"status": status}
+            summary = failure(f"{self.side} {self._process.how_it_ended}")
+        return summary | {"status": self._process.status}
 
     def release(self) -> None:
         """Close the ring; removes files that a killed daemon left."""
@@ -292,7 +260,6 @@ class Session:
             file=str(self.configuration.path),
             overrides=tuple(self.overrides),
             ring=_ring(side),
-            parent=os.getpid(),
             # With both sides, the slave ends when the master has left.
             duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
             take_over=self.take_over,
@@ -353,7 +320,7 @@ class Session:
         link = self.configuration.system.link
         return {
             # A path that is found has no address of the file.
-            "addresses": {} if link.path == "ice" else {"listen": link.listen, "slave": link.slave},
+            "addresses": {} if self.configuration.finds_path else {"listen": link.listen, "slave": link.slave},
             "peers": peers,
             "paths": self._paths,
             "dscp": link.dscp,

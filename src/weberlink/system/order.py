@@ -1,10 +1,6 @@
-"""What a launcher asks of a daemon, and what it hears of its end."""
+"""Words and numbers that commands and daemons share: exit statuses, sides, signals that stop a run."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from signal import SIGHUP, SIGINT, SIGTERM
-from typing import Any
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 INTERRUPTED = 130
@@ -19,48 +15,3 @@ NOTE = "note: "
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
-
-
-@dataclass(frozen=True)
-class DaemonOrder:
-    """What a daemon runs.
-
-    Args:
-        side: one of `SIDES`.
-        file: the configuration.
-        overrides: as of `--set`.
-        ring: where to write telemetry.
-        parent: process that the daemon stops with.
-        duration_s: length of the run; None to run until it is stopped.
-        take_over: whether a master replaces another one that the slave serves.
-    """
-
-    side: str
-    file: str
-    overrides: tuple[str, ...]
-    ring: str
-    parent: int
-    duration_s: float | None = None
-    take_over: bool = False
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "DaemonOrder":
-        values = json.loads(text)
-        return cls(**{**values, "overrides": tuple(values["overrides"])})
-
-
-def failure(outcome: str, trace: Sequence[str] = ()) -> dict[str, Any]:
-    """The summary of a daemon without a first tick, or one that could not report its end; `trace` of what it raised."""
-    return {
-        "outcome": outcome,
-        "trace": list(trace),
-        "failed": True,
-        "faults": {},
-        "drops": {},
-        "peer": None,
-        "paths": [],
-        "realtime": None,
-    }

@@ -1,14 +1,15 @@
-"""What the tests of a driver need: contracts that every driver keeps, and the time of ticks; needs pytest.
+"""What the tests of a driver need: contracts that every driver keeps, wires, and the time of ticks; needs pytest.
 
 A distribution with a driver inherits from the contract of its family, and gives it a bench:
 
-    class TestAcme(HardwareRobotContract):
-        FAULTS = ("unplug",)
+    class TestAcme(ForceDeviceContract):
+        FAULTS = ("unplug", "silent", "late", "garbled")
 
-        @pytest.fixture
-        def bench(self, tmp_path): ...
+        def make_bench(self, folder, /, **options):
+            return on_a_pty("acme", folder, **options)
 """
 
 import pytest
 
-pytest.register_assert_rewrite("weberlink.testing.robots")
+pytest.register_assert_rewrite("weberlink.testing.arms")
+pytest.register_assert_rewrite(*(f"weberlink.testing.{name}" for name in ("devices", "messages", "robots")))

@@ -77,7 +77,7 @@ def names(descriptions: Mapping[str, dict[str, Any] | None]) -> dict[str, str | 
         "file": Path(any_["file"]).name if "file" in any_ else None,
         "device": system.get("master", {}).get("device", {}).get("driver"),
         "robot": system.get("slave", {}).get("robot", {}).get("driver"),
-        "peer": (link.get("peer") or own(SLAVE)) if link.get("path") == "ice" else link.get("slave"),
+        "peer": ((link.get("finder") or {}).get("peer") or own(SLAVE)) if any_.get("finds_path") else link.get("slave"),
         "master": own(MASTER),
         "slave": own(SLAVE),
     }

@@ -1,21 +1,20 @@
 """doctor --link: known links are measured right, in virtual time, the slave's robot stays at rest, and the report."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import sqrt
-from pathlib import Path
 from random import Random
 
 import pytest
+from pydantic import BaseModel
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, SLAVE, TICK, Pair, Side, forms
 from tests.system.systems import CONFIGS
-from weberlink.anywhere.nat import ANY, Behaviour, Nat
-from weberlink.anywhere.stun import WayOut
 from weberlink.apps.doctor import DoctorReport, Grade
 from weberlink.apps.doctor.link_figures import LinkTrial, Way, figures, lost_answers, lost_questions
-from weberlink.apps.doctor.link_report import judge, judge_way_out
+from weberlink.apps.doctor.link_report import WayOut, judge
 from weberlink.apps.doctor.link_trial import PERIOD_S, Measurement, received
+from weberlink.apps.doctor.report import problem
 from weberlink.protocol import Role, UpdateReceived
 from weberlink.protocol.aio.hand_over import PathFacts
 from weberlink.protocol.emulation import Emulation
@@ -23,8 +22,9 @@ from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.protocol.psk import PresharedKey
 from weberlink.system.configuration import MASTER as LEADS
 from weberlink.system.configuration import load
+from weberlink.system.configuration.loading import Part
 
-LOOPBACK, ANYWHERE = CONFIGS / "loopback.yaml", CONFIGS / "anywhere.yaml"
+LOOPBACK = CONFIGS / "loopback.yaml"
 TICK_S = 1e-3
 CLEAR = Emulation(delay_s=0.02)
 
@@ -164,15 +164,25 @@ def test_loss_belongs_to_the_way_where_it_was(
 
 # --- the report
 
-SERVER, HERE = ("203.0.113.1", 3478), ("198.51.100.7", 20_000)
-INDEPENDENT, BOTH = frozenset({Behaviour.INDEPENDENT}), frozenset({Behaviour.ADDRESS_AND_PORT})
-MAPPED, UNCLEAR = WayOut(Nat(SERVER, HERE, True, BOTH, BOTH)), WayOut(Nat(SERVER, HERE, True, ANY, ANY))
-REACHED = WayOut(Nat(SERVER, HERE, True, INDEPENDENT, INDEPENDENT))
-BLOCKED = WayOut(None, by_tcp=("relay.example:3478",))
+NONE: WayOut = ({}, [])
+BLOCKED: WayOut = ({"nat": "blocked"}, [problem("UDP is blocked", "another network", "udp")])
 
 
-def report(trial: LinkTrial, way_out: WayOut | None, file: Path, *overrides: str) -> DoctorReport:
-    return judge(load(file, overrides, [LEADS]), way_out, trial)
+class Options(BaseModel):
+    pass
+
+
+class Finder:
+    """Finds paths."""
+
+    @staticmethod
+    def finds_path(_: object) -> bool:
+        return True
+
+
+def report(trial: LinkTrial, way_out: WayOut, *overrides: str, finder: type | None = None) -> DoctorReport:
+    configuration = load(LOOPBACK, overrides, [LEADS])
+    return judge(replace(configuration, finder=finder and Part(finder, Options())), way_out, trial)
 
 
 def test_report_advises_settings_and_its_document_is_json() -> None:
@@ -180,43 +190,25 @@ def test_report_advises_settings_and_its_document_is_json() -> None:
     path = PathFacts(route="relayed", via="lab", interface="wifi", remote="a:1", dscp=0)
     result = MeasuredLink(faults, faults, seconds=2.0).run().measurement.result((path,), "in real time: yes")
     trial = received(**json.loads(json.dumps(asdict(result))))  # as it comes from its process
-    found = report(trial, None, LOOPBACK, "control.scheme=none", "link.playout_ms=5")
+    found = report(trial, NONE, "control.scheme=none", "link.playout_ms=5")
     fixes = [each.fix or "" for each in found.findings]
     assert {"--set control.scheme=bounded", "--set link.playout_ms=0"} <= set(fixes)
     assert any(fix.startswith("--set link.silence_ms=") for fix in fixes)
-    document = json.loads(json.dumps(report(trial, MAPPED, ANYWHERE).document, allow_nan=False))
-    assert (document["nat"]["mapping"], document["nat"]["needs_relay"]) == (["address-and-port-dependent"], True)
+    document = json.loads(json.dumps(report(trial, BLOCKED, finder=Finder).document, allow_nan=False))
+    assert document["nat"] == "blocked"
     assert document["link"]["rtt_ms"]["min"] == pytest.approx(41.0, abs=4.0)
     assert document["paths"][0]["route"] == "relayed"
 
 
 @pytest.mark.parametrize(
-    ("failure", "way_out", "file"),
+    ("failure", "way_out", "finder"),
     [
-        ("no path to robot: UDP is blocked", None, LOOPBACK),
-        (None, None, LOOPBACK),
-        ("no path to robot: UDP is blocked between here and relay.example:3478", BLOCKED, ANYWHERE),  # said once
+        ("no path to robot: UDP is blocked", NONE, Finder),
+        (None, NONE, None),
+        ("no path to robot: UDP is blocked between here and relay.example:3478", BLOCKED, Finder),  # said once
     ],
 )
-def test_failed_measurement_is_one_problem(failure: str | None, way_out: WayOut | None, file: Path) -> None:
-    found = report(LinkTrial(failure=failure), way_out, file)
+def test_failed_measurement_is_one_problem(failure: str | None, way_out: WayOut, finder: type | None) -> None:
+    found = report(LinkTrial(failure=failure), way_out, finder=finder)
     assert (found.count(Grade.PROBLEM), found.document["link"]) == (1, None)
     assert failure is None or found.document["failure"] == failure
-
-
-@pytest.mark.parametrize(
-    ("way_out", "overrides", "grade", "fix"),
-    [
-        (REACHED, (), Grade.OK, None),
-        (MAPPED, (), Grade.OK, None),  # the file has a relay
-        (MAPPED, ("link.turn=null",), Grade.ADVICE, "link.turn"),
-        (UNCLEAR, (), Grade.UNKNOWN, "docs/relay.md"),
-        (BLOCKED, (), Grade.PROBLEM, "another network"),
-        (WayOut(None, unresolved=("a.b",)), (), Grade.PROBLEM, "link.stun"),
-    ],
-)
-def test_way_out_is_judged(way_out: WayOut, overrides: tuple[str, ...], grade: Grade, fix: str | None) -> None:
-    first, *others = judge_way_out(way_out, load(ANYWHERE, overrides, [LEADS]).system.link)
-    assert first.grade is grade
-    assert first.fix is None if fix is None else fix in (first.fix or "")
-    assert [(each.check, each.grade) for each in others] == [("filtering", Grade.OK)] * (way_out.nat is not None)

@@ -14,11 +14,11 @@ from aiohttp import web
 from aiohttp.test_utils import TestServer
 
 from tests.apps.monitor.test_watch import told
-from tests.system.systems import CONFIGS
 from tests.watching.sources import HandSource, description
 from weberlink.apps.monitor.camera import CameraService, View, parse_view, robot_of
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.apps.shipped import find
 from weberlink.telemetry.pose import PoseWriter, path_of
 from weberlink.watching.session import WatchedSession
 
@@ -64,10 +64,11 @@ def test_camera_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
 
 
 def test_scene_of_the_robot_is_drawn_in_its_pose(tmp_path: Path) -> None:
-    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("weberlink_mujoco")
+    mujoco, shipped = pytest.importorskip("mujoco"), find("mujoco-arm")
     source = HandSource("slave", ring=tmp_path / "weberlink-7-slave.ring")
-    file = {"file": str(CONFIGS / "mujoco-arm.yaml"), "changes": [], "pid": PID}
-    source.description = description("slave", "mujoco-arm.yaml") | file
+    file = {"file": str(shipped), "changes": [], "pid": PID}
+    source.description = description("slave", shipped) | file
     session = WatchedSession("7", source)
     model = mujoco.MjModel.from_xml_path(str((robot_of(session) or [""])[0]))
     pose = PoseWriter(path_of(PID), model.nq)

@@ -12,7 +12,7 @@ from math import inf, nan
 
 import pytest
 
-from tests.master.devices.test_wires import WIRES
+from tests.master.devices.test_wires import MESSAGES
 from tests.strangers import as_stranger, ask_socket, needs_root, read_file
 from weberlink.master.devices.pointer_link import PointerSender, PointerTarget, TargetSocket, pack, socket_path
 from weberlink.master.devices.remote_link import (
@@ -67,7 +67,7 @@ def test_newest_target_of_the_newest_sender_is_read_once(listening: TargetSocket
     assert listening.newest() is None
 
 
-@pytest.mark.parametrize("data", [b"", pack(HERE, True, 3) + b"x", *WIRES["pointer"].refused, b"\xff" * 5000])
+@pytest.mark.parametrize("data", [b"", pack(HERE, True, 3) + b"x", *MESSAGES["pointer"].refused, b"\xff" * 5000])
 def test_foreign_datagram_is_ignored(listening: TargetSocket, wire: socket.socket, data: bytes) -> None:
     wire.send(pack(HERE, True, 1))
     wire.send(data)

@@ -1,21 +1,12 @@
 """What every message of a device keeps: it is read as it was sent, and what is no message is refused in one line."""
 
-import json
-from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf, nan, tau
-from struct import pack as packed
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.examples import examples
-from weberlink.hardware.fault import BadReply
 from weberlink.master.devices import pointer_link
-from weberlink.master.devices.haply.linkage import VERSIONS
-from weberlink.master.devices.inverse3.protocol import decode as decode_json
 from weberlink.master.devices.polhem.hid_protocol import (
     LONG,
     SHORT,
@@ -34,49 +25,14 @@ from weberlink.master.devices.polhem.serial_protocol import (
     encode_currents,
     encode_status,
 )
-from weberlink.master.devices.spacemouse.reports import PuckState
+from weberlink.testing.messages import Message, MessageContract
 
-BOARD = VERSIONS["v3"].board
-COUNT_DEG = 360.0 / 4880.0
 HERE = (0.01, -0.02, 0.03)
-
-
-@dataclass
-class Wire:
-    """A kind of message.
-
-    Args:
-        values: that can be sent.
-        encode: gives the bytes of a value.
-        decode: gives the value in bytes.
-        refuses: with what it refuses bytes that are no message.
-        refused: bytes that look like one, besides every truncation.
-        unsendable: values that `encode` refuses with ValueError.
-        padded: bytes more behind it are refused too.
-    """
-
-    values: st.SearchStrategy[Any]
-    encode: Callable[[Any], bytes]
-    decode: Callable[[bytes], Any]
-    refuses: type[Exception] = ValueError
-    refused: tuple[bytes, ...] = ()
-    unsendable: tuple[Any, ...] = ()
-    padded: bool = True
 
 
 def integers(bits: int) -> st.SearchStrategy[int]:
     edge = 1 << (bits - 1)
     return st.integers(-edge, edge - 1)
-
-
-def haply_reply(angles: tuple[int, int]) -> bytes:
-    """Ports in the order of the board: encoder 1 hangs on port 2."""
-    return BOARD.bare_reply + packed("<2f", angles[1] * COUNT_DEG, angles[0] * COUNT_DEG)
-
-
-def haply_counts(reply: bytes) -> tuple[int, int]:
-    first, second = BOARD.angles(reply)
-    return round(first / COUNT_DEG), round(second / COUNT_DEG)
 
 
 def status(line: bytes) -> SerialStatus:
@@ -103,22 +59,8 @@ targets = st.builds(
 mark = pointer_link.MARK
 datagram = pointer_link.LAYOUT.pack
 
-WIRES = {
-    "haply reply": Wire(
-        st.tuples(*[st.integers(-20_000, 20_000)] * 2),
-        haply_reply,
-        haply_counts,
-        BadReply,
-        refused=(
-            bytes((BOARD.id + 1,)) + bytes(8),
-            BOARD.bare_reply + packed("<2f", nan, 1.0),
-            BOARD.bare_reply + packed("<2f", COUNT_DEG, -inf),
-            BOARD.bare_reply + packed("<2f", 10.0 * COUNT_DEG, 1.0),  # between two counts
-            BOARD.bare_reply + packed("<2f", 1e-30, 0.0),
-            BOARD.bare_reply + packed("<2f", COUNT_DEG * (1.0 + 4e-6), 0.0),
-        ),
-    ),
-    "polhem currents": Wire(
+MESSAGES = {
+    "polhem currents": Message(
         three(st.integers(-6000, 6000)),
         encode_currents,
         lambda data: decode_currents(data.rstrip(b"\0")),
@@ -126,17 +68,20 @@ WIRES = {
         unsendable=((6001, 0, 0), (0, -6001, 0)),
         padded=False,
     ),
-    "polhem status": Wire(
+    "polhem status": Message(
         statuses, encode_status, status, refused=(b"[1,2,x,4,5,6,7,0]\n", b"[1,2,3]\n"), padded=False
     ),
-    "polhem sensors": Wire(long_sensors, encode_sensors, decode_sensors),
-    "polhem report": Wire(three(integers(16)), lambda value: encode_command(value, LONG), decode_command),
-    "polhem counters": Wire(
+    "polhem sensors": Message(long_sensors, encode_sensors, decode_sensors, lengths=(SHORT,)),
+    "polhem report": Message(
+        three(integers(16)), lambda value: encode_command(value, LONG), decode_command, lengths=(SHORT,)
+    ),
+    "polhem counters": Message(
         st.builds(SetCounters, st.tuples(*[integers(16)] * 6)),
         lambda value: encode_command(value, LONG),
         decode_command,
+        lengths=(SHORT,),
     ),
-    "pointer": Wire(
+    "pointer": Message(
         targets,
         lambda target: pointer_link.pack(*target),
         pointer_link.unpack,
@@ -155,53 +100,11 @@ WIRES = {
             (HERE, True, 1, (0.0, tau * 1.0001, 0.0)),
         ),
     ),
-    "inverse3": Wire(
-        st.dictionaries(st.text(max_size=5), finite, max_size=3),
-        lambda value: json.dumps(value).encode(),
-        decode_json,
-        BadReply,
-        refused=(b"[]", b"7", b"\xff\xfe", b"[" * 100_000),
-    ),
 }
-every_wire = pytest.mark.parametrize("wire", WIRES.values(), ids=WIRES)
 
 
-@every_wire
-@given(data=st.data(), noise=st.binary(max_size=90), at=st.integers(0, 90), flip=st.integers(1, 255))
-def test_what_is_sent_is_read_and_no_bytes_break_the_reader(
-    wire: Wire, data: st.DataObject, noise: bytes, at: int, flip: int
-) -> None:
-    value = data.draw(wire.values)
-    whole = wire.encode(value)
-    assert wire.decode(whole) == value
-    torn = bytearray(whole)
-    torn[at % len(torn)] ^= flip
-    for each in (noise, bytes(torn)):
-        try:
-            found = wire.decode(each)
-        except wire.refuses as refusal:
-            assert "\n" not in str(refusal)
-        else:
-            assert wire.decode(wire.encode(found)) == found
-
-
-@every_wire
-@examples(5)
-@given(data=st.data())
-def test_a_part_of_a_message_and_what_looks_like_one_is_none(wire: Wire, data: st.DataObject) -> None:
-    whole = wire.encode(data.draw(wire.values))
-    body = whole if wire.padded else whole.rstrip(b"\0\n")
-    of_the_other_board = (SHORT, LONG) if wire.decode in (decode_sensors, decode_command) else ()
-    parts = [whole[:length] for length in range(len(body)) if length not in of_the_other_board]
-    for each in (*parts, *([whole + b"x"] if wire.padded else []), b"", *wire.refused):
-        with pytest.raises(wire.refuses):
-            wire.decode(each)
-
-
-@pytest.mark.parametrize(("wire", "value"), [(wire, each) for wire in WIRES.values() for each in wire.unsendable])
-def test_what_cannot_be_said_is_refused(wire: Wire, value: Any) -> None:
-    with pytest.raises(ValueError, match=r"\S"):
-        wire.encode(value)
+class TestMessages(MessageContract):
+    MESSAGES = MESSAGES
 
 
 # --- a stream of messages: the status of the Polhem's serial board
@@ -229,25 +132,6 @@ def test_noise_ends_at_the_next_answer(noise: list[bytes], wanted: SerialStatus)
     assert reader.malformed == before + 2
 
 
-# --- the state of a SpaceMouse: each report says a part of it
-
-
-@examples(20)
-@given(
-    st.builds(PuckState, three(integers(16)), three(integers(16)), st.integers(0, 0xFFFF)),
-    st.booleans(),
-    st.binary(min_size=1, max_size=64),
-)
-def test_puck_survives_its_reports_and_any_other(state: PuckState, joint: bool, noise: bytes) -> None:
-    heard = PuckState().updated(noise)
-    reports = state.reports(joint=joint, button_bytes=2)
-    for report in reports:
-        heard = heard.updated(report)
-    assert heard == state
-    for report in reports[:-1]:
-        assert heard.updated(report[:-1]) == state, "a part of the values says nothing"
-
-
 # --- bytes as published
 
 
@@ -264,19 +148,3 @@ def test_bytes_are_those_of_the_makers() -> None:
     assert decode_sensors(six) == Sensors((1, 2, 3, 4, 5, 6), calibrate=True)
     assert decode_sensors(bytes.fromhex("0100 feff 0300 ffff")) == Sensors((1, -2, 3), number=65535)
     assert not decode_sensors(encode_sensors(Sensors((0, 0, 0, 4999, 0, 0)))).button, "it hides in the fourth counter"
-
-
-@pytest.mark.parametrize(
-    ("report", "state"),
-    [
-        ("01 5e01 0000 a2fe", PuckState(translation=(350, 0, -350))),
-        ("02 0000 e2ff 0000", PuckState(rotation=(0, -30, 0))),
-        ("03 02 00", PuckState(buttons=2)),
-        ("03 01 00 00 80", PuckState(buttons=0x80000001)),
-        ("01 0100 0200 0300 0400 0500 0600", PuckState((1, 2, 3), (4, 5, 6))),
-        ("17 64", PuckState()),
-        ("01 0100", PuckState()),
-    ],
-)
-def test_published_reports_of_a_puck_are_understood(report: str, state: PuckState) -> None:
-    assert PuckState().updated(bytes.fromhex(report)) == state

@@ -12,7 +12,6 @@ from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.emulators import EMULATORS
 from weberlink.master import devices
 from weberlink.master.devices import leaders
-from weberlink.master.devices.haply.linkage import VERSIONS
 from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, encode_command
 from weberlink.master.devices.polhem.serial_protocol import encode_currents
 
@@ -35,9 +34,7 @@ def test_emulator_has_a_driver_and_its_named_faults_happen(name: str) -> None:
         emulator.inject("flood", 1.0)
 
 
-ZERO_TORQUES = VERSIONS["v3"].board.torques(0.0, 0.0)
 BOARDS: dict[str, tuple[bytes, int, dict[str, Any]]] = {
-    "haply_2diy": (VERSIONS["v3"].board.setup + ZERO_TORQUES, 9, {}),
     "polhem_serial": (encode_currents((1, 2, 3)), 0, {}),
     "polhem_hid": (encode_command((1, 2, 3), LONG), LONG, {}),
     "polhem_hid, 8 bytes": (encode_command((1, 2, 3), SHORT), SHORT, {"report": 8, "frame_s": 0.00033}),

@@ -1,15 +1,13 @@
 """The robot `franka`: the daemon's end, which only writes and reads slots in shared memory."""
 
 import os
-import subprocess
 from collections.abc import Sequence
 from math import sqrt
-from mmap import mmap
 from pathlib import Path
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python, shared_memory
 from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
 from weberlink.geometry.vector import Vector, is_finite
 from weberlink.hardware.discovery import PluggedDevice
@@ -74,7 +72,7 @@ class FrankaRobot:
             raise ValueError(f"scene: {NAME} is a real robot and touches what is in front of it; leave the scene out")
         self._options, self._program = options, program
         self.spec = _spec(options)
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._commands: Slot | None = None
         self._states: Slot | None = None
         self._state = ArmState(Phase.STARTING, 0.0)
@@ -107,21 +105,16 @@ class FrankaRobot:
 
     def open(self, now: float) -> None:  # noqa: ARG002
         self.close()
-        memory = os.memfd_create("weberlink-franka")
         try:
-            os.ftruncate(memory, MEMORY_SIZE)
-            shared = mmap(memory, MEMORY_SIZE)
-            self._child = subprocess.Popen(  # noqa: S603 - our own
-                [*self._program, str(memory), str(os.getpid()), self._options.model_dump_json()],
-                stdin=subprocess.DEVNULL,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # its threads would only take processors away
-                pass_fds=(memory,),
-                start_new_session=True,  # Ctrl-C does not reach it: it ends with this process, not before
-            )
+            with shared_memory("weberlink-franka", MEMORY_SIZE) as (shared, memory):
+                self._child = Child(
+                    [*self._program, str(memory), str(os.getpid()), self._options.model_dump_json()],
+                    stdout=2,
+                    env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # its threads would only take processors away
+                    pass_fds=(memory,),
+                )
         except OSError as error:
             raise RobotFault(f"{NAME}: its controller process cannot be started: {error.strerror}") from None
-        finally:
-            os.close(memory)
         self._commands, self._states = command_slot(shared), state_slot(shared)
         self._orientation = IDENTITY
         try:
@@ -187,10 +180,13 @@ class FrankaRobot:
 
     def _check_alive(self) -> None:
         assert self._child is not None
-        status = self._child.poll()
-        if status is not None and self._state.phase in (Phase.STARTING, Phase.FOLLOWING):
-            how = f"by signal {-status}" if status < 0 else f"with status {status}"
-            raise RobotFault(f"{NAME}: its controller process ended {how}; the robot stops by itself")
+        if self._child.running or self._states is None:
+            return
+        self._state = ArmState.newest(self._states) or self._state  # its last words may have come after the last look
+        if self._state.phase is Phase.FAILED:
+            raise RobotFault(f"{NAME}: {self._state.text}")
+        if self._state.phase is not Phase.ENDED:
+            raise RobotFault(f"{NAME}: its controller process {self._child.how_it_ended}; the robot stops by itself")
 
     def close(self) -> None:
         """Have the controller bring the arm to rest and end; at most 2 s, then it is killed and the robot stops."""
@@ -201,11 +197,7 @@ class FrankaRobot:
             return
         if commands is not None:
             ArmCommand(monotonic(), ends=True).put(commands)
-        try:
-            child.wait(END_S)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+        child.end(END_S)
 
 
 def _is_stopped(pid: int) -> bool:

@@ -1,15 +1,14 @@
 """The format of recordings: starts the recorder of a live session, writes and reads files."""
 
 import json
-import os
-import subprocess
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
+from signal import SIGTERM
+from subprocess import PIPE
 from time import monotonic
 from typing import Any
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python
 from weberlink.system.recorder import FINISH_LIMIT_S
 from weberlink.telemetry.message import TOPICS, Origin
 from weberlink.telemetry.recorders import BEGUN, DURING
@@ -59,41 +58,24 @@ class Recorder:
         self.path = out
         told = dict(facts) | ({} if since is None else {BEGUN: DURING})
         order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
-        # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
-        self._process = subprocess.Popen(  # noqa: S603
-            python("-m", "weberlink_recording.recorder", order.to_json()),
-            bufsize=0,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-        )
-        assert self._process.stdin is not None
-        os.set_blocking(self._process.stdin.fileno(), False)
+        command = python("-m", "weberlink_recording.recorder", order.to_json())
+        self._process = Child(command, stdin=PIPE, stdout=PIPE)  # ends when the rings end
         self._summary: dict[str, Any] | None = None
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
 
     @property
     def running(self) -> bool:
         """Whether the process runs; it ends early if it was killed or could not write."""
-        return self._process.poll() is None
+        return self._process.running
 
     def mark(self, text: str) -> str:
         """Set a mark at this moment, without effect if the process has ended; returns its text in one line."""
         text = shortened(text)
-        self._command({"mark": text, "at": monotonic()})
+        self._process.write_line(json.dumps({"mark": text, "at": monotonic()}))
         return text
 
     def stop(self) -> None:
         """Tell it to finish the file; `running` then becomes false."""
-        self._command({"finish": True})
-
-    def _command(self, command: Mapping[str, Any]) -> None:
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError, ValueError):  # it has ended
-            self._process.stdin.write(json.dumps(command).encode() + b"\n")
+        self._process.write_line(json.dumps({"finish": True}))
 
     def kill(self) -> None:
         """End it at once, if it does not finish; what it has written stays readable."""
@@ -106,20 +88,10 @@ class Recorder:
         return self._summary
 
     def _finish(self) -> dict[str, Any]:
-        try:
-            output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._process.terminate()
-            try:
-                output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                output, _ = self._process.communicate()
+        output = self._process.end(FINISH_LIMIT_S, SIGTERM)
         try:
             summary: dict[str, Any] = json.loads(output)
         except ValueError:
-            status = self._process.returncode
-            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
             size = self.path.stat().st_size if self.path.exists() else 0
-            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {ended}"}
+            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {self._process.how_it_ended}"}
         return summary

@@ -11,13 +11,14 @@ import signal
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals
 from time import monotonic, process_time, sleep
 from typing import Any
 
 import numpy as np
 
+from weberlink.child_process import Order
 from weberlink.telemetry.message import Origin, Rows
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.recorders import COMPLETE
@@ -40,7 +41,7 @@ COMMANDS_AT_ONCE = 65_536
 
 
 @dataclass(frozen=True)
-class RecordingOrder:
+class RecordingOrder(Order):
     """What to record.
 
     Args:
@@ -56,13 +57,6 @@ class RecordingOrder:
     facts: dict[str, str]
     since: float | None = None
     takes_commands: bool = False
-
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "RecordingOrder":
-        return cls(**json.loads(text))
 
 
 class RingSource:

@@ -9,7 +9,6 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from time import monotonic, time_ns
@@ -24,14 +23,14 @@ from weberlink.protocol.aio.hand_over import address_of
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.probing import Heard, ProbingEndpoint
 from weberlink.realtime.process import prepare
-from weberlink.system.composition.acquaintance import acquaintance
 from weberlink.system.composition.channels import streams
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import Identity, build_endpoint, build_security
 from weberlink.system.configuration import MASTER, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
-from weberlink.system.daemon import emulated_link, finder
+from weberlink.system.daemon import emulated_link
 from weberlink.system.description import default_name
+from weberlink.system.finders import PathFinder, finder_of, finding
 
 PERIOD_S = 0.005
 """Between two questions: as dense as the updates of a busy session."""
@@ -79,12 +78,13 @@ class Measurement:
         if self._first_at is None or self.is_done:
             return now + PERIOD_S
         last_at = self._first_at + self._seconds
-        if now > last_at + max(0.1, 2.0 * ((endpoint.rtt or 0.0) + endpoint.jitter)):  # the last answers have come
+        clock = endpoint.clock
+        if now > last_at + max(0.1, 2.0 * ((clock.rtt or 0.0) + clock.jitter)):  # the last answers have come
             self.finish(now)
         elif self._due <= min(now, last_at):
             endpoint.ask(now)
-            if endpoint.rtt is not None:
-                self._jitters.append(endpoint.jitter)
+            if endpoint.clock.rtt is not None:
+                self._jitters.append(endpoint.clock.jitter)
             # What this process was too late for is left out: questions in a heap would measure its own stall.
             self._due = max(self._due + PERIOD_S, now)
         return max(self._due, now + LEAST_PAUSE_S)
@@ -102,7 +102,7 @@ class Measurement:
 
     def _wait(self, now: float) -> None:
         endpoint = self._endpoint
-        if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
+        if endpoint.state is State.ENGAGED and endpoint.clock.peer_time(now) is not None:
             self._due = self._first_at = now + WARM_UP_S
         elif now > self._give_up_at:
             why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"
@@ -130,7 +130,7 @@ def received(heard: Sequence[Sequence[Any]] = (), **fields: Any) -> LinkTrial:
     return LinkTrial(heard=[Heard(*each) for each in heard], **fields)
 
 
-def build_probe(configuration: Configuration, epoch: float) -> ProbingEndpoint:
+def build_probe(configuration: Configuration, epoch: float, finder: PathFinder | None) -> ProbingEndpoint:
     """The endpoint of a master that measures.
 
     Raises:
@@ -138,19 +138,18 @@ def build_probe(configuration: Configuration, epoch: float) -> ProbingEndpoint:
     """
     system, link = configuration.system, configuration.system.link
     name, expects = default_name(MASTER, link.listen), ""
-    if link.security == "peers":
-        known = acquaintance(configuration, MASTER)
-        name, expects = known.own, known.expects
+    if finder is not None:
+        name, expects = finder.own, finder.expects
     forward, backward = streams(system) if system.codec.joints is None else joint_streams(system)
     endpoint = build_endpoint(
         system,
         Role.INITIATOR,
-        build_security(configuration),
+        build_security(configuration) if finder is None else finder.security,
         os.urandom,
         epoch,
         forward,
         backward,
-        split_address(link.slave) if link.path == "direct" else address_of(expects),
+        address_of(expects) if configuration.finds_path else split_address(link.slave),
         Identity(name, expects, take_over=False, stamp=lambda _now: time_ns()),
         ProbingEndpoint,
     )
@@ -177,13 +176,12 @@ def trial(file: str, overrides: Sequence[str], seconds: float) -> LinkTrial:
     try:
         configuration = load(Path(file), overrides, sides=[MASTER])
         system, epoch = configuration.system, monotonic()
-        endpoint = build_probe(configuration, epoch)
-        is_direct = system.link.path == "direct"
-        peers = () if is_direct else acquaintance(configuration, MASTER).peers
+        finder = finder_of(configuration, MASTER)
+        endpoint = build_probe(configuration, epoch, finder)
         # The process that finds paths starts before the rights are taken, so that it gets none.
-        with nullcontext() if is_direct else finder(configuration, MASTER, peers, take_over=False) as end:
+        with finding(configuration, finder, take_over=False) as end:
             grant = prepare(system.realtime.priority, lock_memory=False, cpu=None).priority
-            measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if is_direct else PATH_S)
+            measurement = Measurement(endpoint, monotonic(), seconds, ANSWER_S if end is None else PATH_S)
             emulated = emulated_link(MASTER, system, epoch)
             shell = UdpShell(
                 endpoint,

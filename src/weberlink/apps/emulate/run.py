@@ -8,7 +8,6 @@ import stat
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -27,7 +26,6 @@ from weberlink.realtime.process import prepare
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
-from weberlink.system.configuration.extras import need
 from weberlink.system.order import COMPLETED, FAILED
 
 PORT = "{port}"
@@ -132,11 +130,14 @@ def _put_on(stack: ExitStack, name: str, emulator: Any, link: Path | None) -> tu
     if emulator.transport != "serial" and link is not None:
         raise ConfigurationError(f"--link: the path of this device cannot be chosen; omit it for {name}")
     try:
-        if emulator.transport == "websocket":
-            return *_on_a_websocket(stack, name, emulator), dict(os.environ)
         if emulator.transport in OF_THE_KERNEL:
             return _in_the_kernel(stack, name, emulator)
-        return *_on_a_terminal(stack, name, emulator, link), dict(os.environ)
+        if emulator.transport == "serial":
+            return *_on_a_terminal(stack, name, emulator, link), dict(os.environ)
+        device = stack.enter_context(emulator.served(_hurry))
+        return device, device.address, dict(os.environ)
+    except OSError as error:
+        raise ConfigurationError(f"{name}: cannot be served: {error.strerror}") from None
     except HardwareFault as fault:
         raise ConfigurationError(f"{name}: {fault}") from None
 
@@ -163,17 +164,6 @@ def _on_a_terminal(stack: ExitStack, name: str, emulator: Any, link: Path | None
         raise ConfigurationError(f"{error.filename2 or path}: exists already; choose another with --link") from None
     except OSError as error:
         raise ConfigurationError(f"{error.filename2 or path}: cannot be created: {error.strerror}") from None
-
-
-def _on_a_websocket(stack: ExitStack, name: str, emulator: Any) -> tuple[ServedDevice, str]:
-    """The device, and its address."""
-    need("websockets", "inverse3", f"emulate {name}")
-    module = import_module("weberlink.hardware.websocket_device")
-    try:
-        device = stack.enter_context(module.WebSocketDevice(emulator, emulator.tcp_port, begin=_hurry))
-    except OSError as error:
-        raise ConfigurationError(f"--set tcp_port={emulator.tcp_port}: cannot listen there: {error.strerror}") from None
-    return device, device.address
 
 
 @contextmanager

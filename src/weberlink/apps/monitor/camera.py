@@ -22,8 +22,6 @@ from weberlink.child_process import python
 from weberlink.telemetry.pose import path_of
 from weberlink.watching.session import WatchedSession
 
-MUJOCO = "mujoco"
-"""The robot driver that publishes its pose."""
 MOST_VIEWS = 16
 LARGEST_FRAME = 4 * 2**20
 HEARTBEAT_S = 20.0
@@ -195,11 +193,11 @@ class CameraService:
 
 
 def robot_of(session: WatchedSession) -> list[str] | None:
-    """Model and pose of the simulated robot of a session on this host; None without one."""
+    """MJCF model and pose of the simulated robot of a session on this host; None without one."""
     source = session.sources.get("slave")
     described = None if source is None or session.ended else source.description
     robot = (described or {}).get("system", {}).get("slave", {}).get("robot", {})
-    if described is None or robot.get("driver") != MUJOCO or "model" not in robot:
+    if described is None or not str(robot.get("model")).endswith(".xml"):
         return None
     return [str(Path(described.get("file", "")).parent / robot["model"]), str(path_of(int(described["pid"])))]
 

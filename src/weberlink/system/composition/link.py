@@ -14,12 +14,12 @@ from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
-from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import check_contract, fault_of
 from weberlink.system.composition.account import account
 from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
+from weberlink.system.finders import finder_of
 
 if TYPE_CHECKING:
     from weberlink.codec.bundle import BundleChannel
@@ -85,16 +85,15 @@ def build_security(configuration: Configuration) -> Security:
     """
     link = configuration.system.link
     sides = loaded_sides(configuration)
-    if link.security == "peers" and len(sides) == 1:
-        from weberlink.system.composition.acquaintance import acquaintance  # noqa: PLC0415 - where a file asks for it
-
-        return acquaintance(configuration, *sides).security
+    if len(sides) == 1 and (finder := finder_of(configuration, *sides)) is not None:
+        return finder.security
     if link.security == "none":
         from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
 
         return Checksum()
     from weberlink.protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
     from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
+    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
     forbid_core_dumps()
     if link.key_file is None:  # security: session before the run, or both sides in virtual time

@@ -65,10 +65,10 @@ def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, .
         each for each in errors if each["type"] == "extra_forbidden" and each["loc"][:-1] == errors[0]["loc"][:-1]
     )
     first = next(unknown, errors[0]) if errors[0]["type"] == "missing" else _nearest_form(errors)
-    location, known = _place(model, tuple(str(part) for part in first["loc"]))
+    location, known, sections = _place(model, tuple(str(part) for part in first["loc"]))
     path = ".".join((*where, *location)) or "the file"
     if first["type"] == "extra_forbidden":
-        return f"{path}: unknown key{_nearest(location[-1], known)}"
+        return f"{path}: unknown key{_nearest(location[-1], known)}{sections}"
     if not location and first["type"] == "value_error":  # of several fields; the message names them
         return _expectation(first)
     return f"{path}: {_expectation(first)}"
@@ -102,13 +102,19 @@ def _nearest(key: str, known: list[str]) -> str:
     return f"; known are {', '.join(known)}" if known else ""
 
 
-def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """The path of a location as the file has it, and the keys that are known beside its last part.
+def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str], list[str], str]:
+    """The path of a location as the file has it, the keys that are known beside its last part, and where others belong.
 
     The parts of a location are keys, indices, tags of unions and forms of a setting; the file has no tags or forms.
     """
-    candidates, path, known = [model], [], []
+    candidates, sections = [model], ""
+    path: list[str] = []
+    known: list[str] = []
     for part in location:
+        open_ = [
+            name for each in candidates for name, field in each.model_fields.items() if _takes_any(field.annotation)
+        ]
+        sections = f"; options of a driver belong into {'.'.join([*path, *open_])}" if len(open_) == 1 else ""
         known = sorted({name for candidate in candidates for name in candidate.model_fields})
         having = [candidate for candidate in candidates if part in candidate.model_fields]
         tagged = [candidate for candidate in candidates if part in _tags(candidate)]
@@ -120,7 +126,12 @@ def _place(model: type[BaseModel], location: tuple[str, ...]) -> tuple[list[str]
         path.append(part)
         below = [child for each in having for child in _models_in(each.model_fields[part].annotation)]
         candidates = below or candidates
-    return path, known
+    return path, known, sections
+
+
+def _takes_any(annotation: Any) -> bool:
+    """Whether a field holds keys that its driver knows."""
+    return any(each.model_config.get("extra") == "allow" for each in _models_in(annotation))
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

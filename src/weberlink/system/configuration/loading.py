@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from weberlink.master import devices
 from weberlink.registry import is_hardware
 from weberlink.slave import robots
+from weberlink.system import finders
 from weberlink.system.configuration.document import override, parse
 from weberlink.system.configuration.errors import ConfigurationError, describe
 from weberlink.system.configuration.extras import need
@@ -31,12 +32,18 @@ class Part:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A validated file. `device` or `robot` is None if that side was not asked for."""
+    """A validated file. `device` or `robot` is None if that side was not asked for, `finder` if the file has none."""
 
     path: Path
     system: System
     device: Part | None
     robot: Part | None
+    finder: Part | None = None
+
+    @property
+    def finds_path(self) -> bool:
+        """Whether a path to the other host is found, which else has the address of the file."""
+        return self.finder is not None and self.finder.driver.finds_path(self.finder.options)
 
 
 def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES) -> Configuration:
@@ -57,19 +64,21 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
     try:
         system = System.model_validate(content)
         system = make_absolute(system, path.parent, overridden)
-        device = robot = None
+        device = robot = finder = None
         if MASTER in sides:
             table = _tables(system)[MASTER]
             device = _part(table, system.master.device, ("master", "device"), path.parent, overridden)
         if SLAVE in sides:
             table = _tables(system)[SLAVE]
             robot = _part(table, system.slave.robot, ("slave", "robot"), path.parent, overridden)
+        if system.link.finder is not None:
+            finder = _part(finders, system.link.finder, ("link", "finder"), path.parent, overridden)
         _check_security(system, device, robot)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {describe(error, System, ())}") from None
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
-    return Configuration(path, system, device, robot)
+    return Configuration(path, system, device, robot, finder)
 
 
 def load_device(configuration: Configuration) -> Part:

@@ -3,12 +3,11 @@
 The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -26,7 +25,7 @@ from weberlink.arms.mapping import LeaderMappingSettings
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
-from weberlink.protocol.conversation import MOST_TICKS
+from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
@@ -53,19 +52,24 @@ class PredictorFor:
 
     def __init__(self, suits: Callable[[Predictor], bool], *others: str) -> None:
         self._suits = suits
-        self.built_in = tuple(name for name in PREDICTORS.built_in if suits(PREDICTORS[name]))
-        self._known = (*self.built_in, *others)
+        self._others = others
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(schema) | {"enum": list(self._known)}
+        return handler(schema) | {"enum": self._known()}
 
     def _check(self, name: str) -> str:
-        if name in self._known or (name in PREDICTORS and self._suits(PREDICTORS[name])):
+        if name in self._others or (name in PREDICTORS and self._suits(PREDICTORS[name])):  # imports no other one
             return name
-        raise ValueError(one_of([*self._known, *self._installed()], name))
+        raise ValueError(one_of([*self._known(), *self._installed()], name))
+
+    def built_in(self) -> list[str]:
+        return [name for name in PREDICTORS.built_in if self._suits(PREDICTORS[name])]
+
+    def _known(self) -> list[str]:
+        return [*self.built_in(), *self._others]
 
     def _installed(self) -> Iterator[str]:
         """Suitable predictors of other distributions; none that cannot be imported."""
@@ -99,15 +103,6 @@ def _host_and_port(text: str) -> str:
 
 Address = Annotated[str, AfterValidator(_host_and_port)]
 """host:port."""
-
-
-def _mailbox_url(text: str) -> str:
-    if re.fullmatch(r"wss?://[^/\s]+/\S*", text) is None:
-        raise ValueError(f"must be the address of a mailbox server, as ws://relay.example:4000/v1, not {text!r}")
-    return text
-
-
-MailboxUrl = Annotated[str, AfterValidator(_mailbox_url)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Start = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
@@ -131,8 +126,10 @@ JOINT_SCHEMES = ("none", "bounded")
 class PredictedSettings(Settings):
     """The predictors of a channel."""
 
-    ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
-    """The bank of `adaptive` by default."""
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        """The bank of `adaptive` by default."""
+        raise NotImplementedError
 
     predictor: str
     bank: tuple[str, ...]
@@ -145,7 +142,7 @@ class PredictedSettings(Settings):
     @classmethod
     def _usual_bank(cls, data: Any) -> Any:
         if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
-            return {**data, "bank": cls.ADAPTIVE_BANK}
+            return {**data, "bank": cls.adaptive_bank()}
         return data
 
     @field_validator("bank")
@@ -157,8 +154,8 @@ class PredictedSettings(Settings):
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
-        estimated = [name for name in self.bank if PREDICTORS[name].estimated]
-        if self.predictor == HYBRID and estimated:
+        estimated = self.predictor == HYBRID and [name for name in self.bank if PREDICTORS[name].estimated]
+        if estimated:
             raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
         return self
 
@@ -217,23 +214,16 @@ class NameSettings(Settings):
     slave calls itself host:port."""
 
 
-class TurnSettings(Settings):
-    """A relay of one's own, for hosts that cannot reach each other directly (TURN, RFC 8656)."""
+class DriverSettings(BaseModel):
+    """A driver by name, with the options that are its own."""
 
-    server: Address
-    """Where it listens, by UDP."""
-    name: str = ""
-    """What the page and the report call it; by default its host."""
-    secret_file: Path | None = None
-    """The secret that it shares with its users, from which credentials of limited time are made."""
-    credentials_file: Path | None = None
-    """One line with user name and password, in place of the secret."""
+    model_config = ConfigDict(extra="allow", frozen=True)
 
-    @model_validator(mode="after")
-    def _secured(self) -> "TurnSettings":
-        if (self.secret_file is None) == (self.credentials_file is None):
-            raise ValueError("needs secret_file or credentials_file, one of them")
-        return self
+    driver: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
 
 
 class LinkSettings(Settings):
@@ -243,28 +233,12 @@ class LinkSettings(Settings):
     """Address that the slave binds."""
     slave: Address = "127.0.0.1:47000"
     """Address at which the master finds the slave."""
-    security: Literal["psk", "peers", "session", "none"] = "psk"
-    """`psk`: a pre-shared key encrypts every datagram. `peers`: the same, with the key of a known peer (`weberlink
-    peers`). `session`: the same, with a key that `weberlink loopback` makes for each run. `none`: a checksum only, and
-    no hardware drivers. The last two on loopback addresses only."""
-    peer: Name | None = None
-    """With `peers`: the known peer to call, or to wait for. Without it, a master calls the only robot that it knows,
-    and a slave waits for every operator that it knows."""
-    peer_store: Path | None = None
-    """Folder of the known peers; by default `~/.local/share/weberlink/peers`."""
-    path: Literal["direct", "ice"] = "direct"
-    """`direct`: the master sends to `slave`. `ice`: a path between the two hosts is found through any NAT."""
-    stun: Address | None = None
-    """Server that tells a host its address outside (STUN)."""
-    turn: TurnSettings | None = None
-    """Relay for hosts that cannot reach each other."""
-    mailbox: MailboxUrl | None = None
-    """Where two hosts leave messages for each other before there is a path: the address of a magic-wormhole mailbox
-    server, such as ws://relay.example:4000/v1."""
-    paths: int = Field(default=1, ge=1, le=2)
-    """With `ice`: how many paths carry every datagram, over different network interfaces; the first copy counts."""
-    interfaces: tuple[str, ...] = ()
-    """With `ice`: the network interfaces to use, in order; by default all."""
+    security: Literal["psk", "session", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `session`: the same, with a key that `weberlink loopback` makes
+    for each run. `none`: a checksum only, and no hardware drivers. The last two on loopback addresses only."""
+    finder: DriverSettings | None = None
+    """A path finder of another distribution, by its `driver` and with its options: it knows the key, and how to reach
+    the other host where it has no address. Leave `security` out then."""
     dscp: int = Field(default=46, ge=0, le=63)
     """Class of service asked for by every datagram (RFC 2474); 46 is EF, 0 is that of all other traffic."""
     playout_ms: float = Field(default=0.0, ge=0, le=100)
@@ -283,23 +257,13 @@ class LinkSettings(Settings):
     """Faults to put on the link; leave out for a real one."""
 
     @model_validator(mode="after")
-    def _reachable(self) -> "LinkSettings":
-        if self.path == "ice":
-            if self.security != "peers":
-                raise ValueError(f"path ice needs security: peers, and not {self.security}")
-            if self.mailbox is None:
-                raise ValueError("path ice needs mailbox, where the two hosts leave their addresses for each other")
-        elif self.paths > 1 or self.interfaces:
-            raise ValueError("paths and interfaces need path: ice")
-        return self
-
-    @model_validator(mode="after")
     def _trust(self) -> "LinkSettings":
-        if self.security == "psk":
+        if self.finder is not None:
+            if "security" in self.model_fields_set:
+                raise ValueError("finder has the key; leave security out, or finder")
+        elif self.security == "psk":
             if self.key_file is None:
                 raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
-        elif self.security == "peers":
-            return self
         elif not (is_loopback(self.listen) and is_loopback(self.slave)):
             raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
         return self
@@ -324,7 +288,9 @@ class TrustSettings(Settings):
 class ForceCodecSettings(PredictedSettings):
     """The backward channel."""
 
-    ADAPTIVE_BANK = ADAPTIVE_BANK
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return ADAPTIVE_BANK
 
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
@@ -367,7 +333,9 @@ class ForceCodecSettings(PredictedSettings):
 class MotionCodecSettings(PredictedSettings):
     """What position and orientation have in common."""
 
-    ADAPTIVE_BANK = _POSITION.built_in
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _POSITION.built_in()
 
     predictor: PositionPredictor = "linear"
     """What both ends predict with."""
@@ -391,7 +359,9 @@ class PositionCodecSettings(MotionCodecSettings):
 class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
 
-    ADAPTIVE_BANK = _TORQUE.built_in
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _TORQUE.built_in()
 
     predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""
@@ -481,18 +451,6 @@ class RealtimeSettings(Settings):
     """Poll sockets and clock instead of sleeping: datagrams and ticks wait less, and each daemon takes a processor."""
     cpus: tuple[int, int] | None = None
     """Processors to pin the master and the slave to."""
-
-
-class DriverSettings(BaseModel):
-    """A driver by name, with the options that are its own."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-
-    driver: str
-
-    @property
-    def options(self) -> dict[str, Any]:
-        return dict(self.model_extra or {})
 
 
 class MasterLimits(Settings):

@@ -21,6 +21,7 @@ from weberlink.slave.robots.followers import FOLLOWERS
 from weberlink.system.configuration import joints, model
 from weberlink.system.configuration.deadband import settings_of
 from weberlink.system.configuration.model import System
+from weberlink.system.finders import FINDERS
 
 
 def schema() -> dict[str, Any]:
@@ -32,13 +33,16 @@ def schema() -> dict[str, Any]:
     parts: tuple[tuple[str, str, tuple[Registry[Any], ...]], ...] = (
         ("MasterSettings", "device", (DEVICES, LEADERS)),
         ("SlaveSettings", "robot", (ROBOTS, FOLLOWERS)),
+        ("LinkSettings", "finder", (FINDERS,)),
     )
     for owner, field, tables in parts:
         drivers = {name: table.load(name) for table in tables for name in (*table.built_in, *guests(table.group))}
         choices = [_driver(name, driver.Options, definitions) for name, driver in drivers.items()]
         # A driver of another package may take any options.
         other = {"properties": {"driver": {"not": {"enum": list(drivers)}, "type": "string"}}}
-        definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
+        made = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
+        is_optional = "anyOf" in definitions[owner]["properties"][field]
+        definitions[owner]["properties"][field] = {"anyOf": [made, {"type": "null"}]} if is_optional else made
     del definitions["ShapeSettings"]
     shapes = {each.__name__: each.model_json_schema() for each in map(settings_of, DEADBANDS.built_in)}
     definitions.update(shapes)

@@ -1,0 +1,244 @@
+"""The process that pairs two hosts by a code, through a magic-wormhole mailbox server.
+
+The code is the password of a SPAKE2 exchange: whoever does not know it has one guess among 65,536 pairs of words, and
+that guess ends the invitation. The mailbox sees sealed messages, addresses and times. `introduction` tells what the two
+hosts say to each other, and `order` how a command talks to this process.
+"""
+
+import json
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TextIO
+
+from twisted.internet import reactor as _reactor
+from twisted.internet.defer import CancelledError, Deferred
+from twisted.internet.defer import TimeoutError as DeferredTimeoutError
+from twisted.internet.main import CONNECTION_DONE
+from twisted.logger import globalLogBeginner
+from wormhole import create, errors
+from wormhole._wordlist import even_words_lowercase, odd_words_lowercase
+
+from weberlink.protocol.keys import KEY_BYTES
+from weberlink.text import one_line
+from weberlink_anywhere import introduction
+from weberlink_anywhere.introduction import CONFIRM, HELLO, KEPT, REFUSED, Names, PairingError, RefusedThereError
+from weberlink_anywhere.order import PairingOrder
+from weberlink_anywhere.peers import Peer, PeerError, PeerStore, default_folder
+
+reactor: Any = _reactor
+APP = "weberlink/pairing/1"
+"""Pairings are apart from all else on the same mailbox server, and from those of another version."""
+PURPOSE = "weberlink pairing"
+FAREWELL_S = 3.0
+"""How long the mailbox server may take to let us go."""
+Tell = Callable[[str, str], None]
+"""Takes a key of `PairingOrder`, and its text."""
+
+
+class PairingSession:
+    """One pairing, by magic-wormhole; `tell` takes what the user is to see."""
+
+    def __init__(self, order: PairingOrder, tell: Tell) -> None:
+        self._order, self._tell = order, tell
+        self._store = PeerStore(Path(order.store))
+        self._code = order.code
+        self._is_connected = False
+
+    async def run(self) -> Peer:
+        """Pair; returns the peer, which is in the store.
+
+        Raises:
+            PairingError, CancelledError: they did not; nothing is kept.
+        """
+        self._check_words()
+        self._wormhole: Any = create(APP, self._order.mailbox, reactor, on_status_update=self._on_status)
+        try:
+            return await self._pair()
+        finally:
+            with suppress(Exception):  # its outcome is that of the pairing
+                await self._wormhole.close().addTimeout(FAREWELL_S, reactor)
+
+    async def _pair(self) -> Peer:
+        order, hole = self._order, self._wormhole
+        await self._soon(hole.get_welcome(), f"the mailbox {order.mailbox} does not answer")
+        if order.code:
+            hole.set_code(order.code)
+            late = f"nobody waits with the code {order.code}: it was used, or it has expired; ask for a new one"
+            await self._soon(hole.get_unverified_key(), late)
+        else:
+            hole.allocate_code()
+            self._code = await self._soon(hole.get_code(), f"the mailbox {order.mailbox} gave no code")
+            self._tell("code", self._code)
+            late = f"nobody joined within {order.lifetime_s / 60:g} min; invite again for a new code"
+            await self._in_time(hole.get_unverified_key(), order.lifetime_s, late)
+        self._tell("note", "the other host is there; comparing codes")
+        await self._soon(hole.get_verifier(), "the other host stopped answering")
+        try:
+            return await self._introduce(hole.derive_key(PURPOSE, KEY_BYTES))
+        except RefusedThereError:
+            raise
+        except (PairingError, CancelledError) as error:
+            hole.send_message(introduction.message(REFUSED, str(error) or "the pairing was ended there"))
+            raise
+
+    async def _introduce(self, secret: bytes) -> Peer:
+        order, send = self._order, self._wormhole.send_message
+        other = "slave" if order.side == "master" else "master"
+        send(introduction.hello(order.side, order.name))
+        name = introduction.name_in(await self._next(HELLO), order.side)
+        label = order.label or name.replace("/", "-").lstrip(".") or other  # it names a file
+        names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
+        self._refuse_known(label, name, other)
+        send(introduction.message(CONFIRM, introduction.confirmation(secret, names, order.side)))
+        if not introduction.is_confirmed(await self._next(CONFIRM), secret, names, other):
+            raise PairingError("the other host confirmed other names than these two")
+        key = introduction.pair_key(secret, names)
+        peer = Peer(label, name, order.name, other, key, order.mailbox, time.time())  # type: ignore[arg-type]
+        try:
+            self._store.add(peer)
+        except PeerError as error:
+            raise PairingError(str(error)) from None
+        try:
+            send(introduction.message(KEPT, True))
+            await self._next(KEPT)
+        except BaseException:
+            self._store.remove(peer.label)
+            raise
+        return peer
+
+    def _refuse_known(self, label: str, name: str, role: str) -> None:
+        """A name stands for one key, so that a new pairing replaces nothing unseen."""
+        try:
+            known = next((p for p in self._store if p.label == label or (p.name, p.role) == (name, role)), None)
+        except PeerError as error:
+            raise PairingError(str(error)) from None
+        if known is not None:
+            line = shlex.join(["weberlink", "peer", known.label, "--remove"])
+            if self._store.folder != default_folder():
+                line += f" --store {self._store.folder}"
+            raise PairingError(f"{self._order.name} knows {name} already; remove it on that host first: {line}")
+
+    async def _next(self, kind: str) -> Any:
+        late = f"the other host stopped answering before its {kind!r}"
+        if kind == KEPT:
+            late += "; if it says that it paired, remove this host there (weberlink peer) before you pair again"
+        return introduction.read(await self._soon(self._wormhole.get_message(), late), kind)
+
+    async def _soon(self, result: Any, late: str) -> Any:
+        return await self._in_time(result, self._order.patience_s, late)
+
+    async def _in_time(self, result: Any, limit_s: float, late: str) -> Any:
+        """What magic-wormhole gives; all its errors arrive here."""
+        try:
+            return await result.addTimeout(limit_s, reactor)
+        except DeferredTimeoutError:
+            raise PairingError(late) from None
+        except CancelledError:
+            raise
+        except Exception as error:
+            raise PairingError(self._wording(error)) from error
+
+    def _check_words(self) -> None:
+        """A word that no code has costs no guess."""
+        words = sorted(even_words_lowercase | odd_words_lowercase)
+        for word in self._order.code.split("-")[1:]:
+            if word not in words:
+                meant = get_close_matches(word, words, n=1)
+                hint = f"; did you mean {meant[0]}?" if meant else ""
+                raise PairingError(f"{word!r} is no word of a code{hint}")
+
+    def _on_status(self, status: Any) -> None:
+        """Say when the mailbox is lost; the client of magic-wormhole calls again by itself."""
+        state = type(status.mailbox_connection).__name__
+        if self._is_connected and state == "Connecting":
+            self._tell("note", f"the mailbox {self._order.mailbox} is lost; trying again")
+        self._is_connected = state == "Connected"
+
+    def _wording(self, error: Exception) -> str:
+        """What magic-wormhole ended with, in one line of ours."""
+        mailbox, new = self._order.mailbox, "ask for" if self._order.code else "invite again for"
+        match error:
+            case errors.WrongPasswordError():
+                return f"a wrong code, or a message changed on the way: {self._code} is void; {new} a new one"
+            case errors.ServerConnectionError():
+                return f"the mailbox {mailbox} cannot be reached: {_one_line(error)}"
+            case errors.ServerError() if _one_line(error) in ("crowded", "reclaimed"):
+                return f"the code {self._code} was used already; {new} a new one"
+            case errors.ServerError() | errors.WelcomeError():
+                return f"the mailbox {mailbox} refused: {_one_line(error)}"
+        return f"the mailbox {mailbox} sent what is no message of a pairing ({type(error).__name__})"
+
+
+def _one_line(error: Exception) -> str:
+    return one_line(str(error)).rstrip(".")
+
+
+class _End:
+    """Standard input, whose end ends the work (`twisted.internet.interfaces.IReadDescriptor`)."""
+
+    def __init__(self, work: "Deferred[None]") -> None:
+        self._work = work
+
+    def fileno(self) -> int:
+        return 0
+
+    def logPrefix(self) -> str:  # noqa: N802 - of the interface
+        return "stdin"
+
+    def doRead(self) -> Exception | None:  # noqa: N802 - of the interface
+        return None if os.read(0, 4096) else CONNECTION_DONE
+
+    def connectionLost(self, reason: object) -> None:  # noqa: N802, ARG002 - of the interface
+        self._work.cancel()
+
+
+def run(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    """Do the work in the reactor; end it early, in order, when standard input ends."""
+
+    def begin() -> None:
+        done: Any = Deferred.fromCoroutine(work())
+        reactor.addReader(_End(done))
+        done.addErrback(lambda failure: failure.printTraceback(sys.stderr))  # a fault of ours
+        done.addBoth(lambda _: reactor.stop())
+
+    reactor.callWhenRunning(begin)
+    reactor.run()
+
+
+def events_out() -> TextIO:
+    """Standard output for our lines alone; what a library prints goes nowhere."""
+    kept = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+    globalLogBeginner.beginLoggingTo([], redirectStandardIO=False, discardBuffer=True)
+    return kept
+
+
+def main() -> None:
+    order, out = PairingOrder.from_json(sys.stdin.readline()), events_out()
+
+    def tell(key: str, text: str) -> None:
+        with suppress(BrokenPipeError):  # the command is gone; the end of standard input says so
+            out.write(json.dumps({key: text}) + "\n")
+            out.flush()
+
+    async def pair() -> None:
+        try:
+            peer = await PairingSession(order, tell).run()
+        except (PairingError, CancelledError) as error:
+            tell("refused", f"{str(error) or 'ended'}; nothing is kept")
+        else:
+            tell("paired", peer.label)
+
+    run(pair)
+
+
+if __name__ == "__main__":
+    main()

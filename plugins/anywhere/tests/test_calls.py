@@ -1,0 +1,182 @@
+"""A call through a server that reads, keeps, repeats, reorders, delays and changes every message of several pairs."""
+
+import os
+from dataclasses import dataclass, field
+from random import Random
+
+import pytest
+
+from weberlink_anywhere.calls import LARGEST_MEMORY, OFFER_LIMIT_S, Called, IncomingCalls, Message, OutgoingCall, Ready
+from weberlink_anywhere.sealing import LONGEST_BODY, Sealing
+from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
+
+KEY, OTHER_KEY = bytes(range(32)), bytes(32)
+PATHS = (
+    Description("u1", "p" * 22, ("1 1 udp 2130706431 192.0.2.1 4000 typ host", "2 1 udp 1 192.0.2.2 4001 typ relay")),
+    Description("u2", "q" * 22, ()),
+)
+
+
+def ends(key: bytes = KEY) -> tuple[OutgoingCall, IncomingCalls]:
+    return OutgoingCall(Sealing(key, "master"), os.urandom), IncomingCalls(Sealing(key, "slave"), os.urandom)
+
+
+def offered(caller: OutgoingCall, waiter: IncomingCalls, now: float = 0.0) -> Message:
+    """The offer that follows on the first two messages."""
+    ready = waiter.receive(caller.first(), now, None)
+    assert isinstance(ready, Message)
+    assert caller.receive(ready) == Ready(None)
+    return caller.offer(PATHS, take_over=True)
+
+
+def called(caller: OutgoingCall, waiter: IncomingCalls, serves: str | None = None) -> Called:
+    told = waiter.receive(offered(caller, waiter), 0.0, serves)
+    assert isinstance(told, Called)
+    return told
+
+
+@pytest.mark.parametrize("reply", [Answer(PATHS[::-1]), Busy("bob")])
+def test_offer_and_reply_arrive_as_they_were_and_count_once(reply: Answer | Busy) -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    told = waiter.receive(offer, 1.0, None)
+    assert isinstance(told, Called)
+    assert told.offer == Offer(caller.attempt, PATHS, take_over=True)
+    assert waiter.receive(offer, 1.0, None) is None
+    assert waiter.receive(caller.first(), 1.0, None) is None
+    assert caller.receive(waiter.reply(told, reply)) == reply
+
+
+def test_caller_is_told_who_is_served() -> None:
+    caller, waiter = ends()
+    ready = waiter.receive(caller.first(), 0.0, "bob")
+    assert isinstance(ready, Message)
+    assert caller.receive(ready) == Ready("bob")
+    assert caller.receive(ready._replace(phase="busy")) is None, "told to be of another kind"
+
+
+@pytest.mark.parametrize(("delay", "counts"), [(OFFER_LIMIT_S, True), (OFFER_LIMIT_S + 0.001, False)])
+def test_delayed_offer_does_not_count(delay: float, counts: bool) -> None:
+    caller, waiter = ends()
+    assert isinstance(waiter.receive(offered(caller, waiter, 5.0), 5.0 + delay, None), Called) == counts
+
+
+def test_message_reflected_to_its_sender_does_not_count() -> None:
+    caller, waiter = ends()
+    assert OutgoingCall(Sealing(KEY, "master"), lambda _: caller.attempt).receive(caller.first()) is None
+    ready = waiter.receive(caller.first(), 0.0, None)
+    assert isinstance(ready, Message)
+    assert waiter.receive(Message("call", ready.body), 0.0, None) is None
+
+
+def test_calls_are_remembered_within_bounds() -> None:
+    caller, waiter = ends()
+    offer = offered(caller, waiter)
+    for _ in range(LARGEST_MEMORY):
+        assert isinstance(waiter.receive(ends()[0].first(), 0.0, None), Message)
+    assert waiter.receive(offer, 0.0, None) is None, "the oldest is forgotten"
+    called(ends()[0], waiter)
+
+
+@pytest.mark.parametrize("body", ["", "0", "zz", "00" * 12, "00" * 28, "é" * 60, "00" * LONGEST_BODY])
+@pytest.mark.parametrize("phase", ["call", "ready", "offer", "answer", "busy", "", "\ud800"])
+def test_anything_is_ignored(phase: str, body: str) -> None:
+    caller, waiter = ends()
+    assert waiter.receive(Message(phase, body), 0.0, None) is None
+    assert caller.receive(Message(phase, body)) is None
+
+
+# --- a hostile server
+
+
+@dataclass
+class Pair:
+    """Both ends of a pair, and what they took: by attempt."""
+
+    key: bytes
+    calls: list[OutgoingCall] = field(default_factory=list)
+    offers: dict[bytes, Offer] = field(default_factory=dict)
+    ready_at: dict[bytes, float] = field(default_factory=dict)
+    taken: set[bytes] = field(default_factory=set)
+    replies: dict[bytes, Answer] = field(default_factory=dict)
+    answered: set[bytes] = field(default_factory=set)
+    sent: list[Message] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.waiter = IncomingCalls(Sealing(self.key, "slave"), os.urandom)
+
+    def call(self) -> list[Message]:
+        self.calls.append(OutgoingCall(Sealing(self.key, "master"), os.urandom))
+        return [self.calls[-1].first()]
+
+    def restart(self) -> None:
+        self.waiter = IncomingCalls(Sealing(self.key, "slave"), os.urandom)
+        self.ready_at.clear()
+
+    def to_slave(self, message: Message, now: float) -> list[Message]:
+        told = self.waiter.receive(message, now, None)
+        if isinstance(told, Message):
+            attempt = Sealing(self.key, "master").open(told.phase, told.body)[0]  # type: ignore[index]
+            self.ready_at[attempt] = now
+            return [told]
+        if told is None:
+            return []
+        attempt = told.offer.attempt
+        assert attempt not in self.taken, "an offer counts once"
+        assert told.offer == self.offers[attempt], "as its master made it"
+        assert now - self.ready_at[attempt] <= OFFER_LIMIT_S
+        self.taken.add(attempt)
+        self.replies[attempt] = Answer((Description(attempt.hex(), "", ()),))
+        return [self.waiter.reply(told, self.replies[attempt])]
+
+    def to_masters(self, message: Message) -> list[Message]:
+        sent = []
+        for call in self.calls[-4:]:
+            told = call.receive(message)
+            if isinstance(told, Ready):
+                assert call.attempt not in self.offers
+                self.offers[call.attempt] = Offer(call.attempt, PATHS[:1], take_over=False)
+                sent.append(call.offer(PATHS[:1], take_over=False))
+            elif told is not None:
+                assert told == self.replies[call.attempt], "the answer to this call"
+                self.answered.add(call.attempt)
+        return sent
+
+
+def changed(message: Message, random: Random) -> Message:
+    """With another kind, a digit changed, a piece cut off or put in front."""
+    phase, body = message
+    at = random.randrange(len(body) + 1)
+    return random.choice(
+        [
+            Message(random.choice(["call", "ready", "offer", "answer", "busy"]), body),
+            Message(phase, f"{body[:at]}{random.randrange(16):x}{body[at + 1 :]}"),
+            Message(phase, body[: 2 * (at // 2)]),
+            Message(phase, f"00{body}"),
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_old_foreign_or_changed_passes_a_hostile_server(seed: int) -> None:
+    random = Random(seed)
+    pairs, now = [Pair(KEY), Pair(OTHER_KEY)], 0.0
+    for pair in pairs:
+        pair.sent += pair.call()
+    for _ in range(2500):
+        pair = random.choice(pairs)
+        everything = random.choice(pairs).sent
+        message = random.choice(random.choice([everything, pair.sent[-3:]]))
+        match random.choices(["call", "restart", "to slave", "to master", "change"], [4, 0.2, 40, 40, 4])[0]:
+            case "call":
+                pair.sent += pair.call()
+            case "restart":
+                pair.restart()
+            case "to slave":
+                pair.sent += pair.to_slave(message, now)
+            case "to master":
+                pair.sent += pair.to_masters(message)
+            case _:
+                pair.sent.append(changed(message, random))
+        now += random.expovariate(5.0)
+    assert min(len(pair.answered) for pair in pairs) > 5, "and calls still succeed"

@@ -1,0 +1,87 @@
+"""A mailbox server that says what it likes: a host tells one line, and lives on."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from select import select
+from socket import socket
+from time import monotonic
+
+import pytest
+from websockets.asyncio.server import ServerConnection, serve
+
+from plugins.anywhere.tests.meetings import PATIENCE, Pair, in_loop
+from weberlink.protocol.aio import hand_over
+from weberlink.protocol.aio.hand_over import PathNews
+from weberlink.system.finders import running
+from weberlink_anywhere.mailbox import MailboxRefuses
+from weberlink_anywhere.order import FinderOrder
+from weberlink_anywhere.peers import PeerStore
+
+LONG = "\x1b[2J\n" + "x" * 5000
+LONGEST = 500
+"""Characters of a line that a person is told."""
+WELCOME = json.dumps({"type": "welcome", "welcome": {}})
+WORDS = {
+    "error": (WELCOME, json.dumps({"type": "error", "error": LONG})),
+    "unwelcome": (json.dumps({"type": "welcome", "welcome": {"error": LONG}}),),
+    "nested": (WELCOME, "[" * 100_000),
+    "nested error": (WELCOME, json.dumps({"type": "error", "error": {"a": [LONG]}})),
+    "no object": (WELCOME, "[1, 2]"),
+}
+
+
+@asynccontextmanager
+async def saying(*words: str) -> AsyncIterator[str]:
+    """URL of a server that says this to whoever connects."""
+
+    async def tell(client: ServerConnection) -> None:
+        for word in words:
+            await client.send(word)
+        await client.wait_closed()
+
+    async with serve(tell, "127.0.0.1", 0, close_timeout=0.1) as server:
+        yield f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}/v1"
+        for connection in server.connections:
+            connection.transport.abort()
+
+
+def is_line(text: str) -> bool:
+    return text.isprintable() and 0 < len(text) <= LONGEST
+
+
+@pytest.mark.parametrize("words", WORDS.values(), ids=WORDS)
+@in_loop
+async def test_refusal_of_the_server_is_one_line(words: tuple[str, ...]) -> None:
+    async with saying(*words) as url:
+        with pytest.raises(MailboxRefuses) as raised:
+            await Pair(url).call(PATIENCE)
+    assert is_line(str(raised.value))
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+@in_loop
+async def test_daemon_hears_of_a_long_refusal_and_the_finder_lives_on(side: str, tmp_path: Path) -> None:
+    async with saying(*WORDS["error"]) as url:
+        pair = Pair(url)
+        peer = pair.slave if side == "master" else pair.master
+        PeerStore(tmp_path).add(peer)
+        order = FinderOrder(side, (peer.label,), str(tmp_path), url)
+        with running(("weberlink_anywhere.finder", order.to_json())) as end:
+            news = await asyncio.to_thread(first_news, end)
+            assert is_line(news.text) and "xxx" in news.text
+            while select([end], [], [], 0.0)[0]:
+                assert hand_over.receive(end) is not None, "the finder has ended"
+
+
+def first_news(end: socket) -> PathNews:
+    """What the finder tells first."""
+    deadline = monotonic() + PATIENCE
+    while select([end], [], [], deadline - monotonic())[0]:
+        received = hand_over.receive(end)
+        assert received is not None, "the finder has ended"
+        if isinstance(received[0], PathNews):
+            return received[0]
+    raise AssertionError("the finder said nothing")

@@ -1,0 +1,113 @@
+"""`slave --invite` and `master --join` as their users meet them, with a real mailbox."""
+
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from plugins.anywhere.tests import FILE
+from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
+from tests.program import Program, free_port
+from weberlink.system.configuration import ConfigurationError, load
+from weberlink_anywhere.pair import pair
+from weberlink_anywhere.peers import Peer, PeerStore
+
+pytest.importorskip("wormhole_mailbox_server")
+__all__ = ["mailbox"]
+
+
+class Hosts:
+    """The commands of two hosts, each with its own peers."""
+
+    def __init__(self, mailbox: str, folder: Path) -> None:
+        self.mailbox, self._folder, self._port = mailbox, folder, free_port()
+
+    def store(self, side: str) -> PeerStore:
+        return PeerStore(self._folder / side)
+
+    def command(self, side: str, *arguments: object) -> list[object]:
+        settings = (
+            f"link.finder.mailbox={self.mailbox}", "link.finder.path=direct",
+            f"link.finder.peer_store={self._folder / side}",
+            f"link.listen=127.0.0.1:{self._port}", f"link.slave=127.0.0.1:{self._port}",
+            f"link.names.{side}={side} of the test", "link.silence_ms=2000",
+        )  # fmt: skip
+        return [side, FILE, *(part for one in settings for part in ("--set", one)), *arguments]
+
+    def pair(self, side: str, code: str, label: str | None = None) -> str:
+        options = [str(part) for part in self.command(side)[2:] if part != "--set"]
+        return pair(load(FILE, options, [side]), side, code, label)
+
+
+@pytest.fixture
+def hosts(mailbox: MailboxServer, tmp_path: Path) -> Iterator[Hosts]:
+    yield Hosts(mailbox.url, tmp_path)
+
+
+def until_line(program: Program, start: str) -> str:
+    """The rest of the first line that starts so."""
+    while not (line := program.next_error()).startswith(start):
+        assert line, f"the command ended without {start!r}"
+    return line.removeprefix(start).rstrip()
+
+
+@pytest.mark.realtime
+def test_a_code_joins_two_commands_in_a_session(hosts: Hosts) -> None:
+    with Program(*hosts.command("slave", "--invite")) as slave:
+        code = until_line(slave, "Code: ")
+        assert until_line(slave, "  weberlink master ") == f"{FILE} --join {code}"
+        with Program(*hosts.command("master", "--join", code, "--duration", "0.5")) as master:
+            status, _, errors = master.finish()
+            slave.send(signal.SIGINT)
+            assert (status, slave.finish()[0]) == (0, 0), errors
+    assert "weberlink: paired with slave of the test; no code is needed from now on" in errors
+    (at_slave,), (at_master,) = hosts.store("slave"), hosts.store("master")
+    assert (at_slave.key, at_slave.name, at_slave.role) == (at_master.key, "master of the test", "master")
+
+
+def test_ctrl_c_ends_an_invitation(hosts: Hosts) -> None:
+    with Program(*hosts.command("slave", "--invite")) as slave:
+        until_line(slave, "Code: ")
+        children = slave.children()
+        slave.send(signal.SIGINT)
+        status, _, errors = slave.finish()
+    assert (status, errors.splitlines()[-1]) == (130, "weberlink: interrupted; nothing was kept")
+    assert children
+    assert not any(Path(f"/proc/{pid}").exists() for pid in children)
+    assert list(hosts.store("slave")) == []
+
+
+def test_a_mailbox_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as once:
+        port = once.getsockname()[1]
+    with pytest.raises(ConfigurationError, match=f"--invite: the mailbox ws://127.0.0.1:{port}/v1 cannot be reached: "):
+        Hosts(f"ws://127.0.0.1:{port}/v1", tmp_path).pair("slave", "")
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("7-confidence-ribcgae", "did you mean ribcage"),
+        ("weberlink:7-confidence-ribcage@ws://other.example/v1", "is of the mailbox ws://other.example/v1"),
+    ],
+)
+def test_a_wrong_code_costs_no_guess(hosts: Hosts, code: str, reason: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"--join: .*{reason}"):
+        hosts.pair("master", code)
+
+
+@pytest.mark.parametrize(
+    ("own", "label", "reason"),
+    [
+        ("slave of the test", "anna", "--peer: anna is known already"),  # a label that is taken
+        ("another name", None, r'anna knows this host as another name, .*slave="another name"'),
+    ],
+)
+def test_a_peer_that_is_known_is_refused_before_the_code(
+    hosts: Hosts, own: str, label: str | None, reason: str
+) -> None:
+    hosts.store("slave").add(Peer("anna", "anna@pc", own, "master", bytes(32)))
+    with pytest.raises(ConfigurationError, match=reason):
+        hosts.pair("slave", "", label)

@@ -1,0 +1,190 @@
+"""Known peers meet at the real mailbox server, whatever it and others do."""
+
+import asyncio
+import os
+
+import pytest
+
+from plugins.anywhere.tests.mailbox_server import MailboxServer, mailbox
+from plugins.anywhere.tests.meetings import PATHS, PATIENCE, Host, Pair, ThirdParty, in_loop, running, waiting
+from weberlink_anywhere.peers import Peer
+from weberlink_anywhere.rendezvous import TOO_MANY, presence
+from weberlink_anywhere.signalling import Answer, Busy, MailboxUnreachable, Offer, PeerAbsent, Presence
+
+__all__ = ["mailbox"]
+pytestmark = pytest.mark.realtime
+
+
+@in_loop
+async def test_call_is_answered(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        for _ in range(3):
+            assert await pair.call() == Answer(PATHS)
+    assert [(label, offer.paths) for label, offer in host.offers] == 3 * [("anna", PATHS)]
+    assert len({offer.attempt for _, offer in host.offers}) == 3
+    assert host.notes == []
+
+
+@in_loop
+async def test_absent_peer_is_said_in_one_line(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    with pytest.raises(PeerAbsent, match=rf"^robot is not there: .* {mailbox.url}$"):
+        await pair.call(timeout=0.4)
+    async with waiting(Pair(mailbox.url)):
+        assert await presence(pair.slave, 0.4) == Presence(here=False)
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("ws://127.0.0.1:1/v1", "Connection refused"),
+        ("ws://nowhere.invalid:1/v1", "Name or service not known|[Tt]emporary failure"),
+        ("http://127.0.0.1:1", "isn't a valid URI"),
+        ("{url}2", "HTTP 404"),
+    ],
+)
+@in_loop
+async def test_unreachable_server_is_said_in_one_line(mailbox: MailboxServer, url: str, reason: str) -> None:
+    pair = Pair(url.format(url=mailbox.url))
+    with pytest.raises(MailboxUnreachable, match=reason) as raised:
+        await pair.call(timeout=0.3)
+    assert "\n" not in str(raised.value)
+    assert (await presence(pair.slave, 0.3)).note == str(raised.value)
+
+
+@in_loop
+async def test_presence_says_whom_a_slave_serves(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+        host.waiter.serves = "bob"
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True, serves="bob")
+    assert host.offers == [], "nobody was called"
+    assert (await presence(pair.master, PATIENCE)).note.startswith("an operator calls")
+
+
+@in_loop
+async def test_newer_offer_cancels_the_handler_of_the_older(mailbox: MailboxServer) -> None:
+    pair, started, ended = Pair(mailbox.url), asyncio.Event(), []
+    host = Host([pair])
+
+    async def answer(peer: Peer, offer: Offer) -> Answer | Busy:
+        if not started.is_set():
+            started.set()
+            try:
+                await asyncio.Future()
+            finally:
+                ended.append(offer.attempt)
+        return Answer(offer.paths)
+
+    async with running(host.waiter.serve(answer)), running(pair.call()):
+        await started.wait()
+        assert await pair.call() == Answer(PATHS)
+        assert len(ended) == 1
+
+
+# --- outages
+
+
+@in_loop
+async def test_both_ends_survive_a_restart_of_the_server(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await pair.call() == Answer(PATHS)
+        await asyncio.to_thread(mailbox.stop)
+        async with running(pair.call()) as call:
+            await asyncio.sleep(0.1)
+            await asyncio.to_thread(mailbox.start)
+            assert await call == Answer(PATHS)
+    lost, found = host.notes
+    assert lost.startswith(f"the mailbox server {mailbox.url} cannot be reached: ")
+    assert found == f"the mailbox server {mailbox.url} is reached again"
+
+
+@in_loop
+async def test_waiter_empties_a_mailbox_of_many_messages(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host, ThirdParty(pair, pair.sealing.other_side) as party:
+        assert await presence(pair.slave, PATIENCE) == Presence(here=True)
+        for _ in range(TOO_MANY):
+            await party.add("call", "00" * 40)
+        assert len(await party.stored()) == TOO_MANY + 2
+        host.waiter.renew()
+        async with ThirdParty(pair, pair.sealing.side) as own:
+            while await own.stored():
+                await asyncio.sleep(0.05)
+        assert await pair.call() == Answer(PATHS)
+
+
+# --- attacks by who knows the mailbox: the server, or who listens to it
+
+
+@in_loop
+async def test_repeated_messages_are_not_answered_again(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair) as host:
+        assert await pair.call() == Answer(PATHS)
+        async with ThirdParty(pair, pair.sealing.other_side) as party:
+            overheard = await party.stored()
+            assert [each["phase"] for each in overheard] == ["call", "ready", "offer", "answer"]
+            for each in 3 * overheard:
+                await party.add(each["phase"], each["body"])
+            await presence(pair.slave, PATIENCE)  # answered after them
+            ours = [each for each in await party.stored() if each["side"] == pair.sealing.side]
+        assert [each["phase"] for each in ours] == ["ready"], "to the question above alone"
+        assert len(host.offers) == 1
+    async with waiting(pair) as other:  # after a start, which forgets what it heard
+        await presence(pair.slave, PATIENCE)
+        assert other.offers == []
+
+
+@in_loop
+async def test_answer_of_an_earlier_call_does_not_count(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair):
+        await pair.call()
+    with pytest.raises(PeerAbsent):
+        async with running(pair.call(timeout=1.0)) as call, ThirdParty(pair, pair.sealing.side) as party:
+            for each in await party.stored():
+                await party.add(each["phase"], each["body"])
+            await call
+
+
+@in_loop
+async def test_messages_without_the_key_change_nothing(mailbox: MailboxServer) -> None:
+    pair, stranger = Pair(mailbox.url), Pair(mailbox.url)
+    async with waiting(pair) as host:
+        for side in (pair.sealing.side, pair.sealing.other_side):
+            async with ThirdParty(pair, side) as party:
+                for phase in ("call", "ready", "offer", "answer", "busy", "nonsense"):
+                    await party.add(phase, os.urandom(80).hex())
+                    await party.add(phase, "no hexadecimal")
+                    await party.add(phase, stranger.sealing.seal(phase, [b"a", b"n", "bob"]))
+                await party.stored()
+        assert await pair.call() == Answer(PATHS)
+        assert len(host.offers) == 1
+        assert host.notes == []
+
+
+@in_loop
+async def test_third_side_that_joins_first_is_told_to_a_person(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with ThirdParty(pair, "first"), ThirdParty(pair, "second"):
+        with pytest.raises(MailboxUnreachable, match="refuses: a third party opened the mailbox of this pair"):
+            await pair.call()
+        async with waiting(pair) as host:
+            while not host.notes:
+                await asyncio.sleep(0.02)
+            assert host.notes[0].startswith(f"anna: the mailbox server {mailbox.url} refuses: a third party")
+    assert host.offers == []
+
+
+@in_loop
+async def test_mailbox_learns_no_address(mailbox: MailboxServer) -> None:
+    pair = Pair(mailbox.url)
+    async with waiting(pair), ThirdParty(pair, pair.sealing.side) as party:
+        await pair.call()
+        told = b"".join(bytes.fromhex(each["body"]) for each in await party.stored())
+    for secret in (b"192.0.2.1", b"ufrag", b"p" * 22, pair.master.key, b"anna", b"robot"):
+        assert secret not in told

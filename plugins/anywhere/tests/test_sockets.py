@@ -1,0 +1,111 @@
+"""Sockets that aioice opens and another process takes over, on loopback."""
+
+import asyncio
+import socket
+from functools import partial
+from typing import Any
+
+import pytest
+
+from plugins.anywhere.tests.meetings import in_loop
+from weberlink_anywhere.sockets import BINDING, HOLD_S, Binding, OwnSocket, SocketLoop
+
+STUN = bytes.fromhex("000100002112a442") + bytes(12)
+IN_CHANNEL = b"\x40\x00" + len(STUN).to_bytes(2, "big") + STUN
+OF_SESSION = b"a datagram of a session"
+EF = 46
+in_socket_loop = partial(in_loop, loop_factory=SocketLoop)
+
+
+class Heard(asyncio.DatagramProtocol):
+    """Keeps what arrives."""
+
+    def __init__(self) -> None:
+        self.data: list[bytes] = []
+        self.arrival = asyncio.Event()
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self.data.append(data)
+        self.arrival.set()
+
+    async def wait(self, count: int) -> None:
+        while len(self.data) < count:
+            self.arrival.clear()
+            await self.arrival.wait()
+
+
+async def opened(host: str = "127.0.0.1", bound: frozenset[str] = frozenset()) -> tuple[OwnSocket, Heard]:
+    BINDING.set(Binding({host: "lo"}, bound, EF))
+    transport, heard = await asyncio.get_running_loop().create_datagram_endpoint(Heard, local_addr=(host, 0))
+    assert isinstance(transport, OwnSocket)
+    return transport, heard
+
+
+def send(transport: OwnSocket, *datagrams: bytes) -> None:
+    with socket.socket(transport.socket.family, socket.SOCK_DGRAM) as peer:
+        for data in datagrams:
+            peer.sendto(data, transport.socket.getsockname())
+
+
+@in_socket_loop
+async def test_handed_over_socket_is_left_to_its_taker() -> None:
+    transport, heard = await opened()
+    taken = transport.hand_over()
+    send(transport, STUN, OF_SESSION)
+    await asyncio.sleep(0.02)
+    assert heard.data == []
+    assert [taken.recv(100), taken.recv(100)] == [STUN, OF_SESSION]
+    transport.deliver(STUN, ("127.0.0.1", 9))
+    assert heard.data == [STUN]
+    transport.close()
+
+
+@in_socket_loop
+async def test_datagram_of_session_waits_for_hand_over() -> None:
+    transport, heard = await opened()
+    held = asyncio.Event()
+    transport.held = held.set
+    send(transport, STUN, IN_CHANNEL, OF_SESSION, STUN)
+    await held.wait()
+    assert heard.data == [STUN, IN_CHANNEL]
+    taken = transport.hand_over()
+    assert [taken.recv(100), taken.recv(100)] == [OF_SESSION, STUN]
+    await asyncio.sleep(1.5 * HOLD_S)
+    assert len(heard.data) == 2, "the wait ended with the hand-over"
+    transport.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "level", "option"),
+    [
+        ("127.0.0.1", socket.IPPROTO_IP, socket.IP_TOS),
+        ("::1", socket.IPPROTO_IPV6, socket.IPV6_TCLASS),
+    ],
+)
+@in_socket_loop
+async def test_socket_has_class_and_interface(host: str, level: int, option: int) -> None:
+    transport, _ = await opened(host, frozenset({"lo"}))
+    assert transport.socket.getsockopt(level, option) == EF << 2
+    name = transport.socket.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
+    assert name.rstrip(b"\0") in (b"lo", b""), "nameless before Linux 5.7 without rights"
+    assert transport.interface == "lo"
+    transport.close()
+
+
+@in_socket_loop
+async def test_socket_for_server_hears_only_the_server() -> None:
+    BINDING.set(Binding({"127.0.0.1": "lo"}, frozenset(), 0))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        transport, heard = await asyncio.get_running_loop().create_datagram_endpoint(
+            Heard, remote_addr=server.getsockname()
+        )
+        assert isinstance(transport, OwnSocket)
+        transport.sendto(STUN)
+        data, source = server.recvfrom(100)
+        assert data == STUN
+        send(transport, STUN)
+        server.sendto(IN_CHANNEL, source)
+        await heard.wait(1)
+        assert heard.data == [IN_CHANNEL]
+        transport.close()

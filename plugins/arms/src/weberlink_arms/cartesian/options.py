@@ -1,0 +1,219 @@
+"""Options of the robot `dynamixel`, checked against what bus, mechanics and gains allow."""
+
+from enum import StrEnum
+from functools import lru_cache
+from itertools import product
+from math import ceil, floor, hypot, radians
+from typing import Annotated, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from weberlink.geometry.vector import Vector, add, scale
+from weberlink_arms.cartesian.arm import (
+    AXIS_X_M,
+    COULOMB_N_M,
+    LEAST_ROTOR_INERTIA_KG_M2,
+    ROTOR_INERTIA_KG_M2,
+    VISCOUS_N_M_S,
+    ArmPose,
+    Mechanics,
+    inverse_nearest,
+)
+from weberlink_arms.cartesian.external_force import JointFriction, force_error
+from weberlink_arms.cartesian.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
+from weberlink_arms.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
+from weberlink_arms.dynamixel.packet import HIGHEST_ID
+from weberlink_arms.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
+
+READ_REQUEST: Final = 18
+WRITE_REQUEST: Final = 26
+"""Bytes on the wire for four motors: sync read of what they measure, sync write of their goal currents."""
+
+FrictionValue = Annotated[float, Field(ge=0.0, le=1.0)]
+JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
+
+
+class OnClose(StrEnum):
+    """How the arm is left; `hold` is the default, since without torque the arm drops."""
+
+    HOLD = "hold"
+    LIMP = "limp"
+    REST = "rest"
+
+
+class DynamixelOptions(BaseModel):
+    """Options of `dynamixel`. Frame: origin in the middle of the foot, x forward, y left, z up."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    port: str | None = Field(default=None, description="of the adapter; the only one plugged in if not given")
+    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; motors are delivered with 57600")
+    ids: tuple[int, int, int, int] = Field(default=(11, 12, 13, 14), description="of the motors of joints 1 to 4")
+    rate_hz: float = Field(default=250.0, ge=SLOWEST_HZ, le=1000.0, description="of the bus")
+    latency_ms: float = Field(
+        default=1.0, ge=0.0, le=16.0, description="time for which the adapter collects answers; part of the stated lag"
+    )
+    timeout_ms: float = Field(
+        default=10.0, ge=2.0, le=100.0, description="longest delay of an answer beyond its time on the wire"
+    )
+    bus_watchdog_ms: float = Field(
+        default=80.0, ge=20.0, le=2540.0, description="time without any instruction after which the motors go limp"
+    )
+    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="time to search for an arm that is gone")
+    on_close: OnClose = Field(
+        default=OnClose.HOLD,
+        description="hold: the motors hold the arm, with at most max_current_ma; limp: it drops; rest: it goes home, "
+        "then limp",
+    )
+    home_m: Vector = Field(default=(0.14, 0.0, 0.06), description="where `on_close: rest` puts the tip")
+    workspace_m: tuple[Vector, Vector] = Field(
+        default=((0.12, -0.12, 0.05), (0.26, 0.12, 0.25)), description="lowest and highest corner for commands"
+    )
+    pitch_deg: float | None = Field(
+        default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; that at opening if not given"
+    )
+    stiffness_n_m: float = Field(default=400.0, ge=1e-3, le=1e9, description="of the tip; bounded by damping and rate")
+    damping_rate_s: float = Field(default=12.0, ge=1e-3, le=1e4, description="decay rate of motions [1/s]")
+    rotor_inertia_kg_m2: float = Field(
+        default=ROTOR_INERTIA_KG_M2,
+        ge=LEAST_ROTOR_INERTIA_KG_M2,
+        le=0.2,
+        description="of each motor at its joint; the damping is proportional to it",
+    )
+    force_n: float = Field(
+        default=5.0, gt=0.0, le=20.0, description="largest force of the tip's spring, and largest one reported"
+    )
+    max_current_ma: float = Field(default=1000.0, ge=650.0, le=3200.0, description="largest current of a motor")
+    approach_m_s: float = Field(
+        default=0.1, gt=0.0, le=0.5, description="speed towards the commands after opening or a pause"
+    )
+    torque_constant_n_m_a: float = Field(default=1.78, gt=0.1, lt=10.0, description="of the motors with their gears")
+    torque_constant_error: float = Field(
+        default=0.4, ge=0.0, lt=1.0, description="largest relative error of it; smaller after a calibration"
+    )
+    coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
+    force_cutoff_hz: float = Field(default=50.0, ge=0.0, le=1e4, description="of the low-pass on the force; 0 for none")
+
+    @property
+    def margin_s(self) -> float:
+        """Longest time of an answer beyond its time on the wire [s]."""
+        return 1e-3 * (self.timeout_ms + self.latency_ms)
+
+    @property
+    def watchdog_s(self) -> float:
+        return 1e-3 * self.bus_watchdog_ms
+
+    @property
+    def gains(self) -> ImpedanceGains:
+        return ImpedanceGains(self.stiffness_n_m, self.damping_rate_s, self.force_n, self.rotor_inertia_kg_m2)
+
+    @property
+    def pitch(self) -> float | None:
+        """Of the gripper [rad]; None for that at opening."""
+        return None if self.pitch_deg is None else radians(self.pitch_deg)
+
+    @property
+    def current(self) -> float:
+        """Largest of a motor [A]."""
+        return 1e-3 * self.max_current_ma
+
+    @property
+    def friction(self) -> JointFriction:
+        return JointFriction(self.coulomb_n_m, self.viscous_n_m_s)
+
+    @property
+    def reading_s(self) -> float:
+        """From the request to the last answer [s]."""
+        return (
+            BITS_PER_BYTE / self.baud * (READ_REQUEST + 4 * (STATUS_OVERHEAD + PRESENT_SIZE)) + 1e-3 * self.latency_ms
+        )
+
+    @model_validator(mode="after")
+    def check_bus(self) -> Self:
+        if self.baud not in BAUD_RATES:
+            raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES))}, got {self.baud}")
+        if len(set(self.ids)) != 4 or not all(0 <= id_ <= HIGHEST_ID for id_ in self.ids):
+            raise ValueError(f"ids: expected four different ones from 0 to {HIGHEST_ID}, got {self.ids}")
+        busy = self.reading_s + BITS_PER_BYTE / self.baud * WRITE_REQUEST
+        if busy * SLOWEST_HZ > 1.0:
+            raise ValueError(
+                f"baud: expected more: at {self.baud} bit/s and latency_ms {self.latency_ms:g} a cycle takes "
+                f"{busy * 1e3:.1f} ms, and the arm needs {SLOWEST_HZ:.0f} Hz; write 3 (1 Mbit/s) to "
+                "register 8 of the motors"
+            )
+        if busy * self.rate_hz > 1.0:
+            raise ValueError(
+                f"rate_hz: expected {floor(1.0 / busy)} or less: at {self.baud} bit/s and latency_ms "
+                f"{self.latency_ms:g} a cycle takes {busy * 1e3:.1f} ms"
+            )
+        if self.bus_watchdog_ms < 2.0 * self.timeout_ms:
+            raise ValueError(f"bus_watchdog_ms: expected at least twice timeout_ms, {2.0 * self.timeout_ms:g}")
+        return self
+
+    @model_validator(mode="after")
+    def check_gains(self) -> Self:
+        fastest = fastest_damping(self.rate_hz, self.rotor_inertia_kg_m2)
+        if self.damping_rate_s > fastest:
+            raise ValueError(
+                f"damping_rate_s: expected {fastest:.1f} or less at {self.rate_hz:g} Hz with rotor_inertia_kg_m2 "
+                f"{self.rotor_inertia_kg_m2:g}"
+            )
+        most = stiffest(self.damping_rate_s, self.rate_hz, self.rotor_inertia_kg_m2)
+        if self.stiffness_n_m > most:
+            raise ValueError(
+                f"stiffness_n_m: expected {most:.0f} or less, more is unstable at {self.rate_hz:g} Hz with "
+                f"damping_rate_s {self.damping_rate_s:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def check_workspace(self) -> Self:
+        low, high = self.workspace_m
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError(f"workspace_m: expected a lower and a higher corner, got {self.workspace_m}")
+        for corner in corners(self.workspace_m):
+            if inverse_nearest(corner, radians(self.pitch_deg or 0.0)) is None:
+                raise ValueError(f"workspace_m: expected corners that the arm reaches, it does not reach {corner}")
+        if not all(a <= x <= b for a, x, b in zip(low, self.home_m, high, strict=True)):
+            raise ValueError(f"home_m: expected a point within the workspace, got {self.home_m}")
+        return self
+
+
+def corners(workspace: tuple[Vector, Vector]) -> list[Vector]:
+    """Corners of the box, and its middle [m]."""
+    low, high = workspace
+    middle = scale(add(low, high), 0.5)
+    return [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])] + [middle]
+
+
+@lru_cache(maxsize=8)
+def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
+    """Of the estimate at rest in the workspace: newtons, rounded up to a half as the grid is coarse, and share."""
+    friction, share = options.friction, options.torque_constant_error
+    newtons = max(force_error(there, friction, share)[0] for there in poses(options))
+    return (0.5 * ceil(2.0 * newtons), share)
+
+
+def poses(options: DynamixelOptions, count: int = 25) -> list[ArmPose]:
+    """A grid over the workspace, with the reachable pitch nearest to the one wanted (0 if none is).
+
+    Joint 1 does not change the other joints, so the grid is one of reach and height.
+    """
+    (x0, y0, low), (x1, y1, high) = options.workspace_m
+    near = hypot(_least(x0 - AXIS_X_M, x1 - AXIS_X_M), _least(y0, y1))
+    far = hypot(max(abs(x0 - AXIS_X_M), abs(x1 - AXIS_X_M)), max(abs(y0), abs(y1)))
+    pitch = radians(options.pitch_deg or 0.0)
+    points = product(_spread(AXIS_X_M + near, AXIS_X_M + far, count), _spread(low, high, count))
+    found = (inverse_nearest((x, 0.0, z), pitch) for x, z in points)
+    pose = Mechanics().pose
+    return [pose(joints) for joints in found if joints is not None]
+
+
+def _least(low: float, high: float) -> float:
+    """Distance of a range from 0."""
+    return max(low, -high, 0.0)
+
+
+def _spread(low: float, high: float, count: int) -> list[float]:
+    return [low + (high - low) * number / (count - 1) for number in range(count)]

@@ -1,0 +1,159 @@
+"""The leaders `koch_leader` and `omx_leader`: arms with small Dynamixel motors, which display torques by their current.
+
+The motors follow a goal current without a position loop (operating mode 0), so the hand moves them against friction and
+rotors only. How a torque becomes a current, and how well that is known: `weberlink_arms.dynamixel.motor_models`.
+"""
+
+from typing import ClassVar, Final
+
+from pydantic import Field
+
+from weberlink.arms.contract import ArmSpec
+from weberlink.arms.threaded_arm import ThreadedArm
+from weberlink.geometry.joints import Joints
+from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.registry import Tier
+from weberlink_arms.dynamixel.arm_exchange import TorqueExchange, model_gravity, no_gravity
+from weberlink_arms.dynamixel.bus import ARM_USB, latency_advice
+from weberlink_arms.dynamixel.layouts import KOCH_LEADER, OMX_LEADER, ArmLayout
+from weberlink_arms.dynamixel.motor_models import CurrentLaw, MotorModel
+from weberlink_arms.dynamixel.motors import watchdog_units
+from weberlink_arms.dynamixel.options import DynamixelArmOptions
+from weberlink_arms.dynamixel.registers import GOAL_CURRENT, WATCHDOG_UNIT_S
+
+STALE_S: Final = 0.02
+"""A torque ends this long, or three ticks, after the last command [s]."""
+HAND_N_M_S: Final = 0.023
+"""Viscous friction of fingers on a handle: that of the grasp `pinch` of `weberlink.master.devices.hand_options`,
+2.3 N s/m, 0.1 m from the joint. The motors have less than a third of it."""
+
+
+class DynamixelLeaderOptions(DynamixelArmOptions):
+    """Options of a leader. Lists have one entry for each axis, the gripper last."""
+
+    GOAL_SIZE: ClassVar[int] = GOAL_CURRENT.size
+
+    max_current_ma: float = Field(
+        default=600.0, ge=20.0, le=1750.0, description="largest goal current of a motor, with that for the weight"
+    )
+
+    @property
+    def most(self) -> Joints:
+        """Largest torques [N m]."""
+        return tuple(
+            ratio * model.torque(round(1e-3 * self.max_current_ma / model.a_per_count), law)
+            for ratio, model, law in zip(self.ratios, self.LAYOUT.motors, self.laws, strict=True)
+        )
+
+    @property
+    def stiffest(self) -> Joints:
+        """Stiffest walls in a hand [N m/rad]: b / 2 T, viscous friction b, delay T of a reading and a cycle.
+
+        A spring delayed by T is a spring with the damper -k T to first order; at b / T the damping is used up.
+        """
+        delay = self.lag_s + 1.0 / self.rate_hz
+        return tuple(0.5 * (model.viscous_n_m_s + HAND_N_M_S) / delay for model in self.LAYOUT.motors)
+
+
+class KochLeaderOptions(DynamixelLeaderOptions):
+    """Options of `koch_leader`. Lists: shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll, gripper."""
+
+    LAYOUT: ClassVar[ArmLayout] = KOCH_LEADER
+
+
+class OmxLeaderOptions(DynamixelLeaderOptions):
+    """Options of `omx_leader`. Lists: shoulder_pan, shoulder_lift, elbow_flex, wrist_flex, wrist_roll, gripper."""
+
+    LAYOUT: ClassVar[ArmLayout] = OMX_LEADER
+
+
+class DynamixelLeader(ThreadedArm[Joints]):
+    """A leader on a bus of Dynamixel motors. Their bus watchdogs let go when this process stops.
+
+    Raises:
+        ValueError: `gravity` is asked for and MuJoCo is not installed.
+    """
+
+    TIER: ClassVar[Tier] = "emulated only"
+    USB: ClassVar[tuple[UsbId, ...]] = ARM_USB
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        """Adapters that may lead to an arm."""
+        return serial_ports(cls.USB)
+
+    def __init__(self, options: DynamixelLeaderOptions, tick_period: float) -> None:
+        self._most = options.most
+
+        def connect() -> SerialPort:
+            path = options.port or only(self.plugged(), options.LAYOUT.name, "master.device.port").path
+            return SerialPort(path, options.baud)
+
+        super().__init__(
+            _spec(options),
+            TorqueExchange(
+                options,
+                connect,
+                1e-3 * options.max_current_ma,
+                model_gravity(options.LAYOUT.name) if options.gravity else no_gravity,
+            ),
+            rest=(0.0,) * len(self._most),
+            stale=max(STALE_S, 3.0 * tick_period),
+            bad_replies=options.bad_replies,
+            reconnect=options.reconnect_s,
+            scale=_scaled,
+        )
+
+    def display(self, torques: Joints, now: float) -> None:
+        limited = tuple([min(max(torque, -most), most) for torque, most in zip(torques, self._most, strict=False)])
+        self._command(limited, torques, now)
+
+
+class KochLeader(DynamixelLeader):
+    """A Koch v1.1 leader: six XL330-M077."""
+
+    Options = KochLeaderOptions
+
+
+class OmxLeader(DynamixelLeader):
+    """An OMX leader of ROBOTIS: five XL330-M288, and an XL330-M077 at the gripper."""
+
+    Options = OmxLeaderOptions
+
+
+def _scaled(torques: Joints, share: float) -> Joints:
+    return tuple([share * each for each in torques])
+
+
+def _spec(options: DynamixelLeaderOptions) -> ArmSpec:
+    layout = options.LAYOUT
+    return ArmSpec(
+        name=layout.name,
+        joints=layout.joints,
+        gripper=True,
+        lower=options.lower,
+        upper=options.upper,
+        torque_nm=options.most,
+        stiffness_nm_rad=options.stiffest,
+        rate_hz=options.rate_hz,
+        calibrated=options.torque_ratio is not None,
+        lag_s=options.lag_s,
+        watchdog_s=WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
+        note=_note(options, layout.motors[0]),
+    )
+
+
+def _note(options: DynamixelLeaderOptions, model: MotorModel) -> str:
+    """By the motor of the first joint."""
+    sheet = f"torques are those of the data sheet, {model.constant:.3g} N m/A within {model.constant_error:.0%}"
+    parts = [
+        *([sheet] if options.torque_ratio is None else []),
+        f"a hand feels {model.coulomb_n_m:.2g} N m of friction and a rotor of {model.rotor_kg_m2:.1g} kg m^2 per joint",
+    ]
+    if options.laws[0] is CurrentLaw.SUPPLY:
+        parts.append("the motors measure the current of their supply, and small torques are the least certain")
+    if options.gravity:
+        parts.append("gravity compensation by a model: check sign and offset_rad first")
+    advice = latency_advice(options.port) if options.port is not None else None
+    return "; ".join(parts if advice is None else [*parts, advice])

@@ -1,0 +1,210 @@
+"""Calibration of the torque of an axis with weights: what a load and a current of its servo mean in N m.
+
+Run it as `python -m weberlink_arms.feetech.calibration`; docs/arms/so101.md describes the procedure. The servo holds a
+lever of known length level, with one weight after the other on it, and comes to that place from above and from below:
+the mean of both loads carries the weight, half their difference the friction of the gears. A line through the means has
+the torque of a load as its slope; what the lever itself weighs is its intercept.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from time import monotonic, sleep
+from typing import Final, NamedTuple
+
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.serial_port import SerialPort
+from weberlink_arms.feetech import packet, registers
+from weberlink_arms.feetech.arm import NAMES, So101Options
+from weberlink_arms.feetech.exchange import So101Bus
+from weberlink_arms.feetech.registers import ORDER_ADDRESS, ORDER_SIZE, RAD_PER_COUNT, Present
+
+GRAVITY_M_S2: Final = 9.81
+SWAY_RAD: Final = 0.15
+"""How far the servo moves away before it comes back from that side."""
+SETTLE_S: Final = 1.5
+READINGS: Final = 100
+P_GAIN: Final = 32
+FULL_TORQUE: Final = 1000
+MOST_LOAD: Final = 700
+"""Load beyond which the servo's own protection is near (register 36, 80 %)."""
+
+
+class Weighing(NamedTuple):
+    """Means at one weight: its torque [N m], load in 0.1 %, current [A], friction as a load in 0.1 %, supply [V]."""
+
+    torque: float
+    load: float
+    current: float
+    friction: float
+    supply: float
+
+
+class TorqueScale(NamedTuple):
+    """Torque of a load of 0.1 % and of a current of 1 A, friction [N m], and the supply at which this holds [V]."""
+
+    per_load: float
+    per_amp: float
+    friction: float
+    supply: float
+    error: float
+    """Largest distance of a weighing from the line [N m]."""
+
+
+def fit(weighings: Sequence[Weighing]) -> TorqueScale:
+    """The scale of an axis.
+
+    Raises:
+        ValueError: there are fewer than three weights, or the load does not follow them.
+    """
+    if len({each.torque for each in weighings}) < 3:
+        raise ValueError("expected at least three different weights; none at all is one of them")
+    torques = [each.torque for each in weighings]
+    per_load, own = _line([each.load for each in weighings], torques)
+    per_amp, _ = _line([each.current for each in weighings], torques)
+    friction = abs(per_load) * _mean([each.friction for each in weighings])
+    error = max(abs(per_load * each.load + own - each.torque) for each in weighings)
+    return TorqueScale(
+        abs(per_load), abs(per_amp), friction, sum(each.supply for each in weighings) / len(weighings), error
+    )
+
+
+def _line(xs: Sequence[float], ys: Sequence[float]) -> tuple[float, float]:
+    """Slope and intercept of y over x by least squares."""
+    x, y = _mean(xs), _mean(ys)
+    spread = sum((each - x) ** 2 for each in xs)
+    if spread == 0.0:
+        raise ValueError("the servo measures the same with every weight: is the weight on the lever of this joint?")
+    slope = sum((a - x) * (b - y) for a, b in zip(xs, ys, strict=True)) / spread
+    return slope, y - slope * x
+
+
+class Scales:
+    """An arm that weighs with one of its axes; all servos hold their places.
+
+    Args:
+        arm: With its bus.
+        axis: Number of the axis, from 0.
+        settle: Time to come to a place and to rest there [s].
+        clock: Monotonic [s].
+        pause: Sleeps [s].
+    """
+
+    def __init__(
+        self,
+        arm: So101Bus,
+        axis: int,
+        settle: float = SETTLE_S,
+        clock: Callable[[], float] = monotonic,
+        pause: Callable[[float], None] = sleep,
+    ) -> None:
+        self._arm = arm
+        self._axis = axis
+        self._settle = settle
+        self._clock = clock
+        self._pause = pause
+        arm.servos.prepare(P_GAIN)
+        self._level = [each.position for each in arm.first()]
+        self._hold(self._level)
+
+    def weigh(self, torque: float) -> Weighing:
+        """Weigh a torque [N m] that is on the axis now.
+
+        Raises:
+            HardwareFault: the weight is too heavy, or of the bus.
+        """
+        above, below = self._come_from(SWAY_RAD), self._come_from(-SWAY_RAD)
+        both = above + below
+        load = _mean([each.load for each in both])
+        if abs(load) > MOST_LOAD:
+            raise HardwareFault(
+                f"{NAMES[self._axis]}: a load of {abs(load) / 10:.0f} % is too much; take a lighter weight"
+            )
+        sense = 1.0 if load >= 0.0 else -1.0
+        return Weighing(
+            torque,
+            load,
+            sense * _mean([each.current for each in both]) * registers.A_PER_COUNT,
+            0.5 * abs(_mean([each.load for each in above]) - _mean([each.load for each in below])),
+            _mean([each.voltage for each in both]) * registers.V_PER_COUNT,
+        )
+
+    def release(self) -> None:
+        """Take the torque off; the arm drops."""
+        self._arm.release()
+
+    def _come_from(self, side: float) -> list[Present]:
+        away = list(self._level)
+        away[self._axis] += round(side / RAD_PER_COUNT)
+        self._hold(away)
+        self._wait(self._settle)
+        self._hold(self._level)
+        self._wait(self._settle)
+        return [self._arm.first()[self._axis] for _ in range(READINGS)]
+
+    def _hold(self, goals: Sequence[int]) -> None:
+        ids = self._arm.bus.ids
+        orders = [(id_, registers.order(True, goal, FULL_TORQUE)) for id_, goal in zip(ids, goals, strict=True)]
+        self._arm.bus.send(packet.sync_write(ORDER_ADDRESS, ORDER_SIZE, orders))
+
+    def _wait(self, time: float) -> None:
+        until = self._clock() + time
+        while self._clock() < until:
+            self._arm.first()  # an error of a servo ends the weighing
+            self._pause(0.02)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def main(
+    arguments: Sequence[str] | None = None,
+    ask: Callable[[str], object] = input,
+    say: Callable[[str], object] = print,
+) -> int:
+    """Ask for one weight after the other, and print the options; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m weberlink_arms.feetech.calibration", description=__doc__)
+    parser.add_argument("--port", required=True, help="of the board")
+    parser.add_argument("--joint", required=True, choices=NAMES)
+    parser.add_argument("--lever-m", required=True, type=float, help="from the axis to the weight, level")
+    parser.add_argument("--masses-kg", required=True, type=float, nargs="+", help="at least three; 0 for none")
+    given = parser.parse_args(arguments)
+    options = So101Options(port=given.port)
+    try:
+        arm = So101Bus(options, SerialPort(given.port, options.baud))
+    except HardwareFault as fault:
+        say(str(fault))
+        return 1
+    try:
+        _dialog(arm, given, ask, say)
+    except (HardwareFault, ValueError) as fault:
+        say(str(fault))
+        return 1
+    finally:
+        arm.release()
+        arm.close()
+    return 0
+
+
+def _dialog(
+    arm: So101Bus, given: argparse.Namespace, ask: Callable[[str], object], say: Callable[[str], object]
+) -> None:
+    ask(f"Hold the arm with the lever of {given.joint} level, and press Enter: all servos hold their places then.")
+    scales = Scales(arm, NAMES.index(given.joint))
+    weighings = []
+    for mass in given.masses_kg:
+        ask(f"Hang {mass:g} kg at {given.lever_m:g} m, keep off (it sways by 9 degrees), and press Enter.")
+        weighings.append(scales.weigh(mass * GRAVITY_M_S2 * given.lever_m))
+        say(f"  load {weighings[-1].load / 10:.1f} %, current {abs(weighings[-1].current):.3f} A")
+    scale = fit(weighings)
+    say(f"{given.joint}: entry {NAMES.index(given.joint) + 1} of each option")
+    say(f"torque_per_load_nm: {scale.per_load:.6f}   # within {scale.error:.3f} N m of every weight")
+    say(f"torque_per_amp_nm: {scale.per_amp:.4f}")
+    say(f"friction_nm: {scale.friction:.3f}")
+    say(f"rated_v: {scale.supply:.1f}")
+    ask("Hold the arm, and press Enter: the torque goes off.")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

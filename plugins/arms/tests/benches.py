@@ -1,0 +1,177 @@
+"""Every arm with servos on a bench in virtual time: the emulated arm, and the exchange that drives it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from plugins.arms.tests.virtual import VirtualPort, VirtualTime
+from weberlink.arms.threaded_arm import ArmSample
+from weberlink.geometry.joints import Joints
+from weberlink.hardware.guardian import Guardian
+from weberlink_arms.dynamixel.arm_exchange import Gravity, TorqueExchange, model_gravity, no_gravity
+from weberlink_arms.dynamixel.follower import (
+    KochFollowerOptions,
+    OpenManipulatorXOptions,
+    position_exchange,
+)
+from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
+from weberlink_arms.emulators.dynamixel.joint_arm import (
+    KochFollowerEmulator,
+    KochLeaderEmulator,
+    OmxLeaderEmulator,
+)
+from weberlink_arms.emulators.feetech import FeetechEmulator, So101LeaderEmulator
+from weberlink_arms.emulators.open_manipulator import DynamixelEmulator
+from weberlink_arms.feetech.arm import So101Options
+from weberlink_arms.feetech.follower import FollowerExchange, So101FollowerOptions
+from weberlink_arms.feetech.leader import LeaderExchange, So101LeaderOptions
+
+STILL = (0.0,) * 6
+
+
+def _torque_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
+    return TorqueExchange(options, connect, 1e-3 * options.max_current_ma, gravity, time.clock, time.pause)
+
+
+def _position_exchange(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
+    exchange = position_exchange(options, connect, gravity)
+    exchange._clock, exchange._pause = time.clock, time.pause
+    return exchange
+
+
+def _so101_leader(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
+    return LeaderExchange(options, connect, Guardian(b""), time.clock, time.pause)
+
+
+def _so101_follower(options: Any, connect: Any, time: VirtualTime, gravity: Gravity) -> Any:
+    return FollowerExchange(options, connect, gravity, time.clock, time.pause)
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of arm."""
+
+    emulator: Callable[[Any], Any]  # its class
+    emulated: dict[str, Any]  # options of it, for an arm that rests
+    options: Any  # class of those of the driver
+    exchange: Callable[..., Any]  # makes it
+    rest: Joints | None  # the command that is safe at any time
+    torque: float = 0.0  # that it displays well [N m], on axes 0, 2 and the last
+    within: float = 0.0  # how well
+    gravity: Gravity = no_gravity  # that the exchange takes for the weight
+
+    @property
+    def leads(self) -> bool:
+        return self.rest is not None
+
+
+QUIET = {"current_noise_ma": 0.0}
+HELD = {"hand_rad": STILL, "hand_n_m_rad": 5.0, "friction_nm": 0.01}
+FAMILIES = {
+    "koch_leader": Family(
+        KochLeaderEmulator, QUIET | {"hand_rad": STILL}, KochLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+    ),
+    "omx_leader": Family(
+        OmxLeaderEmulator, QUIET | {"hand_rad": STILL}, OmxLeaderOptions, _torque_exchange, STILL, 0.06, 0.004
+    ),
+    "so101_leader": Family(So101LeaderEmulator, HELD, So101LeaderOptions, _so101_leader, STILL, 0.15, 0.045),
+    "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, _position_exchange, None),
+    "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, _so101_follower, None),
+    "open_manipulator_x": Family(
+        DynamixelEmulator,
+        QUIET,
+        OpenManipulatorXOptions,
+        _position_exchange,
+        None,
+        gravity=model_gravity("open_manipulator_x"),
+    ),
+}
+LEADERS = [name for name, family in FAMILIES.items() if family.leads]
+FOLLOWERS = [name for name, family in FAMILIES.items() if not family.leads]
+
+
+class ArmBench:
+    """An arm, its exchange and their time; `carried` is taken for the weight, instead of what the family takes."""
+
+    def __init__(self, name: str, options: dict[str, Any], carried: Gravity | None = None, **emulated: Any) -> None:
+        family = self.family = FAMILIES[name]
+        self.options = family.options.model_validate(options)
+        self.time = VirtualTime()
+        self.emulator = family.emulator(family.emulator.Options.model_validate(family.emulated | emulated))  # type: ignore[attr-defined]
+        self.port = VirtualPort(self.emulator, self.time)
+        self.exchange = family.exchange(self.options, self._connect, self.time, carried or family.gravity)
+
+    def _connect(self) -> VirtualPort:
+        self.port.closed = False
+        return self.port
+
+    def open(self) -> ArmSample:
+        self.sample: ArmSample = self.exchange.open()
+        return self.sample
+
+    def run(self, command: Any, seconds: float) -> list[ArmSample]:
+        """Cycles at the rate of the bus; a command that is a function is made from the sample before."""
+        period, due, samples = 1.0 / self.options.rate_hz, self.time.now, []
+        for _ in range(round(seconds / period)):
+            due = max(due + period, self.time.now)
+            self.time.now = due
+            self.sample = self.exchange.exchange(command(self.sample) if callable(command) else command)
+            samples.append(self.sample)
+        return samples
+
+    def wait(self, seconds: float) -> None:
+        """Time passes, and nobody does anything."""
+        self.time.now += seconds
+        self.emulator.advance(self.time.now)
+
+    def inject(self, fault: str, value: float) -> None:
+        """One of the emulator's, or the faults of its wire."""
+        if fault in ("silent", "garble"):
+            setattr(self.emulator.faults, fault, value)
+        elif fault == "power":
+            register = 40 if isinstance(self.emulator, FeetechEmulator) else 64
+            self.emulator.servos[int(value) - 1].write(register, b"\0")
+        else:
+            self.emulator.inject(fault, value)
+            self.wait(0.0)
+
+    @property
+    def displayed(self) -> Joints:
+        """Torques on the hand, along the angles of the emulated arm [N m]."""
+        return tuple(self.emulator.motor_nm)
+
+    @property
+    def angles(self) -> Joints:
+        """Of the emulated arm [rad]."""
+        return tuple(self.emulator.angles)
+
+    @property
+    def limits(self) -> dict[str, list[float]]:
+        """Range of the angles, as options [rad]."""
+        options = self.options
+        if isinstance(options, So101Options):
+            return {"lower_rad": [*options.lower_rad], "upper_rad": [*options.upper_rad]}
+        return {"lower_rad": [*options.lower], "upper_rad": [*options.upper]}
+
+    @property
+    def torques_on(self) -> list[bool]:
+        return [servo.torque_on for servo in self.emulator.servos]
+
+    def register(self, name: str) -> list[int]:
+        """A register of all servos."""
+        return [
+            servo[name] if isinstance(self.emulator, FeetechEmulator) else servo.registers[name]
+            for servo in self.emulator.servos
+        ]
+
+
+def opened(
+    name: str, options: dict[str, Any] | None = None, carried: Gravity | None = None, **emulated: Any
+) -> ArmBench:
+    bench = ArmBench(name, options or {}, carried, **emulated)
+    bench.open()
+    return bench
+
+
+def only(axis: int, value: float, others: Joints = STILL) -> Joints:
+    return (*others[:axis], value, *others[axis + 1 :])

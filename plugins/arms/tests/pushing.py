@@ -1,0 +1,41 @@
+"""A process that pushes with an arm, until it is told to end, killed, or has a fault.
+
+    python -m plugins.arms.tests.pushing DRIVER OPTIONS VALUES
+
+OPTIONS and VALUES, the torques of a leader or the angles of a follower, are JSON.
+"""
+
+import json
+import signal
+import sys
+from time import monotonic, sleep
+from typing import Any
+
+from weberlink.arms.contract import ArmFault
+from weberlink.master.devices import leaders
+from weberlink.slave.robots import followers
+
+TICK_S = 0.001
+
+
+def main(driver: str, options: str, values: str) -> None:
+    ended: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
+    leads = driver in leaders.LEADERS
+    arm_class: Any = (leaders if leads else followers).load(driver)
+    arm = arm_class(arm_class.Options.model_validate_json(options), TICK_S)
+    command = arm.display if leads else arm.follow
+    try:
+        arm.open(monotonic())
+        while not ended:
+            command(tuple(json.loads(values)), monotonic())
+            arm.latest(monotonic())
+            sleep(TICK_S)
+    except ArmFault as fault:
+        sys.stdout.write(f"{fault}\n")
+    finally:
+        arm.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,263 @@
+"""The buses of both kinds of servos, on a port that answers as the test says."""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink_arms.dynamixel import packet as dynamixel
+from weberlink_arms.dynamixel import registers as dynamixel_registers
+from weberlink_arms.dynamixel.bus import MotorBus, MotorReading, latency_advice, latency_ms
+from weberlink_arms.dynamixel.packet import PacketReader, StatusPacket, encode_status
+from weberlink_arms.feetech import packet as feetech
+from weberlink_arms.feetech import registers as feetech_registers
+from weberlink_arms.feetech.bus import ServoBus
+from weberlink_arms.feetech.packet import Frame, FrameReader
+from weberlink_arms.feetech.registers import Present
+
+IDS = (11, 12, 13, 14)
+NAMES = ("pan", "lift", "flex", "roll")
+BAUD, MARGIN_S, ADAPTER_S = 1_000_000, 0.01, 0.0002
+READ_DYNAMIXEL, READ_FEETECH = dynamixel.READ, feetech.READ
+
+
+class AnsweringPort:
+    """Answers each request with what `answer` gives, read by read; an empty read is a timeout."""
+
+    path = "/dev/answering"
+
+    def __init__(self, reader: Any) -> None:
+        self.answer: Callable[[Any], Sequence[bytes]] = lambda _: ()
+        self.reads: deque[bytes] = deque()
+        self.heard: list[Any] = []
+        self.paused: list[float] = []
+        self.until: list[float] = []
+        self._reader = reader
+
+    def write(self, data: bytes) -> None:
+        for request in self._reader.feed(data):
+            self.heard.append(request)
+            self.reads += self.answer(request)
+
+    def read(self, until: float) -> bytes:
+        self.until.append(until)
+        return self.reads.popleft() if self.reads else b""
+
+    def drain(self) -> bytes:
+        drained = b"".join(self.reads)
+        self.reads.clear()
+        return drained
+
+    def close(self) -> None: ...
+
+
+class Kind(NamedTuple):
+    """Of a bus: what it is made of, what it is asked and what is answered."""
+
+    bus: Callable[[AnsweringPort], Any]
+    reader: Callable[[], Any]  # of requests
+    answer: Callable[[int, int, bytes], bytes]  # of an id, with an error and data
+    one: Callable[[Any], int]  # reads one register of id 11; gives 3 where the data are
+    all: Callable[[Any], Any]  # reads the measurements of all
+    data: Callable[[int], bytes]  # of the measurements of an id
+    expected: Callable[[int], Any]  # what they mean
+    sizes: tuple[int, int]  # of the request for them, and of an answer
+    request: Any
+
+
+def motor_data(id_: int) -> bytes:
+    """Current, velocity and position."""
+    return (-id_).to_bytes(2, "little", signed=True) + (10 * id_).to_bytes(4, "little") + bytes((id_, 8, 0, 0))
+
+
+def servo_data(id_: int) -> bytes:
+    """Position, velocity, load, volts, temperature, four of no use, current."""
+    return bytes((id_, 8, id_, 0x80, id_, 4, 74, 30, 0, 0, 0, 0, 0, id_, 0x80))
+
+
+KINDS = {
+    "dynamixel": Kind(
+        lambda port: MotorBus(port, BAUD, IDS, MARGIN_S, lambda: 5.0, port.paused.append, NAMES),
+        PacketReader,
+        lambda id_, error, data: encode_status(StatusPacket(id_, error, data)),
+        lambda bus: bus.read(11, dynamixel_registers.OPERATING_MODE),
+        lambda bus: bus.present(),
+        motor_data,
+        lambda id_: MotorReading(-id_, 10 * id_, 2048 + id_),
+        (18, 21),
+        dynamixel.sync_read(126, 10, IDS),
+    ),
+    "feetech": Kind(
+        lambda port: ServoBus(port, BAUD, IDS, NAMES, MARGIN_S, lambda: 5.0, port.paused.append),
+        FrameReader,
+        lambda id_, error, data: feetech.encode(Frame(id_, error, data)),
+        lambda bus: bus.read(11, feetech_registers.MODE),
+        lambda bus: bus.exchange(),
+        servo_data,
+        lambda id_: Present(2048 + id_, -id_, -id_, 74, 30, id_),
+        (12, 21),
+        Frame(feetech.BROADCAST, feetech.SYNC_READ, bytes((56, 15, *IDS))),
+    ),
+}
+
+
+class Wired:
+    """A bus and its port; it answers well until a test changes that."""
+
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
+        self.port = AnsweringPort(kind.reader())
+        self.port.answer = self.good
+        self.bus = kind.bus(self.port)
+
+    def good(self, request: Any) -> list[bytes]:
+        """To a read of one servo, as many zeros as it asks for."""
+        kind = self.kind
+        if request[1] in (READ_DYNAMIXEL, READ_FEETECH):
+            size = request.parameters[2 if isinstance(request, dynamixel.Packet) else 1]
+            return [kind.answer(request.id, 0, bytes(size))]
+        return [kind.answer(id_, 0, kind.data(id_)) for id_ in IDS]
+
+    def measured(self) -> bool:
+        return bool(self.kind.all(self.bus) == [self.kind.expected(id_) for id_ in IDS])
+
+
+@pytest.fixture(params=KINDS)
+def wired(request: pytest.FixtureRequest) -> Wired:
+    return Wired(KINDS[request.param])
+
+
+def test_all_are_measured_at_once_and_in_time(wired: Wired) -> None:
+    """The host sleeps while the bytes are on the wire, and waits for the margin beyond that."""
+    assert wired.measured()
+    assert wired.port.heard == [wired.kind.request]
+    request, answer = wired.kind.sizes
+    wire_s = (request + len(IDS) * answer) * 10 / BAUD
+    assert wired.port.paused == pytest.approx([wire_s + ADAPTER_S])
+    assert wired.port.until == pytest.approx([5.0 + wire_s + MARGIN_S] * len(IDS))
+
+
+def test_fragments_and_strays_are_tolerated(wired: Wired) -> None:
+    kind = wired.kind
+
+    def in_pieces(request: Any) -> list[bytes]:
+        stream = b"\x00\xff\xff" + b"".join(wired.good(request))
+        return [kind.answer(15, 0, kind.data(15))] + [stream[i : i + 7] for i in range(0, len(stream), 7)]
+
+    wired.port.answer = in_pieces
+    assert wired.measured()
+    wired.port.answer = wired.good
+    wired.port.reads += [kind.answer(id_, 0, kind.data(1)) for id_ in IDS]  # of an earlier request
+    assert wired.measured()
+
+
+@pytest.mark.parametrize("missing", range(len(IDS)))
+@pytest.mark.parametrize("is_garbled", [False, True])
+def test_a_missing_or_garbled_answer_is_named_and_the_next_is_good(
+    wired: Wired, missing: int, is_garbled: bool
+) -> None:
+    def spoilt(request: Any) -> list[bytes]:
+        parts = wired.good(request)
+        spoilt = parts[missing][:-1] + bytes((parts[missing][-1] ^ 0x10,))
+        return [*parts[:missing], *([spoilt] if is_garbled else []), *parts[missing + 1 :]]
+
+    wired.port.answer = spoilt
+    complaint = "garbled" if is_garbled else "missing or late"
+    with pytest.raises(BadReply, match=rf"^{NAMES[missing]} \(id {IDS[missing]}\): its answer was {complaint}"):
+        wired.kind.all(wired.bus)
+    wired.port.answer = wired.good
+    assert wired.measured()
+
+
+def test_a_late_answer_is_not_taken_for_the_next(wired: Wired) -> None:
+    """It arrives after the next request, and before the answer of a size of its own that ends the wait."""
+    kind, asked = wired.kind, wired.port.heard
+    wired.port.answer = lambda _: []
+    for _ in range(2):  # the answer of the unique size is missing too
+        with pytest.raises(BadReply, match="late"):
+            kind.one(wired.bus)
+    late = kind.answer(11, 0, b"\x01")
+    wired.port.answer = lambda request: (
+        [late, *wired.good(request)] if request is asked[-1] and len(asked) == 3 else [kind.answer(11, 0, b"\x03")]
+    )
+    assert kind.one(wired.bus) == 3
+
+
+@pytest.mark.parametrize(
+    ("bits", "says"), [(0x20, "overload"), (0x04, "overheating"), (0x01, "3.1 V"), (0x24, "overheating.*overload")]
+)
+def test_an_alarm_is_looked_up(bits: int, says: str) -> None:
+    """Of Dynamixel motors, which answer with an alert bit until they are asked for its reason."""
+    wired = Wired(KINDS["dynamixel"])
+
+    def alarmed(request: Any) -> list[bytes]:
+        if request.instruction == READ_DYNAMIXEL:
+            data = {dynamixel.read(13, 144, 2): b"\x1f\x00", dynamixel.read(13, 70, 1): bytes((bits,))}[request]
+            return [encode_status(StatusPacket(13, dynamixel.ALERT, data))]
+        return [encode_status(StatusPacket(id_, dynamixel.ALERT * (id_ == 13), motor_data(id_))) for id_ in IDS]
+
+    wired.port.answer = alarmed
+    with pytest.raises(HardwareFault, match=rf"^flex \(id 13\): .*{says}.*") as caught:
+        wired.bus.present()
+    assert not isinstance(caught.value, BadReply)
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "says"),
+    [
+        (dynamixel.DATA_RANGE_ERROR, HardwareFault, r"roll \(id 14\) refuses 9 in register 102: value out of range"),
+        (dynamixel.CRC_ERROR, BadReply, "garbled request"),
+    ],
+)
+def test_a_refusal_is_a_fault_and_a_garbled_request_is_none(error: int, kind: type[Exception], says: str) -> None:
+    wired = Wired(KINDS["dynamixel"])
+    wired.port.answer = lambda request: [encode_status(StatusPacket(request.id, error))]
+    with pytest.raises(HardwareFault, match=says) as caught:
+        wired.bus.write(14, dynamixel_registers.GOAL_CURRENT, 9)
+    assert type(caught.value) is kind
+
+
+def test_an_answer_of_another_size_is_a_bad_reply() -> None:
+    wired = Wired(KINDS["dynamixel"])
+    wired.port.answer = lambda request: [encode_status(StatusPacket(request.id, 0, b"\1\2"))]
+    with pytest.raises(BadReply, match="2 bytes instead of 1"):
+        wired.kind.one(wired.bus)
+
+
+def test_an_error_of_a_servo_is_a_fault_of_the_exchange_alone() -> None:
+    """Of Feetech servos, which tell all of it in the error byte; a single register is read all the same."""
+    wired = Wired(KINDS["feetech"])
+    for error, says in ((32, "overload"), (1, r"7\.4 V"), (4, "overheating")):
+        wired.port.answer = lambda request, error=error: [
+            feetech.encode(Frame(id_, error * (id_ == 12), servo_data(id_))) for id_ in IDS
+        ]
+        with pytest.raises(HardwareFault, match=rf"^lift \(id 12\): .*{says}"):
+            wired.bus.exchange()
+    wired.port.answer = lambda request: [feetech.encode(Frame(11, 32, b"\x03"))]
+    assert wired.kind.one(wired.bus) == 3
+
+
+def test_orders_leave_before_the_request_and_alone_while_a_late_answer_may_come() -> None:
+    """What makes servos safe does not wait."""
+    wired = Wired(KINDS["feetech"])
+    order = feetech.sync_write(40, 1, [(11, b"\0")])
+    wired.bus.exchange(order)
+    assert [each.code for each in wired.port.heard] == [feetech.SYNC_WRITE, feetech.SYNC_READ]
+    wired.port.answer = lambda _: []
+    with pytest.raises(BadReply):
+        wired.bus.exchange(order)
+    wired.port.answer, wired.port.heard = wired.good, []
+    wired.bus.exchange(order)
+    assert [each.code for each in wired.port.heard] == [feetech.SYNC_WRITE, feetech.READ, feetech.SYNC_READ]
+
+
+@pytest.mark.parametrize(("text", "latency"), [("16\n", 16), ("1\n", 1), ("soon\n", None)])
+def test_a_slow_adapter_is_advised_to_be_quicker(tmp_path: Path, text: str, latency: int | None) -> None:
+    (tmp_path / "ttyUSB0").mkdir()
+    (tmp_path / "ttyUSB0" / "latency_timer").write_text(text)
+    assert latency_ms("/dev/ttyUSB0", tmp_path) == latency
+    assert (latency_advice("/dev/ttyUSB0", tmp_path) is not None) is (latency == 16)
+    assert latency_advice("/dev/ttyUSB9", tmp_path) is None

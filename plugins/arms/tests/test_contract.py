@@ -1,0 +1,141 @@
+"""Every servo arm keeps the contract before an emulated one behind a pseudo terminal, and takes or refuses options."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.emulators import EMULATORS
+from weberlink.master.devices import leaders
+from weberlink.slave.robots import followers
+from weberlink.testing.arms import ArmBench, HardwareFollowerContract, HardwareLeaderContract
+from weberlink.testing.time import TICK, real_time
+
+DYNAMIXEL = ("koch_leader", "omx_leader", "koch_follower", "open_manipulator_x")
+SO101 = ("so101_leader", "so101_follower")
+LEADS = ("koch_leader", "omx_leader", "so101_leader")
+
+
+def made(name: str, **options: Any) -> Any:
+    """Not open."""
+    driver: Any = (leaders if name in LEADS else followers).load(name)
+    return driver(driver.Options.model_validate(options), TICK)
+
+
+@contextmanager
+def emulated(name: str, folder: Path) -> Iterator[ArmBench]:
+    """In real time: only so are the thread of the driver, the port and the loss of it seen."""
+    emulator_class: Any = EMULATORS.load(name)
+    # A host may pause for longer than a watchdog, which is tested in virtual time.
+    patient: dict[str, Any] = {"timeout_ms": 100.0, "rate_hz": 50.0}
+    patient |= {"bus_watchdog_ms": 2000.0} if name in DYNAMIXEL else {}
+    emulator = emulator_class(emulator_class.Options())
+    with PtyDevice(emulator, folder / "port") as wire:
+        arm = made(name, port=str(folder / "port"), **patient)
+        yield ArmBench(
+            arm,
+            real_time(),
+            faults={"unplug": wire.unplug},
+            torques_on=lambda: [servo.torque_on for servo in emulator.servos],
+        )
+        arm.close()
+
+
+@pytest.mark.realtime
+class TestLeaders(HardwareLeaderContract):
+    FAULTS = ("unplug",)
+
+    @pytest.fixture(params=LEADS)
+    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
+        with emulated(request.param, tmp_path) as bench:
+            yield bench
+
+
+@pytest.mark.realtime
+class TestFollowers(HardwareFollowerContract):
+    FAULTS = ("unplug",)
+
+    @pytest.fixture(params=[name for name in DYNAMIXEL + SO101 if name not in LEADS])
+    def bench(self, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ArmBench]:
+        with emulated(request.param, tmp_path) as bench:
+            yield bench
+
+
+@pytest.mark.parametrize("name", DYNAMIXEL + SO101)
+def test_the_spec_follows_the_options(name: str) -> None:
+    plain = made(name).spec
+    count = plain.axes
+    fast = made(name, rate_hz=100.0).spec
+    assert fast.lag_s - plain.lag_s == pytest.approx(1.0 / 100.0 - 1.0 / plain.rate_hz)
+    known = {"torque_per_load_nm": (4e-3,) * 6} if name in SO101 else {"torque_ratio": (1.5,) * count}
+    calibrated = made(name, **known).spec
+    assert (plain.calibrated, calibrated.calibrated) == (False, True)
+    assert all(b > a for a, b in zip(plain.torque_nm, calibrated.torque_nm, strict=True))
+    watchdogs = {80.0: 0.08, 81.0: 0.1, 100.0: 0.1} if name in DYNAMIXEL else {}
+    for asked, kept in watchdogs.items():
+        assert made(name, bus_watchdog_ms=asked).spec.watchdog_s == pytest.approx(kept)
+    assert name in DYNAMIXEL or plain.watchdog_s is None
+    lower = (-1.0,) * (count - 1) + (0.0,)
+    assert made(name, lower_rad=lower, upper_rad=(1.0,) * count).spec.lower == lower
+    if name not in LEADS:
+        heavy = made(name, gravity=False).spec
+        assert heavy.torque_error_nm >= plain.torque_error_nm
+        assert made(name, gravity=True).spec.torque_error_nm <= heavy.torque_error_nm
+
+
+COMMON: list[tuple[dict[str, Any], str]] = [
+    ({"bus_watchdog_ms": 40.0, "timeout_ms": 20.0}, ""),
+    ({"bus_watchdog_ms": 39.9, "timeout_ms": 20.0}, "bus_watchdog_ms"),
+    ({"sign": [1, 1]}, "sign"),
+    ({"sign": 0}, "sign"),
+    ({"torque_ratio": 0.1}, ""),
+    ({"torque_ratio": 0.09}, "torque_ratio"),
+    ({"torque_ratio": 10.0}, ""),
+    ({"torque_ratio": 10.1}, "torque_ratio"),
+    ({"offset_rad": 6.3}, "shoulder_pan|joint1"),
+]
+EACH = ("sign", "torque_ratio", "offset_rad", "lower_rad", "upper_rad", "dead_zone_nm", "p_gain", "ids")
+"""Options with a value for each axis; a number in the tables stands for all of them."""
+MOST_HZ = {
+    "koch_leader": 359, "omx_leader": 359, "koch_follower": 344, "open_manipulator_x": 380, "so101_leader": 274,
+    "so101_follower": 316,
+}  # fmt: skip
+OPTIONS: list[tuple[str, dict[str, Any], str]] = [
+    *[(name, {"rate_hz": float(most)}, "") for name, most in MOST_HZ.items()],
+    *[(name, {"rate_hz": most + 1.0}, "rate_hz") for name, most in MOST_HZ.items()],
+    *[(name, {"baud": baud}, "baud") for name in MOST_HZ for baud in (12, 1_000_001)],
+    *[(name, {"baud": 57_600, "rate_hz": 50.0}, "baud") for name in DYNAMIXEL],
+    *[(name, {"lower_rad": 1.0, "upper_rad": 1.0}, "shoulder_pan|joint1") for name in MOST_HZ],
+    *[(name, {"upper_rad": 6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
+    *[(name, {"lower_rad": -6.29}, "shoulder_pan|joint1") for name in MOST_HZ],
+    *[(name, {"lower_rad": -2.0 * pi, "upper_rad": 2.0 * pi}, "") for name in MOST_HZ],
+    *[(name, *case) for name in DYNAMIXEL for case in COMMON],
+    ("koch_leader", {"ids": [1, 2, 3, 4, 5, 5]}, "ids"),
+    ("koch_leader", {"ids": [0, 2, 3, 4, 5, 252]}, ""),
+    ("koch_leader", {"ids": [1, 2, 3, 4, 5, 253]}, "ids"),
+    ("so101_leader", {"ids": [0, 2, 3, 4, 5, 253]}, ""),
+    ("so101_leader", {"ids": [1, 2, 3, 4, 5, 254]}, "ids"),
+    ("so101_leader", {"torque_limit": 251}, "torque_limit"),
+    ("koch_follower", {"p_gain": 16_383}, ""),
+    ("koch_follower", {"p_gain": 16_384}, "p_gain"),
+    ("koch_follower", {"p_gain": -1}, "p_gain"),
+    ("koch_follower", {"dead_zone_nm": -1.0}, "dead_zone_nm"),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "field"), OPTIONS)
+def test_options_are_taken_or_refused_by_name(name: str, options: dict[str, Any], field: str) -> None:
+    count = {"open_manipulator_x": 5}.get(name, 6)
+    given = {
+        key: [value] * count if key in EACH and isinstance(value, int | float) else value
+        for key, value in options.items()
+    }
+    if not field:
+        made(name, **given)
+        return
+    with pytest.raises(ValueError, match=field):
+        made(name, **given)

@@ -1,0 +1,103 @@
+"""A process pushes with an arm, and is ended, killed or stopped: what the motors do from then on.
+
+Only a process of its own can be killed or stopped; what a bus watchdog does is in virtual time elsewhere.
+"""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import Any, NamedTuple
+
+import pytest
+
+from tests.program import ROOT
+from tests.wait import PATIENCE, until
+from weberlink.hardware.emulator import PtyDevice
+from weberlink.hardware.emulators import EMULATORS
+from weberlink_arms.feetech.arm import NAMES
+
+pytestmark = pytest.mark.realtime(alone=True)
+
+WALL_RAD, GOAL_RAD, STIFFNESS_NM_RAD = 0.15, 0.55, 100.0
+AFTER_S = 1.0
+
+
+class Family(NamedTuple):
+    """An arm."""
+
+    driver: str  # its name, which is that of its emulator
+    axis: int  # that pushes
+    push: float  # torque at least, before [N m]
+    left: float  # torque at most, after: the dry friction of the gears, and their share of what they gave way
+    options: dict[str, Any]  # of the driver: a busy machine does not trip its watchdogs
+
+    @property
+    def leads(self) -> bool:
+        return self.driver.endswith("leader")
+
+
+PATIENT = {"rate_hz": 100.0, "timeout_ms": 50.0, "bus_watchdog_ms": 500.0}
+FAMILIES = {
+    "Koch, XL430": Family("koch_follower", 0, 1.0, 0.2, PATIENT),
+    "SO-101": Family("so101_follower", 2, 1.0, 0.2, {"gravity": False, "timeout_ms": 50.0}),
+    "SO-101 leader": Family("so101_leader", 0, 0.1, 0.0, {"reconnect_s": 5.0}),
+}
+
+
+@contextmanager
+def pushing(family: Family, folder: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
+    """The process and the emulated arm, once it pushes."""
+    emulator_class: Any = EMULATORS.load(family.driver)
+    wall = {"joint": NAMES[family.axis], "angle_rad": WALL_RAD, "stiffness_nm_rad": STIFFNESS_NM_RAD}
+    weightless = {"weight": False} if "weight" in emulator_class.Options.model_fields else {}
+    emulator = emulator_class(emulator_class.Options.model_validate({"walls": [wall], **weightless}))
+    values = [0.0] * 6 if family.leads else list(emulator.angles)
+    values[family.axis] = 0.3 if family.leads else GOAL_RAD
+    with PtyDevice(emulator, folder / "arm") as wire:
+        options = json.dumps({"port": str(wire.path), **family.options})
+        command = [sys.executable, "-m", "plugins.arms.tests.pushing", family.driver, options, json.dumps(values)]
+        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        try:
+            until(lambda: push(emulator, family) > family.push or process.poll() is not None, "the arm to push")
+            assert process.poll() is None, process.communicate()[0]
+            yield process, emulator
+        finally:
+            process.kill()
+            process.communicate(timeout=PATIENCE)
+
+
+def push(emulator: Any, family: Family) -> float:
+    """Torque on the wall, or of a leader's motor [N m]."""
+    return abs(float(emulator.motor_nm[family.axis] if family.leads else min(0.0, emulator.outside_nm[family.axis])))
+
+
+def pushes_no_more(emulator: Any, family: Family) -> Callable[[], bool]:
+    """A condition that holds once the arm has not pushed for `AFTER_S`."""
+    pushed_at = monotonic()
+
+    def holds() -> bool:
+        nonlocal pushed_at
+        if push(emulator, family) > family.left:
+            pushed_at = monotonic()
+        return monotonic() - pushed_at > AFTER_S
+
+    return holds
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_arm_pushes_on_nothing_afterwards(family: Family, number: int, tmp_path: Path) -> None:
+    """A leader is without torque, a follower does not drop; one that was stopped goes on when it is continued."""
+    with pushing(family, tmp_path) as (process, emulator):
+        process.send_signal(number)
+        until(pushes_no_more(emulator, family), "the push to end")
+        assert (process.poll() is None) is (number == signal.SIGSTOP)
+        assert {servo.torque_on for servo in emulator.servos} == {not family.leads}
+        if number == signal.SIGSTOP and family.driver.startswith("so101"):
+            process.send_signal(signal.SIGCONT)
+            until(lambda: push(emulator, family) > family.push, "the arm to push again")

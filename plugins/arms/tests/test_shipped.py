@@ -1,0 +1,72 @@
+"""The shipped files: all are valid; of the pair of computed arms, what is felt, the report and the recording."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.program import weberlink
+from weberlink.protocol.keys import generate
+from weberlink.system.configuration import load
+from weberlink.system.simulate import simulate
+from weberlink.system.tick_cost import measured_tick_s
+from weberlink.system.verdict import verdict
+from weberlink_recording.reader import read_recording
+from weberlink_recording.session import put_together
+
+pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+CHANNELS = ("joint_torque", "joint_angle", "gripper_torque", "gripper_angle")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """The figures of a session that reaches the table, and its recording."""
+    path = tmp_path_factory.mktemp("arms") / "arms.mcap"
+    summary, _ = simulate(load(CONFIGS / "arms.yaml"), 2.2, path)
+    return summary, path
+
+
+def test_shipped_pair_presses_table_and_operator_feels_it(recorded: tuple[dict[str, Any], Path]) -> None:
+    summary, _ = recorded
+    assert (summary["outcome"], summary["verdict"]["word"]) == ("completed", "good")
+    assert min(summary[name]["reduction"] for name in CHANNELS) > 0.9
+    torque = summary["joint_torque"]
+    assert torque["packets"] > 5
+    assert set(torque["axes"]) == {"shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"}
+    assert torque["coding"]["error_max_deadbands"] <= 1.0 + 1e-3
+    assert summary["energy"]["generated_j"] == 0.0
+
+
+def test_recording_gives_figures_of_its_session(recorded: tuple[dict[str, Any], Path]) -> None:
+    summary, path = recorded
+    again = put_together([read_recording(path)]).summary()
+    for name in (*CHANNELS, "energy", "limited"):
+        assert again[name] == summary[name]
+
+
+def test_the_shipped_pair_is_connected_from_start_to_end_at_a_distance() -> None:
+    emulate = "link.emulate={delay_ms: 75, jitter_ms: 5, loss: 0.02, seed: 1}"
+    summary, _ = simulate(load(CONFIGS / "arms.yaml", ("link.security=none", emulate)), 3.0)
+    assert (summary["outcome"], summary["faults"]) == ("completed", {"master": {}, "slave": {}})
+    for side in ("master", "slave"):
+        connection = summary["connection"][side]
+        assert (connection["interruptions"], connection["unconnected_s"], connection["ended"]) == (0, 0.0, "connected")
+    assert {cause.name for cause in verdict(summary).causes} <= {"felt", "delay", "loss"}
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_file_is_valid(path: Path, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    generate(key)
+    ended = weberlink("check", path, "--set", f"link.key_file={key}")
+    assert ended.status == 0, ended.errors
+
+
+@pytest.mark.parametrize("file", ["phantom-arm.yaml", "koch-so101.yaml"])
+def test_a_tick_is_measured_with_stand_ins_for_hardware(file: str, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    generate(key)
+    took = measured_tick_s(load(CONFIGS / file, ["rate_hz=10000", f"link.key_file={key}"]))
+    assert took is not None and 2e-6 < took < 0.05

@@ -1,0 +1,188 @@
+"""The wires of both kinds of servos: frames of any bytes, cut anywhere, spoilt anywhere."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from weberlink_arms.dynamixel import packet as dynamixel
+from weberlink_arms.dynamixel.packet import Packet, PacketReader, StatusPacket, StatusPacketReader, crc16
+from weberlink_arms.feetech import packet as feetech
+from weberlink_arms.feetech.packet import Frame, FrameReader
+
+
+class Wire(NamedTuple):
+    """A protocol, in one direction."""
+
+    encode: Callable[[Any], bytes]
+    reader: Callable[[], Any]  # of a stream
+    frame: Callable[..., Any]  # of an id, a code and parameters
+    bad: str  # attribute of the reader that counts wrong checksums
+    claim: Callable[[int], bytes]  # the beginning of a frame with this length field
+    lengths: tuple[int, int]  # the least and the largest that a reader waits for
+
+
+def _of_dynamixel(length: int) -> bytes:
+    return dynamixel.HEADER + b"\x01" + length.to_bytes(2, "little")
+
+
+def _of_feetech(length: int) -> bytes:
+    return feetech.HEADER + bytes((1, length))
+
+
+WIRES = {
+    "dynamixel answer": Wire(
+        dynamixel.encode_status, StatusPacketReader, StatusPacket, "bad_crc", _of_dynamixel, (3, dynamixel.LONGEST - 7)
+    ),
+    "dynamixel request": Wire(
+        dynamixel.encode_packet, PacketReader, Packet, "bad_crc", _of_dynamixel, (3, dynamixel.LONGEST - 7)
+    ),
+    "feetech": Wire(feetech.encode, FrameReader, Frame, "bad_checksums", _of_feetech, (2, feetech.LONGEST_LENGTH)),
+}
+every_wire = pytest.mark.parametrize("wire", WIRES.values(), ids=WIRES)
+# Rich in what looks like a header, where stuffing matters.
+tricky = st.lists(st.sampled_from([b"\xff", b"\xfd", b"\x00", b"\xff\xff\xfd", b"\x01"]), max_size=40).map(b"".join)
+contents = st.tuples(st.integers(0, 252), st.sampled_from([1, 2, 3, 8, 0x82, 0x83]), tricky | st.binary(max_size=60))
+
+
+@every_wire
+@given(st.lists(contents, max_size=5), st.lists(st.integers(0, 250), max_size=8))
+@example([(1, 1, b"")] * 2, list(range(30)))
+@example([(0, 1, bytes(range(200))), (252, 2, b"\xff\xff\xfd")], [3, 4, 5, 6, 7, 8])
+def test_frames_come_back_however_the_stream_is_cut(
+    wire: Wire, sent: list[tuple[int, int, bytes]], cuts: list[int]
+) -> None:
+    frames = [wire.frame(*each) for each in sent]
+    stream = b"".join(map(wire.encode, frames))
+    reader, ends = wire.reader(), sorted(min(cut, len(stream)) for cut in cuts)
+    heard = [
+        frame
+        for begin, end in zip([0, *ends], [*ends, len(stream)], strict=True)
+        for frame in reader.feed(stream[begin:end])
+    ]
+    assert heard == frames
+    assert getattr(reader, wire.bad) == 0
+
+
+@every_wire
+@given(contents, st.data())
+@example((3, 1, b"\x01\x02"), None)
+def test_a_changed_byte_is_noticed(wire: Wire, content: tuple[int, int, bytes], data: st.DataObject | None) -> None:
+    frame = wire.frame(*content)
+    whole = wire.encode(frame)
+    changes = [(at, 1) for at in range(len(whole))]
+    if data is not None:
+        changes = [(data.draw(st.integers(0, len(whole) - 1)), data.draw(st.integers(1, 255)))]
+    for at, change in changes:
+        assert frame not in wire.reader().feed(whole[:at] + bytes((whole[at] ^ change,)) + whole[at + 1 :])
+
+
+@every_wire
+@pytest.mark.parametrize("last", [1, 2])
+def test_a_wrong_checksum_is_counted_and_the_next_frame_heard(wire: Wire, last: int) -> None:
+    spoilt = bytearray(wire.encode(wire.frame(3, 1, b"\x05")))
+    spoilt[-last] ^= 0x10
+    whole = wire.frame(4, 2, b"ok")
+    reader = wire.reader()
+    assert reader.feed(bytes(spoilt) + wire.encode(whole)) == [whole]
+    assert getattr(reader, wire.bad) == 1
+
+
+@every_wire
+@given(st.binary(max_size=200) | tricky)
+def test_no_noise_keeps_a_frame_from_being_heard(wire: Wire, noise: bytes) -> None:
+    """After as many zeros as the longest frame has bytes."""
+    reader, frame = wire.reader(), wire.frame(3, 1, b"ok")
+    reader.feed(noise)
+    assert reader.feed(bytes(1100) + wire.encode(frame))[-1] == frame
+
+
+@every_wire
+@pytest.mark.parametrize(("end", "beyond"), [(0, -1), (0, 0), (1, 0), (1, 1)])
+def test_only_a_length_that_can_be_is_waited_for(wire: Wire, end: int, beyond: int) -> None:
+    """A frame with another length is passed over at once."""
+    reader, frame = wire.reader(), wire.frame(3, 1, b"ok")
+    length = wire.lengths[end] + beyond
+    heard = reader.feed(wire.claim(length) + (wire.encode(frame) if beyond else bytes(length - 1)))
+    assert heard == ([frame] if beyond else [])
+    if not beyond:  # the last byte of the frame is still missing: it is judged with that
+        reader.feed(b"\xee")
+        assert getattr(reader, wire.bad) == 1
+
+
+@every_wire
+def test_what_waits_is_forgotten(wire: Wire) -> None:
+    reader, whole = wire.reader(), wire.encode(wire.frame(3, 1, b"ok"))
+    reader.feed(whole[:-1])
+    reader.clear()
+    assert reader.feed(whole[-1:]) == []
+    assert reader.feed(whole) == [wire.frame(3, 1, b"ok")]
+
+
+@pytest.mark.parametrize(
+    ("request_", "wire"),
+    [
+        # Of the e-Manual.
+        (dynamixel.encode_packet(dynamixel.ping(1)), "fffffd000103000119 4e"),
+        (dynamixel.encode_packet(dynamixel.read(1, 132, 4)), "fffffd0001070002840004001d15"),
+        (dynamixel.encode_packet(dynamixel.write(1, 116, b"\0\x02\0\0")), "fffffd000109000374000002 0000ca89"),
+        # Captured from FeetechMotorsBus of lerobot 0.4.4: a sync read of positions, a sync write of goals.
+        (feetech.sync_read(56, 2, range(1, 7)), "fffffe0a82380201020304050626"),
+        (
+            feetech.sync_write(42, 2, [(id_, (2218 + 17 * (id_ == 6)).to_bytes(2, "little")) for id_ in range(1, 7)]),
+            "fffffe16832a0201aa0802aa0803aa0804aa0805aa0806bb08ea",
+        ),
+    ],
+)
+def test_requests_are_those_of_others(request_: bytes, wire: str) -> None:
+    assert request_ == bytes.fromhex(wire)
+
+
+def test_checksum_has_its_catalogued_check_value() -> None:
+    assert crc16(b"") == 0
+    assert crc16(b"123456789") == 0xFEE8  # the check value of CRC-16/BUYPASS, also called CRC-16/UMTS
+
+
+@given(contents)
+def test_stuffing_keeps_headers_out_of_frames(content: tuple[int, int, bytes]) -> None:
+    wire = dynamixel.encode_status(StatusPacket(*content))
+    assert wire.find(dynamixel.HEADER, 1) == -1
+    assert int.from_bytes(wire[5:7], "little") == len(wire) - 7
+
+
+@given(contents, contents, st.data())
+@example((1, 0, b"\x07"), (2, 0, b""), None)
+def test_a_frame_cut_short_does_not_swallow_the_next(
+    cut: tuple[int, int, bytes], whole: tuple[int, int, bytes], data: st.DataObject | None
+) -> None:
+    """Of Dynamixel motors, whose headers are unique."""
+    wire, next_ = dynamixel.encode_status(StatusPacket(*cut)), StatusPacket(*whole)
+    lengths = range(len(wire)) if data is None else [data.draw(st.integers(0, len(wire) - 1))]
+    for kept in lengths:
+        reader = StatusPacketReader()
+        assert reader.feed(wire[:kept] + dynamixel.encode_status(next_)) == [next_]
+        assert reader.dropped_bytes == kept
+
+
+def test_readers_skip_packets_of_the_other_kind() -> None:
+    status, request = StatusPacket(1, 0, b"\x07"), dynamixel.ping(1)
+    both = dynamixel.encode_packet(request) + dynamixel.encode_status(status)
+    assert StatusPacketReader().feed(both) == [status]
+    assert PacketReader().feed(both) == [request]
+    headless = Packet(1, dynamixel.STATUS)  # without an error byte
+    assert StatusPacketReader().feed(dynamixel.encode_packet(headless)) == []
+    reader = StatusPacketReader()
+    reader.clear()
+    assert reader.feed(b"\xff\xff\xfd") == []
+    reader.clear()
+    assert reader.dropped_bytes == 3
+
+
+@pytest.mark.parametrize(
+    ("error", "text"), [(0, "no error"), (0x80, "no error"), (4, "value out of range"), (0x84, "value out of range")]
+)
+def test_an_error_byte_has_a_meaning_without_its_alert_bit(error: int, text: str) -> None:
+    assert dynamixel.error_text(error) == text
+    assert dynamixel.error_text(99) == "error 99"

@@ -1,0 +1,80 @@
+"""Options of the Haply driver, and the version of the device with their changes."""
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from weberlink_devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, HaplyBoard
+from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyVersion
+
+NAME = "haply_2diy"
+
+Direction = Literal["cw", "ccw"]
+Directions = tuple[Direction, Direction]
+Turn = Annotated[float, Field(ge=-360.0, le=360.0)]
+Counts = Annotated[float, Field(gt=0.0, le=1e6)]
+
+
+class HaplyOptions(BaseModel):
+    """Options of `haply_2diy`. A pair is of motor, arm or encoder 1 and 2."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    port: str | None = Field(default=None, description="of the board; the only Arduino plugged in if not given")
+    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
+    version: Literal["v3", "v2", "pantograph"] = Field(
+        default="v3", description="v3: plastic; v2: metal plate; pantograph: their forerunner"
+    )
+    home: Literal["kept", "start"] = Field(
+        default="kept",
+        description="kept: the handle is at its starting place when it is first used after it was plugged in; "
+        "start: whenever a session begins",
+    )
+    home_deg: tuple[Turn, Turn] | None = Field(
+        default=None, description="angles of the arms at the starting place; those of the version if not given"
+    )
+    motor_directions: Directions | None = Field(default=None, description="those of the version if not given")
+    encoder_directions: Directions | None = Field(default=None, description="those of the version if not given")
+    counts_per_turn: tuple[Counts, Counts] | None = Field(
+        default=None, description="of the encoders; those of the version if not given"
+    )
+    whole_counts: bool = Field(
+        default=True,
+        description="only whole counts of the encoders are answers, as the known firmwares have it",
+    )
+    origin_m: tuple[float, float] | None = Field(
+        default=None,
+        description="becomes (0, 0); in the frame of the linkage; the middle of the workspace if not given",
+    )
+    torque_limit_n_m: float = Field(default=MOST_TORQUE_N_M, gt=0.0, le=MOST_TORQUE_N_M, description="of either motor")
+    torque_gain: float = Field(default=1.0, gt=0.0, le=10.0, description="what the board is told for each newton metre")
+    force_n: float = Field(default=2.0, gt=0.0, le=10.0, description="largest force; more is cut to it")
+    stiffness_n_m: float = Field(
+        default=300.0, ge=1e-3, le=1e9, description="stiffest wall; no figure has been published"
+    )
+    reply_ms: float = Field(default=10.0, ge=1.0, le=100.0, description="how long an answer may take")
+    signs_checked: str | None = Field(
+        default=None, description="what `weberlink device test` prints once the directions are right; no force without"
+    )
+
+
+DIRECTIONS = {"cw": CLOCKWISE, "ccw": COUNTER_CLOCKWISE}
+
+
+def version_of(options: HaplyOptions) -> HaplyVersion:
+    """The published version with the changes of the options."""
+    version = VERSIONS[options.version]
+    board = version.board
+    turns = [DIRECTIONS[name] for name in options.motor_directions or ()] or [each.direction for each in board.motors]
+    spins = [DIRECTIONS[name] for name in options.encoder_directions or ()]
+    spins = spins or [each.direction for each in board.encoders]
+    counts = options.counts_per_turn or [each.counts_per_turn for each in board.encoders]
+    first, second = (each._replace(direction=turn) for each, turn in zip(board.motors, turns, strict=True))
+    third, fourth = (
+        each._replace(direction=spin, counts_per_turn=count)
+        for each, spin, count in zip(board.encoders, spins, counts, strict=True)
+    )
+    home_deg = options.home_deg or board.home_deg
+    board = HaplyBoard((first, second), (third, fourth), home_deg, options.whole_counts)
+    return replace(version, board=board)

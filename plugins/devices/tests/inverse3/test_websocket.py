@@ -1,0 +1,185 @@
+"""Both ends of our WebSocket, each against another implementation (aiohttp), and what may go wrong with it."""
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Thread
+from time import monotonic
+from typing import Any
+
+import pytest
+from aiohttp import WSMsgType, web
+
+from tests.hardware.test_ports import Noting
+from tests.wait import PATIENCE, until
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.fault import HardwareFault
+from weberlink_devices.inverse3.websocket_device import WebSocketDevice
+from weberlink_devices.inverse3.websocket_port import WebSocketPort, text_frame
+
+
+class EchoSession:
+    """Says hello, then sends back what it hears, in upper case."""
+
+    def __init__(self, service: "Echo") -> None:
+        self._service = service
+        self._waiting = [b"hello"]
+
+    def receive(self, text: bytes, now: float) -> None:
+        self._waiting.append(text.upper())
+
+    def replies(self, now: float) -> list[bytes]:
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def next_timer(self) -> float | None:
+        return None
+
+    def leave(self) -> None:
+        self._service.left += 1
+
+
+class Echo:
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self.left = 0
+        self.drops = False
+
+    def join(self, now: float) -> EchoSession:
+        return EchoSession(self)
+
+    def advance(self, now: float) -> None: ...
+
+    def next_timer(self) -> float | None:
+        return None
+
+    def get(self, path: str) -> str | None:
+        return '{"version": 1}' if path == "/version" else None
+
+    def drops_connections(self) -> bool:
+        drops, self.drops = self.drops, False
+        return drops
+
+
+@contextmanager
+def port_to(address: str) -> Iterator[WebSocketPort]:
+    port = WebSocketPort(address, PATIENCE)
+    yield port
+    port.close()
+    port.close()
+
+
+def heard(port: WebSocketPort, count: int) -> list[bytes | None]:
+    return [port.receive(monotonic() + PATIENCE) for _ in range(count)]
+
+
+def test_both_our_ends_talk_and_part() -> None:
+    """Beside the port a guardian writes on the same connection."""
+    service = Echo()
+    with WebSocketDevice(service) as wire:
+        with port_to(wire.address) as port:
+            port.send("one", rest=True)
+            port._socket.send(text_frame("zero"))
+            port.send("two", rest=False)
+            assert heard(port, 4) == [b"hello", b"ONE", b"ZERO", b"TWO"]
+            assert port.receive(monotonic()) is None
+        until(lambda: service.left == 1, "the session to end")
+
+
+def test_guardian_is_told_of_each_force_and_of_each_rest() -> None:
+    done: list[Any] = []
+    with WebSocketDevice(Echo()) as wire, port_to(wire.address) as port:
+        port.guard(Noting(done, text_frame("zero")))
+        port.send("rest", rest=True)
+        port.send("force", rest=False)
+        assert heard(port, 3) == [b"hello", b"REST", b"FORCE"]
+    size = len(text_frame("force"))
+    told = [each if isinstance(each, str) else (each[0], len(each[1])) for each in done]
+    assert told == ["watches", ("after", len(text_frame("zero"))), ("before", size), ("after", size), "stopped"]
+
+
+def test_port_talks_to_a_server_of_aiohttp() -> None:
+    """Which compresses where the client offers it."""
+    long = "x" * 100_000
+
+    async def echo(request: web.Request) -> web.WebSocketResponse:
+        line = web.WebSocketResponse()
+        await line.prepare(request)
+        await line.ping()
+        await line.send_str("hello")
+        async for message in line:
+            if message.type is WSMsgType.TEXT and message.data == "bye":
+                break
+            await line.send_str(message.data.upper())
+        await line.close()
+        return line
+
+    def talk(address: str) -> None:
+        with port_to(address) as port:
+            port.send(long, rest=True)
+            assert heard(port, 2) == [b"hello", long.upper().encode()]
+            port.send("bye", rest=True)
+            for use in (lambda: port.receive(monotonic() + PATIENCE), lambda: port.send("more", rest=True)):
+                with pytest.raises(HardwareFault, match="closed the connection"):
+                    use()
+
+    async def serve() -> None:
+        application = web.Application()
+        application.router.add_get("/", echo)
+        runner = web.AppRunner(application)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        await asyncio.to_thread(talk, f"ws://127.0.0.1:{runner.addresses[0][1]}")
+        await runner.cleanup()
+
+    asyncio.run(serve())
+
+
+def test_closed_connections_are_faults_and_a_port_stays_the_same() -> None:
+    service = Echo()
+    with WebSocketDevice(service) as wire:
+        address = wire.address
+        disconnects: tuple[Callable[[], None], ...] = (lambda: setattr(service, "drops", True), wire.unplug)
+        for disconnect in disconnects:
+            with port_to(address) as port:
+                disconnect()
+                with pytest.raises(HardwareFault, match=f"{address}: closed the connection"):
+                    while port.receive(monotonic() + PATIENCE) is not None:
+                        pass
+        with pytest.raises(HardwareFault, match="nothing listens there"):
+            WebSocketPort(address, PATIENCE)
+        wire.plug()
+        with port_to(wire.address):
+            assert wire.address == address
+
+
+NO_WEBSOCKET = "answers, but not as a WebSocket"
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", NO_WEBSOCKET),
+        (b"SSH-2.0-OpenSSH_9.2\r\n", NO_WEBSOCKET),
+        (b"", "accepts the connection, but does not answer"),
+    ],
+)
+def test_what_is_no_websocket_is_named(answer: bytes, says: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"ws://127.0.0.1:{server.getsockname()[1]}"
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(1000)
+                connection.sendall(answer)
+                connection.recv(1000)
+
+        thread = Thread(target=serve)
+        thread.start()
+        with pytest.raises(HardwareFault, match=f"^{address}: {says}"):
+            WebSocketPort(address, PATIENCE if answer else 0.2)
+        thread.join()
+    with pytest.raises(HardwareFault, match="expected ws://HOST:PORT"):
+        WebSocketPort("http://localhost:1", 0.1)

@@ -1,0 +1,220 @@
+"""Every driver of this distribution keeps the contract of devices, before an emulated device."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from itertools import chain
+from pathlib import Path
+from time import monotonic
+from typing import Any, ClassVar
+
+import pytest
+
+from plugins.devices.tests.force_dimension.fake import STATE, Devices
+from plugins.devices.tests.pads.test_gamepad import Pad
+from plugins.devices.tests.touch import fake_hd
+from weberlink.geometry.vector import ZERO, distance
+from weberlink.hardware.umockdev_input import EVENT
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
+from weberlink.testing.time import PATIENCE, TICK, real_time
+from weberlink.testing.wires import HidWire, emulated, on_a_pty, on_a_wire
+from weberlink_devices.gamepad.device import GamepadExchange, GamepadOptions
+from weberlink_devices.inverse3.websocket_device import WebSocketDevice
+from weberlink_devices.rate_control import RateDevice
+from weberlink_devices.spacemouse.device import PuckExchange, SpaceMouseOptions
+
+SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart", "guardian")
+
+
+class ForceDimension:
+    NAME = "force_dimension"
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, *, checked: bool = True, **options: Any) -> Iterator[DeviceBench]:
+        """A real library file, compiled, in place of the maker's."""
+        fake = Devices(folder / "devices")
+        handle = fake[0].plug()
+        handle["swing_m"] = 0.05
+        options |= {"library": str(fake.library)}
+        device = armed("force_dimension", checked=checked, **options)
+        faults: dict[str, Callable[[], object]] = {
+            "unplug": lambda: handle.__setitem__("present", 0),
+            "plug": handle.plug,
+            "flicker": lambda: handle.__setitem__("not_a_number", 3),
+            "silent": lambda: handle.__setitem__("fails", 7),
+            "garbled": lambda: handle.__setitem__("not_a_number", 1_000_000),
+            "restart": lambda: handle.__setitem__("reset", 1),
+            "button": lambda: handle.switch_off(1),
+            "too_fast": lambda: handle.switch_off(2),
+        }
+        with pytest.MonkeyPatch.context() as patch, closing(device):
+            patch.setenv(STATE, str(fake.state))  # for processes of a test
+            yield DeviceBench(device, real_time(), lambda: handle.wrench[0], faults, options=options)
+
+
+@pytest.mark.realtime
+class TestForceDimension(ForceDimension, ForceDeviceContract):
+    FAULTS = ("unplug", "silent", "garbled", "restart", "button", "too_fast")
+    SIGNS = ({"model": "omega.6"}, {"serial_number": 7})
+    REFUSED = (
+        ({"force_n": 12.1}, "force_n: expected at most 12 N for omega.3"),
+        ({"torque_n_m": 0.1}, "torque_n_m: expected at most 0 N m"),
+        ({"watchdog_ms": 4.99}, "watchdog_ms: expected 0, or at least 5"),
+        ({"watchdog_ms": 31.9}, "watchdog_ms"),
+    )
+    TAKEN = ({"force_n": 12.0, "watchdog_ms": 5.0}, {"watchdog_ms": 31.875}, {"watchdog_ms": 0.0})
+
+
+@pytest.mark.realtime(alone=True)
+class TestHostOfForceDimension(ForceDimension, StoppedHostContract): ...
+
+
+class Haply:
+    NAME = "haply_2diy"
+
+    def make_bench(self, folder: Path, /, **options: Any) -> Any:
+        return on_a_pty("haply_2diy", folder, **{"reply_ms": 30.0, **options})
+
+
+@pytest.mark.realtime
+class TestHaply(Haply, ForceDeviceContract):
+    FAULTS = SERIAL_FAULTS
+    UNHEARD = ("unplug",)
+    SIGNS = (
+        {"version": "v2"},
+        {"motor_directions": ("cw", "ccw")},
+        {"encoder_directions": ("ccw", "cw")},
+        {"home_deg": (167.0, 12.0)},
+    )
+
+
+@pytest.mark.realtime(alone=True)
+class TestHostOfHaply(Haply, StoppedHostContract):
+    PATIENT: ClassVar = {"reply_ms": 100.0}
+
+
+class Inverse3:
+    NAME = "inverse3"
+
+    def make_bench(self, folder: Path, /, **options: Any) -> Any:
+        wire = WebSocketDevice(emulated("inverse3"))
+        grip = {"grip": "wireless_verse_grip", "reply_ms": 30.0}
+        return on_a_wire("inverse3", wire, lambda: wire.address, **{**grip, **options})
+
+
+@pytest.mark.realtime
+class TestInverse3(Inverse3, ForceDeviceContract):
+    FAULTS = SERIAL_FAULTS
+    SIGNS = ({"preset": "led_front"}, {"preset": None})
+    REFUSED = (({"port": "ws://host:1/path"}, "port"),)
+    TAKEN = ({"port": "ws://host:1/#0A"},)
+
+
+@pytest.mark.realtime(alone=True)
+class TestHostOfInverse3(Inverse3, StoppedHostContract):
+    PATIENT: ClassVar = {"reply_ms": 100.0}
+
+
+class Touch:
+    NAME = "touch"
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, *, checked: bool = True, **options: Any) -> Iterator[DeviceBench]:
+        """The maker's library is a fake one, whose board holds the last force."""
+        with fake_hd.plugged(folder) as (board,):
+            options |= {"library": str(fake_hd.library())}
+            device: Any = armed("touch", checked=checked, **options)
+
+            def flicker() -> None:
+                board.error, board.errors_left = 0x0200, 3
+
+            faults: dict[str, Callable[[], object]] = {
+                "unplug": lambda: setattr(board, "unplugged", 1),
+                "flicker": flicker,
+                "silent": lambda: setattr(board, "silent", 1),
+                "killed": lambda: os.kill(device.servo_pid, signal.SIGKILL),
+                "stopped": lambda: os.kill(device.servo_pid, signal.SIGSTOP),
+            }
+            with closing(device):
+                yield DeviceBench(device, real_time(), lambda: board.felt, faults, options=options)
+
+
+@pytest.mark.realtime
+class TestTouch(Touch, ForceDeviceContract):
+    FAULTS = ("unplug", "silent", "killed", "stopped")
+    UNHEARD = ("unplug",)
+
+
+@pytest.mark.realtime(alone=True)
+class TestHostOfTouch(Touch, StoppedHostContract): ...
+
+
+# --- rate control
+
+
+class RateContract(DeviceContract):
+    """What a rate-controlled device keeps besides."""
+
+    REFUSED = (({"home_m": (0.0, 0.0, 0.0601)}, "home_m: expected a point within"),)
+    TAKEN = ({"home_m": (0.06, -0.06, 0.06)},)
+
+    def test_unplugged_device_is_a_fault_in_time(self, bench: DeviceBench) -> None:
+        device = bench.device
+        bench.open()
+        start = device.latest(bench.tick()).position
+        bench.push(ZERO, lambda: distance(device.latest(bench.tick()).position, start) > 0.005)
+        bench.faults["unplug"]()
+        unplugged_at = monotonic()
+        with pytest.raises(DeviceFault, match=f"{self.NAME}: /dev/.*: unplugged"):
+            while monotonic() < unplugged_at + PATIENCE:
+                device.latest(bench.tick())
+        assert monotonic() - unplugged_at < 0.5
+        device.close()
+
+    def test_force_slows_it(self, tmp_path: Path) -> None:
+        with self.make_bench(tmp_path, speed_m_s=0.5) as bench:
+            device = bench.device
+            assert device.spec.push_n > 0.0
+            bench.open()
+            for force, place in (((0.0, 0.0, 100.0), 1), ((0.0, 0.0, -100.0), 0)):
+                edge = device.spec.workspace_m[place][2]
+                bench.push(force, lambda edge=edge: device.latest(bench.tick()).position[2] == edge)  # type: ignore[misc]
+
+
+class TestSpaceMouse(RateContract):
+    NAME = "spacemouse"
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
+        wire, settings = HidWire(emulated("spacemouse")), SpaceMouseOptions(port="/dev/hidraw9", **options)
+        device = RateDevice("spacemouse", settings, PuckExchange(settings, list, wire), TICK, buttons=2)
+        with closing(device):
+            yield wire.bench(device)
+
+
+class TestGamepad(RateContract):
+    NAME = "gamepad"
+
+    @contextmanager
+    def make_bench(self, folder: Path, /, **options: Any) -> Iterator[DeviceBench]:
+        """Its events come tick by tick."""
+        pads, emulator, wait = list[Pad](), emulated("gamepad"), real_time()
+        settings = GamepadOptions(port="/dev/input/event9", **options)
+        exchange = GamepadExchange(settings, list, lambda path: pads.append(Pad()) or pads[-1])
+        device = RateDevice("gamepad", settings, exchange, TICK, buttons=8)
+
+        def unplug() -> None:
+            pads[-1].unplug()
+
+        def tick() -> float:
+            now = wait()
+            emulator.advance(now)
+            for _, _, *change in chain.from_iterable(map(EVENT.iter_unpack, emulator.replies(now))):
+                if pads and pads[-1].kernel >= 0:
+                    pads[-1].change(*change)
+            return now
+
+        with closing(device):
+            yield DeviceBench(device, tick, faults={"unplug": unplug})

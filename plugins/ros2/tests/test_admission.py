@@ -1,0 +1,149 @@
+"""Which poses lead, in virtual time: one publisher at a time, in the right frame, finite, of rising time, not late."""
+
+from collections.abc import Iterable
+from itertools import accumulate, pairwise
+from math import cos, inf, nan, pi, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from weberlink.geometry.rotation import LONGEST
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink_ros2.admission import Admission, Pose, Subscription
+
+WANTED = Subscription("/target", 0, None, "base", (0.4, 0.0, 0.3), 0.1, turns=True)
+HERE = (0.41, -0.02, 0.33)
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+AWAY_S = 12345.0
+"""By how much the publisher's clock is ahead [s]."""
+
+
+def pose(
+    at: float, *, delay: float = 0.002, source: bytes = b"a", stamp_s: float | None = None, **other: object
+) -> Pose:
+    """A pose that arrives at a time [s]; its header has the time of publication unless another is given."""
+    sent = at - delay + AWAY_S
+    stamp = sent if stamp_s is None else stamp_s
+    whole = Pose(round(stamp * 1e9), "base", HERE, LEVEL, source, round(sent * 1e9))
+    return whole._replace(**other)  # type: ignore[arg-type]
+
+
+def taken(admission: Admission, poses: Iterable[tuple[float, Pose]]) -> list[bool]:
+    return [admission.take(each, at) is not None for at, each in poses]
+
+
+def every(period: float, count: int, **other: object) -> list[tuple[float, Pose]]:
+    times = [1.0 + i * period for i in range(count)]
+    return [(at, pose(at, **other)) for at in times]  # type: ignore[arg-type]
+
+
+def test_target_is_relative_to_the_origin_and_an_orientation_becomes_a_rotation_vector() -> None:
+    half = pi / 8
+    turned = pose(1.0, orientation=(1.004 * cos(half), 0.0, 0.0, 1.004 * sin(half)))
+    target = Admission(WANTED).take(turned, 1.0)
+    assert target == (pytest.approx((0.01, -0.02, 0.03)), pytest.approx((0.0, 0.0, pi / 4)))
+    level = Admission(WANTED._replace(turns=False, frame_id=None))
+    target = level.take(turned._replace(orientation=(nan, 0.0, 0.0, 0.0), frame_id="camera"), 1.0)
+    assert target == (pytest.approx((0.01, -0.02, 0.03)), ZERO), "nothing turns, and any frame leads"
+
+
+BAD = {
+    "frame_id is 'map', not 'base'": {"frame_id": "map"},
+    "position is not finite": {"position": (0.0, nan, 0.0)},
+    "not finite: inf": {"position": (inf, 0.0, 0.0)},
+    "orientation is no unit quaternion: 0, 0, 0, 0": {"orientation": (0.0, 0.0, 0.0, 0.0)},
+    "orientation is no unit quaternion: 1.02": {"orientation": (1.02, 0.0, 0.0, 0.0)},
+    "orientation is no unit quaternion: nan": {"orientation": (nan, 0.0, 0.0, 0.0)},
+}
+
+
+@pytest.mark.parametrize("why", BAD)
+def test_bad_pose_counts_as_silence_and_is_told(why: str) -> None:
+    admission = Admission(WANTED)
+    assert not any(taken(admission, every(0.01, 5, **BAD[why])))
+    assert admission.is_silent(1.05)
+    refusal = admission.refusal(1.05)
+    assert refusal is not None
+    assert why in refusal
+    assert "\n" not in refusal
+    assert all(taken(admission, [(at + 0.1, each) for at, each in every(0.01, 5)])), "good ones lead at once"
+    assert admission.refusal(1.05 + 1.1) is None, "told for a second"
+
+
+@pytest.mark.parametrize(("back_s", "why"), [(0.0, "time stands still"), (2.0, "time goes back by 2.000 s")])
+def test_time_that_does_not_rise_lets_go_first(back_s: float, why: str) -> None:
+    admission = Admission(WANTED)
+    assert admission.take(pose(1.0, stamp_s=50.0), 1.0) is not None
+    seen = taken(admission, [(1.0 + i * 0.01, pose(1.0 + i * 0.01, stamp_s=50.0 - back_s)) for i in range(1, 10)])
+    assert seen == [False] * 9
+    assert why in (admission.refusal(1.1) or "")
+    assert admission.take(pose(1.11, stamp_s=50.0 - back_s), 1.11) is not None, "a recording that begins again"
+
+
+def test_first_publisher_leads_until_it_is_silent() -> None:
+    admission = Admission(WANTED)
+    both = [(1.0 + i * 0.01, "ab"[i % 2].encode()) for i in range(20)]
+    assert taken(admission, [(at, pose(at, source=who)) for at, who in both]) == [True, False] * 10
+    assert "another node publishes it too" in (admission.refusal(1.2) or "")
+    alone = [1.205 + i * 0.01 for i in range(15)]
+    assert taken(admission, [(at, pose(at, source=b"b")) for at in alone]) == [at > 1.28 for at in alone]
+
+
+@pytest.mark.parametrize("clock_s", [-3600.0, 0.0, 3600.0])
+def test_poses_held_back_in_a_queue_are_late(clock_s: float) -> None:
+    """Two seconds of a publisher at 100 Hz come at once, then those of now; its clock may be wrong."""
+    admission = Admission(WANTED)
+    sent = [1.0 + i * 0.01 for i in range(400)]
+    arrived = [3.0 + i * 1e-4 if 1.0 < at < 3.0 else at + 0.002 for i, at in enumerate(sent)]
+    poses = [(at, pose(at, delay=at - begun - clock_s)) for begun, at in zip(sent, arrived, strict=True)]
+    seen = taken(admission, poses)
+    fresh = [at - begun <= 0.11 for begun, at in zip(sent, arrived, strict=True)]
+    assert seen == fresh
+    assert seen.count(False) > 150
+
+
+def test_clock_set_back_by_a_second_is_forgiven() -> None:
+    admission = Admission(WANTED)
+    assert all(taken(admission, every(0.01, 100, stamp_s=0.0)))
+    later = [(2.0 + i * 0.01, pose(2.0 + i * 0.01, delay=1.0, stamp_s=0.0)) for i in range(1500)]
+    seen = taken(admission, later)
+    assert not seen[0]
+    assert seen.index(True) == pytest.approx(900, abs=20), "at 0.1 s a second"
+    assert all(seen[seen.index(True) :])
+
+
+def test_slow_publisher_is_told_to_be_faster() -> None:
+    admission = Admission(WANTED)
+    assert all(taken(admission, every(0.12, 10))), "each leads for 100 ms"
+    assert admission.refusal(2.1) == "poses came 120 ms apart: publish faster, or raise silence_ms"
+
+
+FLOATS = st.floats() | st.floats(-1.0, 1.0)
+POSES = st.builds(
+    Pose,
+    st.integers(-(2**63), 2**63),
+    st.sampled_from(["base", "map", ""]),
+    st.tuples(FLOATS, FLOATS, FLOATS),
+    st.tuples(FLOATS, FLOATS, FLOATS, FLOATS) | st.just(LEVEL),
+    st.sampled_from([b"a", b"b"]),
+    st.integers(-(2**63), 2**63),
+)
+
+
+@examples(40)
+@given(st.lists(st.tuples(st.floats(0.0, 0.3), POSES), max_size=30))
+def test_whatever_comes_targets_are_finite_and_of_one_leader(steps: list[tuple[float, Pose]]) -> None:
+    admission = Admission(WANTED)
+    times = list(accumulate(step for step, _ in steps))
+    led: list[tuple[float, Pose, tuple[Vector, Vector]]] = []
+    for now, (_, each) in zip(times, steps, strict=True):
+        target = admission.take(each, now)
+        if target is not None:
+            led.append((now, each, target))
+            assert max(map(abs, target[1])) <= LONGEST
+            assert all(-inf < value < inf for value in (*target[0], *target[1]))
+            assert not admission.is_silent(now)
+    for (before, first, _), (after, second, _) in pairwise(led):
+        assert first.source == second.source or after - before > WANTED.silence

@@ -1,0 +1,43 @@
+"""What is shipped: the file, the ROS package, and the command."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.program import weberlink
+from weberlink.apps.shipped import copy
+from weberlink_ros2 import ros_package
+
+FILE = Path(__file__).parents[1] / "configs" / "ros2.yaml"
+PACKAGE = Path(__file__).parents[1] / "weberlink_msgs"
+
+
+def test_the_file_is_valid_live_alone_and_copied_with_its_schema(tmp_path: Path) -> None:
+    assert weberlink("check", FILE).status == 0
+    ended = weberlink("simulate", FILE)
+    assert (ended.status, len(ended.errors.splitlines())) == (2, 1)
+    assert "ros2" in ended.errors
+    assert {path.name for path in copy("ros2", tmp_path)} == {"ros2.yaml", "weberlink.schema.json"}
+
+
+def test_the_package_of_ros_messages_is_that_of_the_code() -> None:
+    there = {str(path.relative_to(PACKAGE)): path.read_text() for path in PACKAGE.rglob("*") if path.is_file()}
+    assert there == ros_package.files(), "run python -m weberlink_ros2.ros_package"
+
+
+@pytest.mark.parametrize(
+    ("words", "variables", "status", "field"),
+    [
+        (("--domain", 233), {}, 2, "233"),
+        (("--rate", "inf"), {}, 2, "--rate"),
+        ((), {"ZENOH_SESSION_CONFIG_URI": "/none.json5"}, 1, "none.json5"),
+    ],
+)
+def test_what_the_bridge_refuses_is_one_line(
+    words: tuple[object, ...], variables: dict[str, str], status: int, field: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    ended = weberlink("bridge", "ros2", *words)
+    assert (ended.status, len(ended.errors.splitlines())) == (status, 1)
+    assert field in ended.errors

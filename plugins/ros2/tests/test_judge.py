@@ -1,0 +1,90 @@
+"""A session on the topics of `bridge ros2`, listed and received by zenoh-ros2-sdk, which others wrote."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from threading import Timer
+
+import numpy as np
+import pytest
+
+from plugins.ros2.tests.ports import endpoint
+from tests.watching.sources import description, write
+from tests.watching.sources import records as engaged
+from weberlink.system.description import Description
+from weberlink.telemetry.ring import RingWriter
+from weberlink_ros2.bridge import Ros2Bridge
+from weberlink_ros2.follow import SessionFollower
+from weberlink_ros2.names import Qos
+from weberlink_ros2.node import Node
+
+POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+MARKERS = "visualization_msgs/msg/MarkerArray"
+LISTED = {
+    "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
+    "/tf": ["tf2_msgs/msg/TFMessage"],
+    "/weberlink/bodies": [MARKERS],
+    "/weberlink/felt": [WRENCH],
+    "/weberlink/hand": [POSE],
+    "/weberlink/measured": [WRENCH],
+    "/weberlink/robot": [POSE],
+    "/weberlink/scene": [MARKERS],
+}
+DOMAIN = 5
+TICKS = 200
+
+
+LIMIT_S = 120.0
+"""Until the client of others is ended [s]."""
+
+
+@pytest.mark.realtime
+def test_a_client_of_others_lists_and_receives(tmp_path: Path) -> None:
+    pytest.importorskip("zenoh_ros2_sdk", exc_type=ImportError)
+    where = endpoint()
+    bridge = Ros2Bridge(Node("weberlink", DOMAIN, where), Qos(), None, print)
+    follower = SessionFollower(bridge, None, print, tmp_path)
+    command = [sys.executable, "-m", "plugins.ros2.tests.sdk", where.rpartition(":")[2], str(DOMAIN), str(len(LISTED))]
+    rings = {side: ring(tmp_path, side) for side in ("master", "slave")}
+    follower.look(0.0)
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sdk:
+        timer = Timer(LIMIT_S, sdk.kill)  # which ends a line that does not come
+        timer.start()
+        assert sdk.stdout is not None
+        try:
+            listed = sdk.stdout.readline()
+        finally:
+            timer.cancel()
+        assert listed, "the client lists nothing"
+        assert json.loads(listed) == LISTED
+        made = engaged(TICKS, seed=1)
+        made["at"] = time.monotonic() + 1e-3 * np.arange(TICKS)
+        for first in range(0, TICKS, 4):
+            for writer in rings.values():
+                write(writer, made[first : first + 4])
+            follower.look(1.0 + first)
+            time.sleep(0.002)
+        time.sleep(0.5)
+        output, _ = sdk.communicate(timeout=30)
+    follower.close()
+    bridge.close()
+    for writer in rings.values():
+        writer.close()
+    received, last = json.loads(output), made[-1]
+    for name in ("hand", "felt", "robot", "measured"):
+        assert len(received[f"/weberlink/{name}"]) == TICKS
+    newest = {name: messages[-1] for name, messages in received.items()}
+    assert list(newest["/weberlink/hand"]["pose"]["position"].values()) == last["position"].tolist()
+    assert list(newest["/weberlink/felt"]["wrench"]["force"].values()) == last["output"].tolist()
+    assert list(newest["/weberlink/robot"]["pose"]["position"].values()) == last["output"].tolist()
+    assert list(newest["/weberlink/measured"]["wrench"]["force"].values()) == last["raw"].tolist()
+    assert len(newest["/weberlink/scene"]["markers"]) == 2  # of configs/loopback.yaml
+    assert {each["transforms"][0]["child_frame_id"] for each in received["/tf"]} >= {"robot"}
+
+
+def ring(folder: Path, side: str) -> RingWriter:
+    path = folder / f"weberlink-7-{side}.ring"
+    Description(path, description(side)).publish()
+    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=4096)

@@ -1,0 +1,108 @@
+"""The listener process against nodes of Zenoh: what leads, what is told, and how either end ends."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+pytest.importorskip("zenoh", reason="needs the extra weberlink[ros2]")
+pytest.importorskip("rosbags", reason="needs the extra weberlink[ros2]")
+
+from plugins.ros2.tests.ports import endpoint
+from plugins.ros2.tests.publishing import (
+    PATIENCE,
+    await_trouble,
+    listening,
+    next_target,
+    publishing,
+    steadily,
+)
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.testing.time import TICK
+from weberlink_ros2.device import Ros2Device
+from weberlink_ros2.node import Node
+from weberlink_ros2.options import Ros2Options
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def router() -> str:
+    return endpoint()
+
+
+def test_poses_lead_and_what_is_wrong_is_told(router: str) -> None:
+    with listening(router, turns=True) as process:
+        await_trouble(process, "/weberlink/target: nobody publishes it")
+        with publishing(router) as publisher:
+            await_trouble(process, "no pose comes")
+            with steadily(publisher, 0.01, turned_rad=0.5):
+                target = next_target(process)
+                assert (target.target, target.held) == ((0.01, 0.0, 0.03), True)
+                assert target.rotation == pytest.approx((0.0, 0.0, 0.5))
+                await_trouble(process, None)
+            with steadily(publisher, 0.02, frame="map"):
+                await_trouble(process, "its frame_id is 'map', not 'weberlink'")
+                sleep(0.1)
+                assert process.newest() is None
+            with steadily(publisher, float("nan")):
+                await_trouble(process, "its position is not finite: nan, 0, 0.03")
+            with steadily(publisher, 0.03):
+                assert next_target(process).target == (0.03, 0.0, 0.03)
+        with publishing(router, type_name="geometry_msgs/msg/Pose") as wrong:
+            with steadily(wrong, 0.04, type_name="geometry_msgs/msg/Pose"):
+                await_trouble(process, "published as geometry_msgs/msg/Pose, not as geometry_msgs/msg/PoseStamped")
+            assert process.failure is None
+
+
+def test_killed_listener_is_a_fault_at_once(router: str) -> None:
+    device = Ros2Device(Ros2Options(connect=router), TICK)
+    device.open(monotonic())
+    try:
+        child = device._poses.pid  # type: ignore[attr-defined]
+        device.latest(monotonic())
+        os.kill(child, signal.SIGKILL)
+        killed = monotonic()
+        with pytest.raises(DeviceFault, match="ros2: its listener was killed by SIGKILL; start the session again"):
+            while monotonic() < killed + PATIENCE:
+                device.latest(monotonic())
+                sleep(TICK)
+        assert monotonic() - killed < 1.0
+    finally:
+        device.close()
+
+
+DAEMON = """
+import sys, time
+from weberlink_ros2.device import Ros2Device
+from weberlink_ros2.options import Ros2Options
+device = Ros2Device(Ros2Options(connect=sys.argv[1]), 1e-3)
+device.open(time.monotonic())
+print(device._poses.pid, "zenoh" in sys.modules, "rosbags" in sys.modules, flush=True)
+time.sleep(60)
+"""
+
+
+def test_listener_ends_with_a_killed_daemon_that_imports_no_zenoh(router: str) -> None:
+    with subprocess.Popen([sys.executable, "-c", DAEMON, router], stdout=subprocess.PIPE, text=True) as daemon:
+        assert daemon.stdout is not None
+        pid, *imported = daemon.stdout.readline().split()
+        assert imported == ["False", "False"]
+        daemon.kill()
+        killed = monotonic()
+        while _runs(pid):
+            assert monotonic() < killed + PATIENCE
+            sleep(0.01)
+    with Node("next", 0, router) as node:
+        assert node.is_router, "its place is free"
+
+
+def _runs(pid: str) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,113 @@
+"""Nodes on Zenoh sessions of this process: who hears whom, and what is open to others."""
+
+import json
+import socket
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from plugins.ros2.tests.ports import endpoint
+from tests.wait import until
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink_ros2.messages import encode_body, types
+from weberlink_ros2.names import Qos
+from weberlink_ros2.node import CONFIG_VARIABLE, Node, NodeError
+
+STRING = "std_msgs/msg/String"
+BODY = encode_body(types().types[STRING]("hello"), STRING)
+Heard = list[tuple[bytes, int, bytes]]
+
+
+def hear(node: Node, topic: str = "/chatter") -> Heard:
+    heard: Heard = []
+    node.subscribe(topic, STRING, lambda *message: heard.append(message))
+    return heard
+
+
+@pytest.mark.realtime
+def test_messages_come_with_time_and_source_and_nodes_listen_on_loopback_alone() -> None:
+    before, where = listening(), endpoint()
+    with Node("first", connect=where) as first, Node("second", connect=where) as second:
+        heard, elsewhere = hear(second), hear(second, "/other")
+        one, other = first.publisher("/chatter", STRING), first.publisher("/chatter", STRING, Qos(reliable=False))
+        until(lambda: one.put_body(BODY, 5) or heard, "a message")
+        first_source = heard[0][2]
+        heard.clear()
+        other.put_body(BODY, 6)
+        until(lambda: any(stamp == 6 for _, stamp, _ in heard), "a message")
+        (message,) = [message for message in heard if message[1] == 6]
+        assert message[0] == ENCAPSULATION + BODY
+        assert len(message[2]) == 16 and message[2] != first_source
+        assert not elsewhere
+        assert first.is_router and not second.is_router and first.connections == second.connections == 1
+        assert {address for address, _ in listening() - before} <= {socket.inet_aton("127.0.0.1")[::-1].hex().upper()}
+
+
+@pytest.mark.realtime
+def test_other_domains_hear_nothing() -> None:
+    where = endpoint()
+    with Node("first", 1, where) as first, Node("second", 1, where) as same, Node("third", 2, where) as other:
+        heard, unheard = hear(same), hear(other)
+        publisher = first.publisher("/chatter", STRING)
+        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
+        until(lambda: other.connections, "a connection")
+        publisher.put_body(BODY, 0)
+        time.sleep(0.1)
+        assert not unheard
+
+
+@pytest.mark.realtime
+def test_a_router_elsewhere_forwards_messages() -> None:
+    where = endpoint().replace("127.0.0.1", "127.0.0.2")
+    with pytest.raises(NodeError, match="Unable to connect"):
+        Node("first", connect=where)
+    config = zenoh.Config.from_json5(json.dumps({"mode": "router", "listen": {"endpoints": [where]}}))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config), Node("first", connect=where) as first, Node("second", connect=where) as second:
+        heard = hear(second)
+        publisher = first.publisher("/chatter", STRING)
+        until(lambda: publisher.put_body(BODY, 0) or heard, "a message")
+        assert not first.is_router and first.connections == second.connections == 1
+
+
+def listening() -> set[tuple[str, str]]:
+    """Address and port of the sockets of this process that listen for TCP, and of those of UDP."""
+    inodes = set()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # that of the folder itself
+            inodes.add(str(link.readlink()).removeprefix("socket:[").removesuffix("]"))
+    found = set()
+    for kind, states in (("tcp", {"0A"}), ("tcp6", {"0A"}), ("udp", {"07"}), ("udp6", {"07"})):
+        for line in Path(f"/proc/net/{kind}").read_text(encoding="ascii").splitlines()[1:]:
+            fields = line.split()
+            if fields[3] in states and fields[9] in inodes:
+                address, _, port = fields[1].partition(":")
+                found.add((address, port))
+    return found
+
+
+def test_a_closed_node_says_so() -> None:
+    node = Node("first", connect=endpoint())
+    publisher = node.publisher("/chatter", STRING)
+    node.close()
+    node.close()
+    with pytest.raises(NodeError, match="closed"):
+        publisher.put_body(BODY, 0)
+
+
+def test_the_file_of_the_environment_configures_the_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "session.json5"
+    monkeypatch.setenv(CONFIG_VARIABLE, str(file))
+    with pytest.raises(NodeError, match=r"session\.json5"):
+        Node("first")
+    where = endpoint()
+    file.write_text(
+        json.dumps({"mode": "peer", "listen": {"endpoints": [where]}, "scouting": {"multicast": {"enabled": False}}})
+    )
+    with Node("first") as first:
+        assert not first.is_router
+        with socket.create_connection(("127.0.0.1", int(where.rpartition(":")[2])), timeout=5):
+            pass

@@ -1,1 +1,0 @@
-"""Programs beside a session that carry its telemetry to other systems; no daemon imports them."""

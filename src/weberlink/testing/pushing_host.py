@@ -1,0 +1,34 @@
+"""A program that pushes with a device until it is stopped; run as a process of its own.
+
+Arguments: the driver, its options as JSON, and the force along y [N]. A line on standard input is how long the loop
+then stands still [s], while the thread of the device goes on.
+"""
+
+import sys
+from select import select
+from time import monotonic, sleep
+from typing import Any
+
+from weberlink.master.devices import load
+
+TICK = 0.001
+
+
+def main(name: str, options: str, force: str) -> None:
+    driver: Any = load(name)
+    wanted = driver.Options.model_validate_json(options)
+    if hasattr(driver, "fingerprint"):
+        wanted = wanted.model_copy(update={"signs_checked": driver.fingerprint(wanted)})
+    device = driver(wanted, TICK)
+    device.open(monotonic())
+    while True:
+        now = monotonic()
+        device.latest(now)
+        device.command((0.0, float(force), 0.0), now)
+        sleep(TICK)
+        if select((sys.stdin,), (), (), 0.0)[0]:
+            sleep(float(sys.stdin.readline()))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

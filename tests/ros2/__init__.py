@@ -1,1 +1,0 @@
-"""ROS 2 topics, judged by zenoh-ros2-sdk, a client that others wrote."""

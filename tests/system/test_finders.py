@@ -1,0 +1,106 @@
+"""A path finder of another distribution: its key, its names, the process that hands sockets over, and its secrets."""
+
+import socket
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from tests.system.systems import CONFIGS
+from weberlink.cli.sessions import acquainted
+from weberlink.protocol.aio import hand_over
+from weberlink.protocol.psk import PresharedKey
+from weberlink.system.composition.link import build_security
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
+from weberlink.system.configuration.loading import Part
+from weberlink.system.finders import PathFinder, finder_of, finding
+
+FILE = CONFIGS / "loopback.yaml"
+PROGRAM = """
+import socket, sys
+from weberlink.protocol.aio import hand_over
+
+with socket.socket(fileno=int(sys.argv[2])) as end, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+    found.bind(("127.0.0.1", 0))
+    hand_over.send(end, hand_over.PathFound(1, 0, sys.argv[1], found.getsockname()), found)
+    hand_over.receive(end)
+"""
+
+
+class Options(BaseModel):
+    peer: str = "robot"
+    finds: bool = True
+
+
+class Finder:
+    Options = Options
+
+    def __init__(self, options: Options, configuration: Configuration, side: str) -> None:
+        self.security = PresharedKey(bytes(32))
+        self.own, self.expects = side, options.peer
+
+    def process(self, *, take_over: bool) -> tuple[str, ...]:
+        return "finder_of_a_stranger", f"{self.expects} {take_over}"
+
+    @staticmethod
+    def finds_path(options: Options) -> bool:
+        return options.finds
+
+
+def configuration(side: str, **options: Any) -> Configuration:
+    return replace(load(FILE, (), [side]), finder=Part(Finder, Options(**options)))
+
+
+def test_the_finder_has_the_key_and_the_names() -> None:
+    asked = configuration(SLAVE)
+    found: PathFinder | None = finder_of(asked, SLAVE)
+    assert found is not None and (found.own, found.expects) == (SLAVE, "robot")
+    assert isinstance(build_security(asked), PresharedKey)
+    assert finder_of(load(FILE), MASTER) is None
+
+
+def test_a_process_hands_sockets_over_and_ends_with_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "finder_of_a_stranger.py").write_text(PROGRAM)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    asked = configuration(MASTER)
+    with finding(asked, finder_of(asked, MASTER), take_over=True) as end:
+        assert end is not None and not end.getblocking()
+        end.setblocking(True)
+        received = hand_over.receive(end)
+        assert received is not None
+        message, carried = received
+    assert isinstance(message, hand_over.PathFound) and message.peer == "robot True"
+    assert isinstance(carried, socket.socket)
+    with carried:
+        assert carried.getsockname() == message.remote
+
+
+def test_without_a_path_to_find_no_process_is_started() -> None:
+    for asked in (configuration(MASTER, finds=False), load(FILE)):
+        with finding(asked, finder_of(asked, MASTER), take_over=False) as end:
+            assert end is None
+
+
+@pytest.mark.parametrize(
+    ("label", "code", "asked"), [("a", None, "--peer"), (None, "", "--invite"), (None, "1-a", "--join")]
+)
+def test_who_asks_for_a_peer_needs_a_finder(label: str | None, code: str | None, asked: str) -> None:
+    assert acquainted(FILE, (), MASTER, None, None) == []
+    with pytest.raises(ConfigurationError, match=f"{asked}: needs link.finder in the file"):
+        acquainted(FILE, (), MASTER, label, code)
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("link={finder: {driver: nobody}}", "link.finder.driver: no path finder is called 'nobody'"),
+        ("link.finder={driver: nobody}", "finder has the key; leave security out"),
+        ("link.stun=a:1", "options of a driver belong into link.finder"),
+    ],
+)
+def test_a_wrong_section_is_one_line(override: str, complaint: str) -> None:
+    with pytest.raises(ConfigurationError, match=complaint):
+        load(FILE, [override])

@@ -1,1 +1,0 @@
-"""Two hosts behind NATs of every kind meet, and their paths fail in contact: `python -m trials.anywhere`."""
