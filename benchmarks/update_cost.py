@@ -97,7 +97,9 @@ class EndpointPair:
             BenchError: if they do not connect.
         """
         until = monotonic() + PATIENCE_S / 2.0
-        while self.sender.state is not State.ENGAGED or self.receiver.rtt is None or self.sender.rtt is None:
+        while (
+            self.sender.state is not State.ENGAGED or self.receiver.clock.rtt is None or self.sender.clock.rtt is None
+        ):
             if monotonic() > until:
                 raise BenchError("the cost of an update: the two ends did not connect")
             self.exchange()

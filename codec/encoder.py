@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 from math import inf
+from typing import TYPE_CHECKING
 
-from weberlink.codec.adaptive import AdaptiveChoice
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
@@ -13,6 +13,9 @@ from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.update import MAX_GAP, Update
+
+if TYPE_CHECKING:
+    from weberlink.codec.adaptive import AdaptiveChoice
 
 
 class Encoder:
@@ -48,7 +51,11 @@ class Encoder:
         self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
         self._quantizer = channel.value_quantizer
-        self._choice = AdaptiveChoice(channel) if channel.estimates else None
+        self._choice: AdaptiveChoice | None = None
+        if channel.estimates:
+            from weberlink.codec import adaptive  # noqa: PLC0415 - where a file asks for it
+
+            self._choice = adaptive.AdaptiveChoice(channel)
         self._bucket: TokenBucket | None = None
         if channel.rate is not None:
             at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)

@@ -10,6 +10,7 @@ from click import Command, Context, Group
 from typer.main import get_command
 
 from weberlink.cli import app
+from weberlink.protocol import wire
 
 project, author, copyright = "WeberLink", "The WeberLink authors", "The WeberLink authors, Apache-2.0"  # noqa: A001
 release = metadata.version("weberlink")
@@ -22,6 +23,7 @@ myst_heading_anchors = 4
 HERE = Path(__file__).parent
 SCHEMA = HERE.parent / "configs" / "weberlink.schema.json"
 REFERENCE, COMMANDS = HERE / "configuration.md", HERE / "command-reference.md"
+DATAGRAMS = HERE / "datagrams.md"
 
 
 def rows(schema: dict[str, Any], definitions: dict[str, Any], path: str) -> list[str]:
@@ -63,7 +65,7 @@ def helps(name: str, command: Command) -> Iterator[str]:
 
 
 def setup(_app: object) -> None:
-    """Write the reference of the configuration from its schema, and that of the commands from their help."""
+    """Write the references: configuration from its schema, commands from their help, datagrams from their table."""
     sections = "\n".join(helps("weberlink", get_command(app)))
     COMMANDS.write_text(f"# Command reference\n\nGenerated from the program.\n\n{sections}", encoding="utf-8")
     schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
@@ -71,3 +73,9 @@ def setup(_app: object) -> None:
     head = "# Configuration reference\n\nGenerated from the schema. Driver options stand behind their driver.\n\n"
     table = "| key | values | default | meaning |\n|---|---|---|---|\n"
     REFERENCE.write_text(head + table + "\n".join(dict.fromkeys(lines)) + "\n", encoding="utf-8")
+    fields = "\n".join(
+        f"| {part} | {name} | {'groups' if most == 0 else most if least == most else f'{least}-{most}'} | {meaning} |"
+        for part, name, least, most, meaning in wire.TABLE
+    )
+    text = f"# Datagrams\n\n{wire.__doc__}\n| part | field | bits | meaning |\n|---|---|---|---|\n{fields}\n"
+    DATAGRAMS.write_text(text, encoding="utf-8")

@@ -177,7 +177,7 @@ class LeaderPort(OperatorEnd):
             asked = max([min(abs(torque), most) for torque, most in zip(sensor.part(wanted), limits, strict=True)])
             if asked > contact.free or not contact.quiet:
                 endpoint = self._endpoint
-                round_trip = None if endpoint.rtt is None else endpoint.rtt + self._delay
+                round_trip = None if endpoint.clock.rtt is None else endpoint.clock.rtt + self._delay
                 decoded = sensor.part(self.decoded)
                 stated = 0.0 if any(abs(torque) > most for torque, most in zip(decoded, least, strict=True)) else inf
                 most = contact.bound(asked, elapsed, round_trip, stated=stated)
@@ -187,7 +187,7 @@ class LeaderPort(OperatorEnd):
                 unfounded |= contact.unfounded
             founded += part
         if unfounded and not self.unfounded:
-            self._control.resume(self._endpoint.peer_credit)
+            self._control.resume(self._endpoint.credit.known)
         self.unfounded = unfounded
         return founded + output[len(founded) :]
 

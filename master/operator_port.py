@@ -124,7 +124,7 @@ class ContactWatch:
             asked: its size before slew limit and gate [N].
             elapsed: time since the last call [s].
         """
-        rtt = self._endpoint.rtt
+        rtt = self._endpoint.clock.rtt
         round_trip = None if rtt is None else rtt + self._delay
         stated, claimed = self._heard(elapsed, round_trip)
         most = self.limiter.bound(asked, elapsed, round_trip, stated=stated, claimed=claimed)
@@ -149,7 +149,7 @@ class ContactWatch:
 
     def _models(self, round_trip: float | None) -> bool:
         """Whether the received model states a contact where the robot was as the newest news of it left."""
-        waited = 0.0 if round_trip is None else round_trip + self._endpoint.jitter + LOOK_S
+        waited = 0.0 if round_trip is None else round_trip + self._endpoint.clock.jitter + LOOK_S
         x, y, z = self._decoder.stated(self._tick - self._playout, self._sent.ago(waited))
         return hypot(x, y, z) > self._least
 
@@ -265,7 +265,7 @@ class OperatorPort(OperatorEnd):
     def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self._control
         self._tick = tick
-        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, endpoint)
+        control.observe(self.hand.value, elapsed, tick, endpoint.credit.known, endpoint.clock)
         if self._turning is not None:
             turning, turned = self._turning
             turning.observe(turned(), elapsed)
@@ -307,7 +307,7 @@ class OperatorPort(OperatorEnd):
             self._control.refute()
             self._endpoint.request_full_state()
         if limiter.unfounded and not self.unfounded:
-            self._control.resume(self._endpoint.peer_credit)
+            self._control.resume(self._endpoint.credit.known)
         self._was_doubtful, self.unfounded = limiter.doubtful, limiter.unfounded
 
     def report(self, row: Row, *, is_led: bool) -> None:  # noqa: ARG002 - this end leads

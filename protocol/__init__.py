@@ -18,11 +18,11 @@ from weberlink.protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    Statistics,
     TakenOver,
     UpdateLost,
     UpdateReceived,
 )
-from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.states import Role, State, StateError
 
 __all__ = [

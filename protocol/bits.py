@@ -1,6 +1,7 @@
 """Strings of bits: integers of few bits, one after the other, the highest bit of each first.
 
-A string that is being made is one integer: a 1, then its bits. So its length need not be counted beside it.
+A string that is being made is one integer: a 1, then its bits, so that its length need not be counted beside it. Of a
+received one, `bits`, the lowest `left` bits are still to be read.
 """
 
 from collections.abc import Sequence
@@ -14,16 +15,20 @@ class MalformedError(ValueError):
     """A received datagram ends too early, or goes on after its end."""
 
 
-def put_group(string: int, numbers: Sequence[int]) -> int:
-    """A string with int16 numbers appended, in as many bits each, two's complement, as the largest of them needs."""
-    magnitudes = 0
-    for number in numbers:
-        magnitudes |= ~number if number < 0 else number
-    width = magnitudes.bit_length() + 1
-    mask = (1 << width) - 1
-    string = string << WIDTH_BITS | width - 1
-    for number in numbers:
-        string = string << width | number & mask
+def put_groups(string: int, groups: Sequence[int], numbers: Sequence[int]) -> int:
+    """A string with groups of so many int16 numbers appended, each group as wide as its largest number needs."""
+    start = 0
+    for count in groups:
+        group = numbers[start : start + count]
+        start += count
+        magnitudes = 0
+        for number in group:
+            magnitudes |= ~number if number < 0 else number
+        width = magnitudes.bit_length() + 1
+        mask = (1 << width) - 1
+        string = string << WIDTH_BITS | width - 1
+        for number in group:
+            string = string << width | number & mask
     return string
 
 
@@ -41,7 +46,7 @@ def to_bytes(string: int) -> bytes:
 
 
 def take(bits: int, left: int, width: int) -> tuple[int, int]:
-    """The next `width` bits of a received string, of which the lowest `left` bits are left; and how many then are.
+    """The next `width` bits, and how many then are left.
 
     Raises:
         MalformedError: if the string ends too early, as in the functions below.
@@ -52,13 +57,20 @@ def take(bits: int, left: int, width: int) -> tuple[int, int]:
     return bits >> left & (1 << width) - 1, left
 
 
-def take_group(bits: int, left: int, count: int) -> tuple[tuple[int, ...], int]:
-    """As many numbers of `put_group`."""
-    width, left = take(bits, left, WIDTH_BITS)
-    width += 1
-    group, left = take(bits, left, width * count)
-    half, mask = 1 << width - 1, (1 << width) - 1
-    return tuple([((group >> shift & mask) ^ half) - half for shift in range(width * (count - 1), -1, -width)]), left
+def take_groups(bits: int, left: int, groups: Sequence[int]) -> tuple[tuple[int, ...], int]:
+    """The numbers of `put_groups`."""
+    numbers: list[int] = []
+    for count in groups:
+        width, left = take(bits, left, WIDTH_BITS)
+        width += 1
+        end = left - width * count
+        if end < 0:
+            raise MalformedError(f"expected {-end} bits more")
+        half, mask = 1 << width - 1, (1 << width) - 1
+        while left > end:
+            left -= width
+            numbers.append(((bits >> left & mask) ^ half) - half)
+    return tuple(numbers), left
 
 
 def take_count(bits: int, left: int) -> tuple[int, int]:
@@ -76,7 +88,7 @@ def take_rest(bits: int, left: int) -> bytes:
     return (bits & (1 << left) - 1).to_bytes(left // 8, "big")
 
 
-def end(bits: int, left: int) -> None:
+def check_end(bits: int, left: int) -> None:
     """Check that the string ends in this byte, whose remaining bits must be 0."""
     if left >= 8 or bits & (1 << left) - 1:
         raise MalformedError(f"{left} bits after the end")

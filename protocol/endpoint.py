@@ -1,17 +1,23 @@
-"""One end of a link, sans I/O: handshake, timers, and received datagrams.
+"""One end of a link, sans I/O: its state, handshake, timers, and received datagrams.
 
-Its owner drives it with `now` as an argument: by `receive_datagram`, `handle_timer` and the methods of `Conversation`.
-It answers through `datagrams_to_send`, `next_timer` and `next_event`. A peer's fault is an event, never an exception.
+Its owner drives it with `now` as an argument. It answers through `datagrams_to_send`, `next_timer` and `next_event`. A
+peer's fault is an event, never an exception.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
+from typing import Final
 
-from weberlink.protocol.conversation import Conversation, session_parameters
+from weberlink.protocol.counters import Credit
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.events import (
     Address,
+    ChangeProposed,
+    Connected,
+    DatagramDropped,
     DropReason,
+    Event,
     PathAnswered,
     PathAsked,
     PeerClosed,
@@ -19,37 +25,60 @@ from weberlink.protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    Statistics,
     TakenOver,
+    UpdateLost,
     UpdateReceived,
 )
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     PROTOCOL_VERSION,
-    Caller,
+    Hello,
     LocalEnd,
     check_name,
     pack_agreement,
     read_map,
 )
 from weberlink.protocol.listener import Listener
-from weberlink.protocol.liveness import FADE_SHARE
+from weberlink.protocol.liveness import FADE_SHARE, Liveness
+from weberlink.protocol.path import Path
 from weberlink.protocol.retransmission import copies_needed
-from weberlink.protocol.round_trip import in_ms, rounded_up
+from weberlink.protocol.round_trip import LONGEST, in_ms, rounded_up
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import Opened, Outcome, OwnersOutcome, Session
-from weberlink.protocol.states import Role, State, Trigger
-from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of, length_fault
-from weberlink.update import UpdateForm
+from weberlink.protocol.session import LONGEST_SILENCE, Outcome, OwnersOutcome, Parameters, Session
+from weberlink.protocol.states import Role, State, moved
+from weberlink.protocol.timing import Clock
+from weberlink.protocol.wire import (
+    LONGEST_CHANGE,
+    LONGEST_DATAGRAM,
+    TICK_BITS,
+    DirectionLayout,
+    Kind,
+    kind_of,
+    length_fault,
+)
+from weberlink.update import Update, UpdateForm
 
-_HANDSHAKE = frozenset((int(Kind.HELLO), int(Kind.WELCOME)))
-_PATH = (PathAsked, PathAnswered)
-# The class of an enumeration is slow to ask for a member.
-_SILENT = State.SILENT
-TAKEN_OVER = "taken over by "
+QUEUED_DATAGRAMS: Final = 64
+QUEUED_EVENTS: Final = 256
+"""A full queue drops its oldest entry; dropped datagrams fill half of the events at most."""
+ENCODING_REPORT_S: Final = 0.02
+ENCODING_REPORT_TICKS: Final = 10
+"""How long an encoder counts as running after its owner last reported it: the longer of the two."""
+MOST_TICKS: Final = 1 << TICK_BITS - 1
+"""Ticks that the silence limit may span."""
+QUIET_SHARE: Final = 0.2
+LONGEST_QUIET: Final = 0.05
+"""How long nothing must come from the peer's address before another one is used: a share of the silence limit, and the
+longest time [s]."""
+TAKEN_OVER: Final = "taken over by "
 """First words of the farewell to a master that another one has replaced; its name follows."""
+_HANDSHAKE = frozenset((int(Kind.HELLO), int(Kind.WELCOME)))
+# The class of an enumeration is slow to ask for a member.
+_ENGAGED, _SILENT = State.ENGAGED, State.SILENT
 
 
-class Endpoint(Conversation):
+class Endpoint:
     """One end of a link.
 
     The life of an initiator: `connect`, then `Connected` (or `Refused`, which is final), updates, `PeerSilent` and
@@ -58,6 +87,16 @@ class Endpoint(Conversation):
 
     The state is ENGAGED only while each end hears the other (`weberlink.protocol.liveness`). A link with a longer round
     trip than both ends allow gets no session: the initiator measures it, and after a second it ends with `Refused`.
+
+    Attributes:
+        role: of this end.
+        state: of the conversation.
+        peer: where the peer is, or was last; None for a responder before the first call.
+        sessions: number of sessions that have begun.
+        liveness: when the ends last heard each other in the session, or in the last one.
+        clock: mapping to the peer's clock, round trip and jitter of the session; of nothing measured without one.
+        credit: counts that each end has granted to the other in the session (`grant`).
+        statistics: counters over all sessions, and present measurements.
     """
 
     def __init__(
@@ -96,7 +135,7 @@ class Endpoint(Conversation):
             longest_round_trip: of a session [s]; the smaller value of the two ends holds, at most `LONGEST`.
             peer: whom an initiator calls.
             version: of the protocol; another one than this code's only to study a mismatch.
-            carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`.
+            carries_credit: whether every update and heartbeat, of both ends, carries the sender's credit.
             name: of this end, as the other end shows it; "" for that of its role.
             expects: name of the only peer that is accepted; "" for any. An initiator keeps to the first that answers.
             take_over: whether an initiator replaces another master that the slave serves, in its first session.
@@ -107,21 +146,43 @@ class Endpoint(Conversation):
         """
         if role is Role.INITIATOR and peer is None:
             raise ValueError("peer: an initiator must be told whom to call")
-        parameters = session_parameters(
-            outgoing,
-            incoming,
-            carries_credit=carries_credit,
-            epoch=epoch,
-            tick_period=tick_period,
-            silence=silence,
-            longest_round_trip=longest_round_trip,
-            opens=role is Role.INITIATOR,
+        if not (tick_period > 0.0 and silence > 0.0):
+            raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
+        if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
+            most = min(LONGEST_SILENCE, tick_period * MOST_TICKS)
+            raise ValueError(f"silence must be at most {most:g} s, not {silence}")
+        if not 0.0 <= longest_round_trip <= LONGEST:
+            raise ValueError(f"longest_round_trip must be in 0..{LONGEST:g} s, not {longest_round_trip}")
+        forward, backward = (
+            DirectionLayout(streams, carries_credit=carries_credit, acks=len(others))
+            for streams, others in ((outgoing, incoming), (incoming, outgoing))
         )
         packed = pack_agreement(agreement)
-        super().__init__(role, parameters, read_map(packed) or {}, entropy, peer)
+        self.role = role
+        self.state = State.IDLE
+        self.peer = peer
+        self.sessions = 0
+        self.statistics = Statistics()
+        self.liveness = Liveness(epoch, silence, 0.0, -inf)
+        self.clock = self._no_clock = Clock(epoch, 0.0, epoch)
+        self.credit = Credit()
         self._calls = role is Role.INITIATOR
-        self._lengths = parameters.incoming.lengths(security.tag_size)
-        self._served: Caller | None = None  # the master of the present session
+        self._parameters = Parameters(forward, backward, epoch, tick_period, silence, self._calls)
+        self._longest_loop_age = silence + longest_round_trip
+        self._encoding_report = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * tick_period)
+        self._agreement = read_map(packed) or {}
+        self._entropy = entropy
+        self._lengths = backward.lengths(security.tag_size)
+        self._datagrams: list[tuple[bytes, Address]] = []
+        self._events: deque[Event] = deque()
+        self._session: Session | None = None
+        self._former: Session | None = None
+        self._path: Path | None = None
+        self._served: Hello | None = None  # the master of the present session
+        self._encoding_reported_at: float | None = None
+        self._is_encoding = True
+        self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
+        self._due: float | None = None  # read several times a tick; None when it may have changed
         end = LocalEnd(
             security,
             entropy,
@@ -137,9 +198,20 @@ class Endpoint(Conversation):
             entropy(INSTANCE_BYTES),
             takes_over=take_over,
             stamp=stamp or (lambda now: max(0, round(now * 1e9))),
-            patience=silence + longest_round_trip,
+            patience=self._longest_loop_age,
         )
         self._listener = Listener(end, self._open_session)
+
+    # --- what the owner reads
+
+    def next_event(self) -> Event | None:
+        """Take the oldest event; None if there is none."""
+        return self._events.popleft() if self._events else None
+
+    def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
+        """Take everything to be sent, oldest first."""
+        datagrams, self._datagrams = self._datagrams, []
+        return datagrams
 
     @property
     def peer_name(self) -> str:
@@ -148,6 +220,101 @@ class Endpoint(Conversation):
             return self._dialer.expects
         return "" if self._served is None else self._served.name
 
+    @property
+    def silent_at(self) -> float:
+        """Time at which a limit is passed if nothing more is heard [s]; infinite while not engaged."""
+        return self.liveness.silent_at if self.state is _ENGAGED else inf
+
+    def is_peer_encoding(self, now: float) -> bool:
+        """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
+        return self.state is _ENGAGED and self.liveness.drives(now)
+
+    # --- what the owner sends
+
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
+        """Send a new state of a stream to the peer, and repeat it until it arrives.
+
+        A silent peer is sent the update too; it is repeated once the peer is back.
+
+        Args:
+            now: [s].
+            update: its tick is counted from the epoch.
+            stream: which it belongs to, from 0.
+
+        Returns:
+            False if there is no session, and nothing was sent.
+
+        Raises:
+            ValueError: naming what cannot be sent.
+        """
+        if self._session is None:
+            return False
+        self._due = None
+        self._is_encoding = True
+        self._post(self._session.send_update(now, update, stream))
+        return True
+
+    def report_encoding(self, now: float, *, is_encoding: bool) -> None:
+        """Report in every tick whether the encoder of this end runs, which every datagram tells the peer.
+
+        An owner that has reported and then stops counts as not encoding; one that never reports counts as encoding.
+        """
+        self._encoding_reported_at = now
+        if is_encoding is not self._is_encoding:
+            self._is_encoding = is_encoding
+            self._tell_encoding()
+
+    def grant(self, count: int) -> None:
+        """Tell the peer a cumulative count, in every datagram; it is 0 when a session begins, and stays 0 without one.
+
+        Raises:
+            ValueError: it would fall.
+        """
+        session = self._session
+        if session is not None and session.credit.granted != count:
+            session.credit.granted = count
+            session.heartbeats.granted(count)
+            self._due = None
+
+    def request_full_state(self) -> None:
+        """Tell the peer that the owner holds none of its updates any more, so that it sends complete ones."""
+        if self._session is not None:
+            self._session.request_full_state()
+
+    def propose_change(self, now: float, tick: int, body: bytes) -> bool:
+        """Propose that both ends change something at the same tick; `ChangeAnswered` follows.
+
+        Args:
+            tick: of ours, at which the change is to be made; far enough ahead for the answer to come back.
+            body: what is to change, 1 to `LONGEST_CHANGE` bytes.
+
+        Returns:
+            False, and nothing is proposed, without an engaged peer or while an earlier proposal waits for its answer.
+
+        Raises:
+            ValueError: the body is empty or too long.
+        """
+        if not 1 <= len(body) <= LONGEST_CHANGE:
+            raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
+        if self._session is None or self.state is not _ENGAGED or self._session.negotiation.is_proposing:
+            return False
+        self._session.negotiation.propose(tick, body, now)
+        self._due = None
+        return True
+
+    def answer_change(self, proposal: ChangeProposed, refusal: str | None) -> None:
+        """Answer a change that the peer has proposed, unless its session is over or it has proposed another one since.
+
+        Args:
+            proposal: the event itself, which belongs to its session.
+            refusal: None to accept it, else a short reason.
+        """
+        if self._session is not None:
+            self._session.negotiation.answer(proposal, refusal)
+            self._due = None
+
+    # --- its life
+
     def connect(self, now: float) -> None:
         """Begin: an initiator calls, a responder listens.
 
@@ -155,11 +322,9 @@ class Endpoint(Conversation):
             StateError: if begun before.
         """
         self._due = None
-        if self.role is Role.INITIATOR:
-            self._turn(Trigger.DIAL)
+        self.state = moved(self.state, State.CONNECTING if self._calls else State.LISTENING)
+        if self._calls:
             self._call(now)
-        else:
-            self._turn(Trigger.LISTEN)
 
     def close(self, now: float, reason: str) -> None:
         """Leave for good, and tell the peer why; the farewell is among the datagrams to send.
@@ -168,20 +333,27 @@ class Endpoint(Conversation):
             StateError: if closed already.
         """
         self._due = None
-        self._turn(Trigger.CLOSE)
+        self.state = moved(self.state, State.CLOSED)
         if self._session is not None:
             # Nothing is heard or repeated from here on, so a lossy link gets copies at once.
             for _ in range(1 + copies_needed(self.statistics.outgoing_loss, self.statistics.outgoing_burst)):
-                self._post(self._session.sender.send_bye(now, reason))
+                self._post(self._session.send_bye(now, reason))
         self._end_session()
         self._listener.settle()
-
-    # --- time
 
     def next_timer(self) -> float | None:
         """Time of the next action of `handle_timer` [s]; None if there is none."""
         if self._due is None:
-            self._due = min(self._dialer.due, self._session_due())
+            due, session = self._dialer.due, self._session
+            if session is not None:
+                is_engaged = self.state is _ENGAGED
+                due = min(
+                    due,
+                    session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding),
+                    session.silent_at if is_engaged else session.expires_at,
+                    self._deaf_at,
+                )
+            self._due = due
         return None if self._due == inf else self._due
 
     def handle_timer(self, now: float) -> None:
@@ -195,30 +367,52 @@ class Endpoint(Conversation):
         if now >= self._dialer.due:
             self._post(self._dialer.hello(now))
 
+    @property
+    def _deaf_at(self) -> float:
+        """When a peer that was still heard as silence fell is no longer heard either [s]; infinite without one."""
+        return self.liveness.heard_at + self._parameters.silence if self._is_peer_heard else inf
+
     def _watch_silence(self, now: float) -> None:
         """Fall silent when a limit is passed, and end the session some seconds later."""
         if self._session is None:
             return
         if now >= self.silent_at:
             self._session.silent_since = self.silent_at
-            self._turn(Trigger.FALL_SILENT)
+            self.state = moved(self.state, _SILENT)
             self._session.request_full_state()
             self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence
-            self._mailbox.tell(PeerSilent(self._is_peer_heard))
-            if self.role is Role.INITIATOR:
+            self._tell(PeerSilent(self._is_peer_heard))
+            if self._calls:
                 self._call(now)
         if now >= self._deaf_at:
             self._is_peer_heard = False
-            self._mailbox.tell(PeerSilent(is_heard=False))
-        if self.state is State.SILENT and now >= self._session.expires_at:
-            self._turn(Trigger.EXPIRE)
-            self._end_session()
-            self._mailbox.tell(SessionExpired())
-            self.connect(now)
+            self._tell(PeerSilent(is_heard=False))
+        if self.state is _SILENT and now >= self._session.expires_at:
+            self._leave(SessionExpired(), now)
+
+    def _send_due(self, now: float) -> None:
+        """Send what is due in the present session, and report lost updates to the owner."""
+        session, is_engaged = self._session, self.state is _ENGAGED
+        if session is None:
+            return
+        if is_engaged:
+            if self._encoding_reported_at is not None and now - self._encoding_reported_at > self._encoding_report:
+                self._is_encoding = False
+            for stream in session.take_lost(now) if self._is_encoding else ():
+                self._tell(UpdateLost(stream))
+        while (datagram := session.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)) is not None:
+            self._post(datagram)
 
     def _call(self, now: float) -> None:
         self._dialer.start(now)
         self._post(self._dialer.hello(now))
+
+    def _tell_encoding(self) -> None:
+        """Tell the peer at once if our encoder has started or stopped."""
+        session = self._session
+        if session is not None and self.state is _ENGAGED and session.said_encoding is not self._is_encoding:
+            session.heartbeats.asked()
+            self._due = None
 
     # --- the network
 
@@ -226,164 +420,150 @@ class Endpoint(Conversation):
         """Take one datagram that has come from `address`, whatever its bytes."""
         self._due = None
         if not data:
-            self._mailbox.drop(DropReason.TRUNCATED)
+            self._drop(DropReason.TRUNCATED)
             return
         kind = kind_of(data)
         if self._calls and address != self.peer:
-            self._mailbox.drop(DropReason.FOREIGN_ADDRESS)
+            self._drop(DropReason.FOREIGN_ADDRESS)
         elif kind in _HANDSHAKE:
-            self._receive_handshake(kind, data, address, now)
+            if self.state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not self._calls:
+                self._drop(DropReason.UNEXPECTED)
+            elif len(data) > LONGEST_DATAGRAM:
+                self._drop(DropReason.WRONG_LENGTH)
+            elif self._calls:
+                self._on_welcome(data, address, now)
+            else:
+                self._on_hello(data, address, now)
         elif reason := length_fault(data, self._lengths):
-            self._mailbox.drop(reason)
+            self._drop(reason)
         else:
-            self._receive_sealed(data, address, now)
+            self._on_sealed(data, address, now)
 
-    def _receive_handshake(self, kind: int, data: bytes, address: Address, now: float) -> None:
-        is_initiator = self.role is Role.INITIATOR
-        if self.state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not is_initiator:
-            self._mailbox.drop(DropReason.UNEXPECTED)
-        elif len(data) > LONGEST_DATAGRAM:
-            self._mailbox.drop(DropReason.WRONG_LENGTH)
-        elif is_initiator:
-            self._receive_welcome(data, address, now)
-        else:
-            self._receive_hello(data, address, now)
-
-    def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
+    def _on_hello(self, data: bytes, address: Address, now: float) -> None:
         serving = None if self._session is None else self._served
-        is_engaged = self.state is State.ENGAGED
-        reply = self._listener.receive(data, address, now, serving=serving, is_engaged=is_engaged)
+        reply = self._listener.on_hello(data, address, now, serving=serving, is_engaged=self.state is _ENGAGED)
         if isinstance(reply, DropReason):
-            self._mailbox.drop(reply)
+            self._drop(reply)
             return
-        self._mailbox.post(reply.welcome, address)
-        if reply.refusal is None:
-            self._mailbox.count(data)
+        welcome, refusal = reply
+        self._post_to(welcome, address)
+        if refusal is None:
+            self._count(data)
             return
-        self._mailbox.drop(DropReason.REFUSED)
+        self._drop(DropReason.REFUSED)
         if self._session is None:
-            self._mailbox.tell(Refused(reply.refusal))
+            self._tell(Refused(refusal))
 
-    def _receive_welcome(self, data: bytes, address: Address, now: float) -> None:
-        answer = self._dialer.receive(data)
+    def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
+        answer = self._dialer.on_welcome(data)
         if isinstance(answer, DropReason):
-            self._mailbox.drop(answer)
+            self._drop(answer)
             return
-        self._mailbox.count(data)
+        self._count(data)
         if answer is None:
             return
         if isinstance(answer, str):
-            self._turn(Trigger.REFUSE)
+            self.state = moved(self.state, State.CLOSED)
             self._end_session()
-            self._mailbox.tell(Refused(answer))
+            self._tell(Refused(answer))
             return
         hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
         round_trip = now - hello_at
         if in_ms(round_trip) > in_ms(answer.longest_round_trip):
             self._dialer.find_too_long(round_trip, now)
-            self._mailbox.drop(DropReason.STALE)
+            self._drop(DropReason.STALE)
             return
         session = self._open_session(answer.protection, answer.longest_round_trip, answer.peer_clock, now, hello_at)
         session.liveness.agree(min(rounded_up(round_trip), answer.longest_round_trip), now)
         session.clock.learn(answer.outward_delay, 0.0, 0.0)
         session.measure()
         self._establish(session, address)
-        self._post(session.sender.send_heartbeat(now))
+        self._post(session.send_heartbeat(now))
 
-    def _receive_sealed(self, data: bytes, address: Address, now: float) -> None:
+    def _on_sealed(self, data: bytes, address: Address, now: float) -> None:
         session = self._session
         if session is not None and now >= session.expires_at:
             self._watch_silence(now)  # this process has stood still; datagrams that waited may be of any age
             session = self._session
         opened = None if session is None else session.authenticate(data)
         if session is None or opened is None:
-            self._receive_other(data, address, now)
+            self._on_foreign(data, address, now)
             return
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
-            self._mailbox.count(data)
-        self._follow(session, outcome, address, now)
+            self._count(data)
+        self._on_authentic(session, outcome, address, now)
 
-    def _receive_other(self, data: bytes, address: Address, now: float) -> None:
+    def _on_foreign(self, data: bytes, address: Address, now: float) -> None:
         """Take a datagram that is not of the present session: the first of a pending one makes that the present one."""
-        match = self._match_pending(data)
-        if isinstance(match, DropReason):
-            self._mailbox.drop(match)
+        for session in self._listener.pending:
+            if (opened := session.authenticate(data)) is not None:
+                break
+        else:
+            if self._former is not None and self._former.authenticate(data) is not None:
+                self._drop(DropReason.WRONG_SESSION)
+            else:
+                self._drop(DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG)
             return
-        session, opened = match
-        if now - session.liveness.heard_at > self._parameters.silence + self._parameters.longest_round_trip:
-            self._mailbox.drop(DropReason.STALE)
+        if now - session.liveness.heard_at > self._longest_loop_age:
+            self._drop(DropReason.STALE)
             return
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
-            self._mailbox.count(data)
-        if not self._confirm(session, now):
-            self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
+            self._count(data)
+        if not session.is_fresh or now >= session.silent_at:
+            self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
-        self._follow(session, outcome, address, now)
+        # The master has received the WELCOME at the address that it called from, and so has proved that address.
+        caller, proved = self._listener.confirm(session)
+        replaced, self._served = self._served, caller
+        if self._session is not None and replaced is not None and caller.instance != replaced.instance:
+            self._post(self._session.send_bye(now, TAKEN_OVER + caller.name))
+        self._establish(session, proved)
+        self._on_authentic(session, outcome, address, now)
 
-    def _follow(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
+    def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
         """Do what an authentic datagram of the present session leads to."""
         self._dialer.confirm()
         session.measure()
-        if self._path is not None:
-            self._locate(self._path, session, address, now)
+        path = self._path
+        if path is not None:
+            path.on_datagram(address, now, is_fresh=session.is_newest and session.is_fresh)
+            self.peer = path.address
+            if (challenge := path.challenge(now)) is not None:
+                self._post_to(session.send_path(now, challenge[0], is_answer=False), challenge[1])
         if self.state is _SILENT and session.is_fresh and now < session.silent_at:
-            self._turn(Trigger.HEAR)
+            self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
             self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()
-            self._mailbox.tell(PeerReturned())
-        if isinstance(outcome, _PATH):
-            self._take_path(session, outcome, address, now)
+            self._tell(PeerReturned())
+        if isinstance(outcome, PathAsked):
+            self._post_to(session.send_path(now, outcome.token, is_answer=True), address)
+        elif isinstance(outcome, PathAnswered):
+            if path is not None:
+                path.on_answer(outcome.token, now)
+                self.peer = path.address
         elif outcome is not None:
-            self._take(outcome, now)
+            self._on_message(outcome, now)
 
-    def _match_pending(self, data: bytes) -> tuple[Session, Opened] | DropReason:
-        """The pending session under whose keys a datagram is authentic."""
-        for session in self._listener.pending:
-            if (opened := session.authenticate(data)) is not None:
-                return session, opened
-        if self._former is not None and self._former.authenticate(data) is not None:
-            return DropReason.WRONG_SESSION
-        return DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG
-
-    def _confirm(self, session: Session, now: float) -> bool:
-        """Make a pending session the present one, if its datagram was fresh, and tell the master that it replaces.
-
-        The master has received the WELCOME at the address that it called from, and so has proved that address.
-        """
-        if not session.is_fresh or now >= session.silent_at:
-            return False
-        caller, address = self._listener.confirm(session)
-        replaced, self._served = self._served, caller
-        if self._session is not None and replaced is not None and caller.instance != replaced.instance:
-            self._post(self._session.sender.send_bye(now, TAKEN_OVER + caller.name))
-        self._establish(session, address)
-        return True
-
-    def _take(self, outcome: OwnersOutcome | DropReason, now: float) -> None:
-        if isinstance(outcome, UpdateReceived):
-            self.statistics.updates_received[outcome.stream] += 1
-            self._mailbox.tell(outcome)
-        elif isinstance(outcome, DropReason):
-            self._mailbox.drop(outcome)
-        elif isinstance(outcome, PeerClosed):
-            self._take_farewell(outcome, now)
-        else:
-            self._mailbox.tell(outcome)
-
-    def _take_farewell(self, farewell: PeerClosed, now: float) -> None:
-        if self.role is Role.INITIATOR and farewell.reason.startswith(TAKEN_OVER):
-            self._turn(Trigger.CLOSE)  # calling again would take the slave back
+    def _on_message(self, outcome: OwnersOutcome | DropReason, now: float) -> None:
+        """Tell the owner, and end the session if the peer has left it."""
+        if isinstance(outcome, DropReason):
+            self._drop(outcome)
+        elif not isinstance(outcome, PeerClosed):
+            if isinstance(outcome, UpdateReceived):
+                self.statistics.updates_received[outcome.stream] += 1
+            self._tell(outcome)
+        elif self._calls and outcome.reason.startswith(TAKEN_OVER):
+            self.state = moved(self.state, State.CLOSED)  # calling again would take the slave back
             self._end_session()
-            self._mailbox.tell(TakenOver(farewell.reason.removeprefix(TAKEN_OVER)))
-            return
-        self._turn(Trigger.LEAVE)
-        self._end_session()
-        self._mailbox.tell(farewell)
-        self.connect(now)
+            self._tell(TakenOver(outcome.reason.removeprefix(TAKEN_OVER)))
+        else:
+            self._leave(outcome, now)
+
+    # --- sessions
 
     def _open_session(
         self, protection: Protection, longest: float, peer_clock: float, now: float, confirmed_at: float = -inf
@@ -398,6 +578,62 @@ class Endpoint(Conversation):
             confirmed_at=confirmed_at,
         )
 
+    def _establish(self, session: Session, address: Address) -> None:
+        self.state = moved(self.state, _ENGAGED)
+        self._end_session()
+        self._session = session
+        self.sessions += 1
+        self.liveness, self.clock, self.credit = session.liveness, session.clock, session.credit
+        self._tell_encoding()
+        self.peer = address
+        if not self._calls:
+            self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
+        self._events.clear()  # what has not been read of the session before is void
+        self._events.append(Connected(address, self._agreement))
+
+    def _leave(self, why: SessionExpired | PeerClosed, now: float) -> None:
+        """End the session, and call or listen again."""
+        self.state = moved(self.state, State.IDLE)
+        self._end_session()
+        self._tell(why)
+        self.connect(now)
+
     def _end_session(self) -> None:
         self._dialer.stop()
-        super()._end_session()
+        self._path = None
+        self._is_peer_heard = False
+        if self._session is not None:
+            self._former, self._session = self._session, None
+            self.clock, self.credit = self._no_clock, Credit()
+
+    # --- queues
+
+    def _post(self, datagram: bytes) -> None:
+        """Send to the peer, whose address is known as soon as there is a session, or a call."""
+        if self.peer is not None:
+            self._post_to(datagram, self.peer)
+
+    def _post_to(self, datagram: bytes, address: Address) -> None:
+        statistics = self.statistics
+        if len(self._datagrams) >= QUEUED_DATAGRAMS:
+            del self._datagrams[0]
+            statistics.overflowed += 1
+        self._datagrams.append((datagram, address))
+        statistics.sent += 1
+        statistics.bytes_sent += len(datagram)
+
+    def _tell(self, event: Event) -> None:
+        if len(self._events) >= QUEUED_EVENTS:
+            self._events.popleft()
+        self._events.append(event)
+
+    def _count(self, data: bytes) -> None:
+        """Count an authentic datagram."""
+        self.statistics.received += 1
+        self.statistics.bytes_received += len(data)
+
+    def _drop(self, reason: DropReason) -> None:
+        self.statistics.dropped[reason] += 1
+        self.statistics.drops += 1
+        if len(self._events) < QUEUED_EVENTS // 2:
+            self._events.append(DatagramDropped(reason))

@@ -1,6 +1,8 @@
-"""Events that an endpoint reports to its owner, and the reasons for which it drops datagrams."""
+"""Events that an endpoint reports to its owner, the reasons for which it drops datagrams, and its counters."""
 
+from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -176,3 +178,44 @@ Event = (
     | ChangeAnswered
     | DatagramDropped
 )
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Cumulative counters over all sessions of an endpoint, and the current measurements of the link.
+
+    `sent` and `bytes_sent` count every datagram (UDP payload); `received` counts authentic ones. An update that was
+    sent again counts under `repeats`, not under `updates_sent`.
+    """
+
+    sent: int = 0
+    bytes_sent: int = 0
+    received: int = 0
+    bytes_received: int = 0
+    updates_sent: list[int] = field(default_factory=lambda: [0, 0])
+    """By stream."""
+    updates_received: list[int] = field(default_factory=lambda: [0, 0])
+    """By stream."""
+    repeats: int = 0
+    heartbeats: int = 0
+    lost: int = 0
+    """Datagrams of the peer that never came, from gaps in its sequence numbers."""
+    copies: int = 0
+    """Datagrams of the peer that had come by another of several paths already; neither received nor dropped."""
+    overflowed: int = 0
+    """Datagrams of ours that the owner did not fetch in time."""
+    dropped: Counter[DropReason] = field(default_factory=Counter)
+    """Datagrams received and dropped, by reason; `drops` is their sum."""
+    drops: int = 0
+    rtt: float | None = None
+    """Round trip of the newest datagrams of the two directions [s]."""
+    one_way: float | None = None
+    """Delay of the newest datagram of the peer [s]."""
+    incoming_loss: float = 0.0
+    """Recent loss of the peer's datagrams, 0..1."""
+    outgoing_loss: float = 0.0
+    """Recent loss of our datagrams, as the peer measured it, 0..1."""
+    incoming_burst: float = 0.0
+    """Mean length of the recent runs of lost datagrams of the peer; 0 while fewer than three are known."""
+    outgoing_burst: float = 0.0
+    """The same of our datagrams, as the peer measured it."""

@@ -43,7 +43,7 @@ class Path:
         self._token = b""
         self._asked_at = -inf
 
-    def hear(self, source: Address, now: float, *, is_fresh: bool) -> None:
+    def on_datagram(self, source: Address, now: float, *, is_fresh: bool) -> None:
         """Record an authentic datagram; it is fresh if neither a copy nor a later one came before it."""
         if source == self.address:
             self._heard_at, self._in_a_row = now, 0
@@ -61,7 +61,7 @@ class Path:
         self._token = self._token or self._entropy(TOKEN_BYTES)
         return self._token, self._candidate
 
-    def answer(self, token: bytes, now: float) -> None:
+    def on_answer(self, token: bytes, now: float) -> None:
         """Take the answer to a challenge, from any address: only the receiver at the candidate knows the token."""
         if self._token and token == self._token:
             self._answered = True

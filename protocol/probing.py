@@ -9,11 +9,10 @@ directions, and the numbers of the peer's datagrams tell whether a question or i
 
 from typing import Any, NamedTuple
 
-from weberlink.protocol.counters import SEQUENCE_BITS, expand_counter
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.events import Address, DropReason, PathAnswered, PathAsked
+from weberlink.protocol.events import Address, DropReason, PathAnswered
 from weberlink.protocol.session import Outcome, Session
-from weberlink.protocol.wire import CLEAR_BYTES, TOKEN_BYTES, sequence_of
+from weberlink.protocol.wire import TOKEN_BYTES
 
 
 class Heard(NamedTuple):
@@ -47,9 +46,6 @@ class ProbingEndpoint(Endpoint):
         super().__init__(**arguments)
         self.asked: list[float] = []
         self.heard: list[Heard] = []
-        self._sessions = -1
-        self._newest = self._arriving = 0
-        self._answered: int | None = None
 
     def ask(self, now: float) -> bool:
         """Send a question; False if there is no session, and nothing was sent."""
@@ -59,29 +55,13 @@ class ProbingEndpoint(Endpoint):
         self._due = None
         token = len(self.asked).to_bytes(TOKEN_BYTES, "big")
         self.asked.append(now)
-        self._post(session.sender.send_path(now, token, is_answer=False))
+        self._post(session.send_path(now, token, is_answer=False))
         return True
 
-    def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
-        self._arriving = sequence_of(data) if len(data) >= CLEAR_BYTES else 0
-        super().receive_datagram(data, address, now)
-
-    def _establish(self, session: Session, address: Address) -> None:
-        self._sessions += 1
-        self._newest = 0
-        super()._establish(session, address)
-
-    def _follow(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
-        self._answered = None
-        super()._follow(session, outcome, address, now)
+    def _on_authentic(self, session: Session, outcome: Outcome, address: Address, now: float) -> None:
+        super()._on_authentic(session, outcome, address, now)
         if outcome is DropReason.REPLAYED:
             return
-        sequence = expand_counter(self._arriving, SEQUENCE_BITS, self._newest + 1)
-        self._newest = max(self._newest, sequence)
-        self.heard.append(Heard(self._sessions, sequence, now, self._answered, session.clock.one_way))
-
-    def _take_path(self, session: Session, outcome: PathAsked | PathAnswered, source: Address, now: float) -> None:
-        if isinstance(outcome, PathAnswered):
-            number = int.from_bytes(outcome.token, "big")
-            self._answered = number if number < len(self.asked) else None
-        super()._take_path(session, outcome, source, now)
+        number = int.from_bytes(outcome.token, "big") if isinstance(outcome, PathAnswered) else len(self.asked)
+        question = number if number < len(self.asked) else None
+        self.heard.append(Heard(self.sessions - 1, session.sequence, now, question, session.clock.one_way))

@@ -141,8 +141,8 @@ class Allowance:
             self.rate = min(MOST_EARLY_PER_S, RAISE * self.rate)
 
 
-class Retransmission:
-    """Times at which one pending update is sent again.
+class OutgoingStream:
+    """One stream of our updates: the newest one, and when to send it again.
 
     An update is overdue on evidence (a datagram that left the peer after the update must have arrived does not
     acknowledge it) or, where nothing comes from the peer, after a fallback time. Pace, the least time between two
@@ -151,27 +151,31 @@ class Retransmission:
 
     On a lossy link an update is also sent again before there can be evidence, as often as loss and bursts call for
     (`copies_needed`), 5 ms apart so that one short burst does not take all, until it is acknowledged or a newer one
-    replaces it. These early repeats are paid from an `Allowance`.
+    replaces it. These early repeats are paid from an `Allowance`, which the streams of an end share.
 
     So in T seconds one update is repeated at most 13 + T / 0.1 times.
 
     Attributes:
-        sent_at: when the update was last sent [s].
+        layout: of the updates.
+        update: the newest; None before the first.
+        sent_at: when it was last sent [s].
+        is_forgotten: whether the peer has said that it no longer holds it.
     """
 
-    def __init__(self, allowance: Allowance) -> None:
-        """Begin with nothing to repeat.
-
-        Args:
-            allowance: of early repeats, shared by the streams of an end.
-        """
+    def __init__(self, layout: UpdateLayout, allowance: Allowance) -> None:
+        self.layout = layout
+        self.update: Update | None = None
+        self.sent_at = -inf
+        self.is_forgotten = False
         self._allowance = allowance
         self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
+        """Truncated numbers of the datagrams that carried it, until one of them is acknowledged."""
         self._begun_at = -inf
-        self.sent_at = -inf
         self._count = 0
         self._evidence = False
         self._early = 0
+        self._last_ack = 0
+        self._acknowledged_by = -1
 
     @property
     def is_pending(self) -> bool:
@@ -179,13 +183,7 @@ class Retransmission:
         return bool(self._sequences)
 
     def begin(self, sequence: int, now: float, copies: int = 0) -> None:
-        """A new update was sent, and replaces any older one.
-
-        Args:
-            sequence: number of its datagram.
-            now: [s].
-            copies: early repeats, as far as the allowance goes.
-        """
+        """A new update was sent in the datagram of this number; `copies` early repeats follow, if allowed."""
         sequences = self._sequences
         sequences.clear()
         sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
@@ -205,11 +203,34 @@ class Retransmission:
         self.sent_at = now
         self._evidence = False
 
-    def acknowledge(self, ack: int) -> bool:
-        """Take the acknowledgement of any datagram; True if the update has arrived."""
-        if ack in self._sequences:
-            self._sequences.clear()
-        return not self._sequences
+    def is_ambiguous(self, sequence: int) -> bool:
+        """Whether this number would be confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
+        truncated = sequence & ACKNOWLEDGEMENT_MASK
+        return truncated == 0 or truncated == self._last_ack  # noqa: PLR1714 - a tuple costs more
+
+    def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
+        """Take the acknowledgement in a datagram; False if the newest update is not known to have arrived.
+
+        A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it.
+
+        Args:
+            sequence: number of the datagram.
+            ack: None if it has none, so that the newest one still holds.
+            is_newest: whether no later datagram came before it.
+        """
+        if ack is None:
+            if not is_newest:
+                return True
+            ack = self._last_ack
+        elif sequence > self._acknowledged_by:
+            self._last_ack, self._acknowledged_by = ack, sequence
+        sequences = self._sequences
+        if sequences:
+            if ack in sequences:
+                sequences.clear()
+            return not sequences
+        self.is_forgotten |= is_newest and ack == 0 and self.update is not None
+        return True
 
     def is_late(self, now: float, limit: float) -> bool:
         """Whether the update is pending although it was first sent longer ago than the limit [s]."""
@@ -238,48 +259,3 @@ class Retransmission:
         if self._count >= _EVEN_REPEATS:
             pace = min(pace * 2.0 ** min(self._count + 1 - _EVEN_REPEATS, 10), max(LONGEST_PACE, rtt))
         return self.sent_at + (pace if self._evidence else max(pace, fallback))
-
-
-class OutgoingStream:
-    """One stream of our updates.
-
-    Attributes:
-        layout: of the updates.
-        update: the newest; None before the first.
-        retransmission: of it.
-        is_forgotten: whether the peer has said that it no longer holds the newest update.
-    """
-
-    def __init__(self, layout: UpdateLayout, allowance: Allowance) -> None:
-        self.layout = layout
-        self.update: Update | None = None
-        self.retransmission = Retransmission(allowance)
-        self.is_forgotten = False
-        self._last_ack = 0
-        self._acknowledged_by = -1
-
-    def is_ambiguous(self, sequence: int) -> bool:
-        """Whether this number would be confused with an acknowledgement of nothing, or of 2^16 datagrams ago."""
-        truncated = sequence & ACKNOWLEDGEMENT_MASK
-        return truncated == 0 or truncated == self._last_ack  # noqa: PLR1714 - a tuple costs more
-
-    def acknowledge(self, sequence: int, ack: int | None, *, is_newest: bool) -> bool:
-        """Take the acknowledgement in a datagram; False if the newest update is not known to have arrived.
-
-        A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it.
-
-        Args:
-            sequence: number of the datagram.
-            ack: None if it has none, so that the newest one still holds.
-            is_newest: whether no later datagram came before it.
-        """
-        if ack is None:
-            if not is_newest:
-                return True
-            ack = self._last_ack
-        elif sequence > self._acknowledged_by:
-            self._last_ack, self._acknowledged_by = ack, sequence
-        if self.retransmission.is_pending:
-            return self.retransmission.acknowledge(ack)
-        self.is_forgotten |= is_newest and ack == 0 and self.update is not None
-        return True

@@ -1,13 +1,19 @@
-"""The receiving half of a session: check its datagrams, and read what they say.
-
-The sending half is `Session.sender` (`weberlink.protocol.sending`).
-"""
+"""One session from the keys on: make its datagrams, say when the next one is due, check and read those of the peer."""
 
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 from weberlink.protocol.bits import MalformedError
-from weberlink.protocol.counters import SEQUENCE_BITS, Credit, LossMeter, ReplayWindow, expand_counter
+from weberlink.protocol.counters import (
+    ACKNOWLEDGEMENT_MASK,
+    SEQUENCE_BITS,
+    SEQUENCE_MASK,
+    Credit,
+    LossMeter,
+    ReplayWindow,
+    expand_counter,
+    int16,
+)
 from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
@@ -15,32 +21,39 @@ from weberlink.protocol.events import (
     PathAnswered,
     PathAsked,
     PeerClosed,
+    Statistics,
     UpdateReceived,
 )
+from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
-from weberlink.protocol.mailbox import Statistics
-from weberlink.protocol.negotiation import NUMBERS
+from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
+from weberlink.protocol.retransmission import Allowance, OutgoingStream, copies_needed
+from weberlink.protocol.round_trip import RoundTripAgreement, in_ms
 from weberlink.protocol.security import Protection
-from weberlink.protocol.sending import Parameters, Sender
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     BURST_UNITS,
+    BYE,
     CHANGE_TICK_BITS,
+    ENCODES,
+    HEARTBEAT,
     HEARTBEAT_CREDIT_BITS,
     LOSS_UNITS,
+    LOST_MASK,
+    PATH,
     PHASE,
+    SECOND_UPDATE,
     TICK_BITS,
     UPDATE_CREDIT_BITS,
-    ByeContent,
-    ChangeContent,
     Content,
-    Head,
-    HeartbeatContent,
-    PathContent,
+    DirectionLayout,
+    Envelope,
     Report,
-    UpdateContent,
+    pack_bye,
+    pack_change,
+    pack_heartbeat,
+    pack_path,
     sequence_of,
-    stream_of,
 )
 from weberlink.update import Update
 
@@ -53,30 +66,65 @@ TICK_AGE_SLACK: Final = 0.01
 """
 EXPIRY: Final = 3.0
 """How long a session may be silent without a break [s]. Time stamps wrap after 84 s."""
-_TICK_MASK: Final = (1 << TICK_BITS) - 1
 LONGEST_SILENCE: Final = 10.0
 """Largest silence limit [s]; with the longest round trip and `EXPIRY` far below half of the range of a time stamp."""
+SLACK: Final = 0.001
+"""Added to the measured bound on delays, because both ends work in ticks [s]."""
+UNMEASURED_RTT: Final = 0.2
+"""Assumed round trip until it is measured [s]."""
+LOSS_STEP: Final = 0.02
+"""Change of the measured loss that is reported with the next heartbeat."""
+REKEY_AFTER_S: Final = 120.0
+REKEY_AFTER: Final = 1 << 20
+"""For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
+section 4.5.3)."""
+_CHANGE_TICK_MASK: Final = (1 << CHANGE_TICK_BITS) - 1
+_TICK_MASK: Final = (1 << TICK_BITS) - 1
+
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
-"""The content of an authentic datagram, or the reason to drop it; None if only the session needs it."""
-
-
+"""What an authentic datagram says, or the reason to drop it; None if only the session needs it."""
 Opened = tuple[int, int, bytes]
 """An authentic datagram: full sequence number, first byte, and the rest after the clear part."""
-_OF_THE_OWNER = (UpdateContent, ChangeContent)
+
+
+class Parameters(NamedTuple):
+    """Parameters that all sessions of an endpoint share.
+
+    Args:
+        outgoing, incoming: layouts of each direction.
+        epoch: when our clock was at 0 [s].
+        tick_period: of both ends [s].
+        silence: time without a fresh datagram after which the peer counts as gone [s].
+        opens: whether this end begins the sessions, as the initiator does.
+        rekey_after: datagrams after which the key of a direction is replaced, if it was not by time.
+    """
+
+    outgoing: DirectionLayout
+    incoming: DirectionLayout
+    epoch: float
+    tick_period: float
+    silence: float
+    opens: bool
+    rekey_after: int = REKEY_AFTER
 
 
 class Session:
-    """One session from the keys on.
+    """One session.
 
     Attributes:
         clock: mapping to the peer's clock.
         credit: granted by each end to the other, where the session carries it.
         liveness: whether each end hears the other.
+        heartbeats: when one is due.
+        negotiation: of the changes that the owners of both ends make.
+        round_trip: the agreement of both ends on it.
         silent_since: when the present silence began [s]; inf without one.
-        is_fresh: whether the datagram accepted last was fresh (`Liveness.is_fresh`).
+        sequence: number of the authentic datagram that came last.
+        is_fresh: whether that one was fresh (`Liveness.is_fresh`).
         is_newest: whether no datagram sent after that one was accepted before it.
-        sender: makes our datagrams.
+        is_confirmed: whether the peer was heard under the keys of this session.
+        said_encoding: whether our newest datagram said that our encoder runs.
     """
 
     def __init__(
@@ -94,10 +142,10 @@ class Session:
         """Begin a session.
 
         Args:
-            longest_round_trip: largest one that both ends allow [s].
             statistics: counted into.
             peer_clock: departure of the peer's handshake datagram on its clock [s].
             now: arrival of that datagram [s].
+            longest_round_trip: largest one that both ends allow [s].
             confirmed_at: departure of our handshake datagram that it answers [s]; -inf if it answers none.
             first_sequence: number of our first datagram, 1 to 2^15.
         """
@@ -109,28 +157,37 @@ class Session:
         self.clock = Clock(parameters.epoch, peer_clock, now)
         self.credit = Credit()
         self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
+        self.heartbeats = HeartbeatSchedule(now, silence=parameters.silence, tick_period=parameters.tick_period)
+        self.negotiation = ParameterNegotiation()
+        self.round_trip = RoundTripAgreement(
+            self.liveness, longest_round_trip, parameters.tick_period, proposes=parameters.opens
+        )
         self.silent_since = inf
-        self.is_fresh = False
-        self.is_newest = False
-        self._replay = ReplayWindow()
+        self.sequence = 0
+        self.is_fresh = self.is_newest = self.is_confirmed = self.said_encoding = False
         self._loss = LossMeter()
+        # What the peer sends.
+        self._replay = ReplayWindow()
         self._incoming_phase = 0
-        self._held_ticks = [0] * len(parameters.incoming.updates)
         self._newest_report = -1
         self._floor = self._mark = -1
         self._marked_at = now
-        self.sender = Sender(
-            protection,
-            parameters,
-            statistics,
-            clock=self.clock,
-            credit=self.credit,
-            loss=self._loss,
-            liveness=self.liveness,
-            longest_round_trip=longest_round_trip,
-            first_sequence=first_sequence,
-            now=now,
-        )
+        streams = len(parameters.incoming.updates)
+        self._held_ticks = [0] * streams
+        self._acks = [0] * streams
+        """By stream, number of the newest update received; 0 for none."""
+        self._acks_from = [-inf] * streams
+        """The `confirmed_at` that shows that the peer has heard of it."""
+        # What this end sends.
+        self._allowance = Allowance()
+        self._streams = tuple(OutgoingStream(layout, self._allowance) for layout in parameters.outgoing.updates)
+        self._next_sequence = first_sequence
+        _, self._departed = self.clock.stamp(now)
+        self._phase = 0
+        self._rekey_at = now + REKEY_AFTER_S
+        self._rekey_from = first_sequence + parameters.rekey_after
+        self._reported = (0.0, 0.0, 0.0)
+        self._lost = 0
 
     @property
     def silent_at(self) -> float:
@@ -144,20 +201,9 @@ class Session:
         It counts from the beginning of the silence. One loop age may stay above the limit and the other one below it:
         then both ends hear each other, and only the end of the session lets them measure anew.
         """
-        return min(self.silent_since, self.silent_at) + EXPIRY
+        return min(self.silent_since, self.liveness.silent_at) + EXPIRY
 
-    def request_full_state(self) -> None:
-        """Acknowledge no update any more, so that the peer sends its full state."""
-        for stream in range(len(self._held_ticks)):
-            self.sender.acknowledge_update(stream, 0)
-        self._held_ticks = [0] * len(self._held_ticks)
-
-    def measure(self) -> None:
-        """Write the present measurements into the statistics."""
-        statistics, clock = self._statistics, self.clock
-        statistics.rtt = clock.rtt
-        statistics.one_way = clock.one_way
-        statistics.incoming_loss = self._loss.fraction
+    # --- what the peer sends
 
     def authenticate(self, data: bytes) -> Opened | None:
         """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
@@ -172,28 +218,32 @@ class Session:
         return None if body is None else (sequence, data[0], body)
 
     def accept(self, opened: Opened, now: float) -> Outcome:
-        """Take an authentic datagram."""
-        sequence, first, body = opened
+        """Take an authentic datagram, whatever it says."""
+        self.sequence, first, body = opened
+        sequence, replay = self.sequence, self._replay
         self.is_fresh = False
-        self.is_newest = sequence > self._replay.newest
-        if not self._replay.is_new(sequence):
+        self.is_newest = sequence > replay.newest
+        if not replay.is_new(sequence):
             return DropReason.REPLAYED
         if self.is_newest and first & PHASE != self._incoming_phase:
             self._protection.rekey_incoming()
             self._incoming_phase = first & PHASE
-        self._raise_floor(now)
-        self._replay.mark(sequence)
+        # Numbers up to one that was accepted at least one silence limit ago are rejected: they left before that. Time
+        # stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
+        if now - self._marked_at >= self._silence:
+            self._floor, self._mark, self._marked_at = self._mark, replay.newest, now
+        replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
-        self.sender.is_confirmed = True
+        self.is_confirmed = True
         try:
-            head, content = self._incoming.read(first, body)
+            content = self._incoming.read(first, body)
         except MalformedError:
             return DropReason.MALFORMED
-        return self._take(sequence, head, content, now)
+        return self._take(content, now)
 
-    def _take(self, sequence: int, head: Head, content: Content, now: float) -> Outcome:
-        clock = self.clock
-        departure = clock.departure(head.sent, now)
+    def _take(self, content: Content, now: float) -> Outcome:
+        clock, sequence = self.clock, self.sequence
+        departure = clock.departure(content.sent, now)
         if not clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
         if sequence <= self._floor:
@@ -201,122 +251,301 @@ class Session:
         clock.record(departure, now)
         if not self.liveness.is_agreed and not self._opens(content, now):
             return DropReason.UNTIMED
-        for stream, ack in enumerate(head.acks):
-            self.sender.acknowledged(sequence, ack, departure, stream, is_newest=self.is_newest)
-        if isinstance(content, ByeContent):
-            return PeerClosed(content.reason)
-        if isinstance(content, HeartbeatContent) and not self._take_report(sequence, content.report, now):
+        for stream, ack in enumerate(content.acks):
+            self._acknowledged(stream, ack, departure)
+        if content.kind == BYE:
+            return PeerClosed(content.data.decode(errors="replace"))
+        if content.report is not None and not self._learn(content.report, now):
             return DropReason.IMPLAUSIBLE
-        outcome = self._deliver(sequence, head, content, departure, now)
+        outcome = self._deliver(content, departure, now)
         # A late credit is still true, because the count only grows.
-        if self._incoming.carries_credit and outcome is not DropReason.IMPLAUSIBLE:
-            self._take_credit(sequence, content)
+        if content.credit is not None and outcome is not DropReason.IMPLAUSIBLE:
+            bits = UPDATE_CREDIT_BITS if content.update is not None else HEARTBEAT_CREDIT_BITS
+            self.credit.learn(sequence, content.credit, bits)
         return outcome
 
     def _opens(self, content: Content, now: float) -> bool:
         """Whether a datagram opens the session of a responder: it tells a round trip that both ends allow."""
-        if not isinstance(content, HeartbeatContent) or content.round_trip_ms is None:
+        if content.round_trip_ms is None or not self.round_trip.open(content.round_trip_ms, now):
             return False
-        if not self.sender.round_trip.open(content.round_trip_ms, now):
-            return False
-        self.sender.pace()
+        self._pace()
         return True
 
-    def _take_credit(self, sequence: int, content: Content) -> None:
-        if isinstance(content, UpdateContent) and content.credit is not None:
-            self.credit.learn(sequence, content.credit, UPDATE_CREDIT_BITS)
-        elif isinstance(content, HeartbeatContent) and content.credit is not None:
-            self.credit.learn(sequence, content.credit, HEARTBEAT_CREDIT_BITS)
+    def _acknowledged(self, number: int, ack: int | None, departure: float) -> None:
+        """Take the acknowledgement of a stream in a datagram that left the peer then [s, its clock]."""
+        stream = self._streams[number]
+        if not stream.acknowledge(self.sequence, ack, is_newest=self.is_newest):
+            arrived = self.clock.arrival_bound(stream.sent_at)
+            if arrived is not None and departure > arrived + SLACK:
+                stream.miss()
 
-    def _raise_floor(self, now: float) -> None:
-        """Reject numbers up to one that was accepted at least one silence limit ago: they left before that.
-
-        Time stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
-        """
-        if now - self._marked_at >= self._silence:
-            self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
-
-    def _take_report(self, sequence: int, report: Report | None, now: float) -> bool:
-        """Read the peer's measurements, if a heartbeat has any; False if they cannot be true."""
-        if report is None or sequence < self._newest_report:
+    def _learn(self, report: Report, now: float) -> bool:
+        """Take the peer's measurements; False if they cannot be true."""
+        if self.sequence < self._newest_report:
             return True
-        if not self.clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
+        clock, statistics = self.clock, self._statistics
+        if not clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
             return False
-        self._newest_report = sequence
-        statistics = self._statistics
+        self._newest_report = self.sequence
         statistics.outgoing_loss = report.loss_65535 / LOSS_UNITS
         statistics.outgoing_burst = report.burst_256 / BURST_UNITS
-        self.sender.adapt(report.lost, now)
+        self._allowance.adapt(int16(report.lost - self._lost), self._next_sequence, clock.late, now)
+        self._lost = report.lost
+        if clock.bound is not None:
+            self.round_trip.follow(clock.bound, now - self._parameters.epoch, now)
+        self._pace()
         return True
 
-    def _deliver(self, sequence: int, head: Head, content: Content, departure: float, now: float) -> Outcome:
+    def _pace(self) -> None:
+        """Send heartbeats as the present measurements and the agreed round trip need them."""
+        clock = self.clock
+        self.heartbeats.adapt(
+            self._statistics.outgoing_loss,
+            self._loss.fraction,
+            inf if clock.rtt is None else clock.rtt,
+            clock.jitter,
+            self.liveness.round_trip,
+        )
+
+    def _deliver(self, content: Content, departure: float, now: float) -> Outcome:
+        kind, liveness = content.kind, self.liveness
         age = self.clock.age(departure, now)
-        if not self.liveness.is_fresh(age, head.generation):
+        if not liveness.is_fresh(age, content.generation):
             return DropReason.STALE
         self.is_fresh = True
-        is_current = self.liveness.hear(departure, head.echo, head.generation, now)
-        if isinstance(content, HeartbeatContent) and (runs := self._encodes(head, content)) is not None:
-            self.liveness.hear_encoder(sequence, now, runs=runs)
-        self.sender.heartbeats.heard(now, self.liveness.confirmed_at)
-        if not isinstance(content, _OF_THE_OWNER):
-            if head.asks:
-                self.sender.heartbeats.asked()
-            if isinstance(content, PathContent):
-                return PathAnswered(content.token) if head.mark else PathAsked(content.token)
+        is_current = liveness.hear(departure, content.echo, content.generation, now)
+        self.heartbeats.heard(now, liveness.confirmed_at)
+        if kind == HEARTBEAT:
+            runs = content.selector & ENCODES != 0
+            # A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It
+            # does not count: otherwise an attacker who drops only updates could keep an old one in use.
+            if not runs or content.tick == sum(self._held_ticks) & _TICK_MASK:
+                liveness.hear_encoder(self.sequence, now, runs=runs)
+            if content.mark:
+                self.heartbeats.asked()
             return None
+        if kind == PATH:
+            return PathAnswered(content.data) if content.mark else PathAsked(content.data)
         if age is None or not is_current:
             return DropReason.UNTIMED if age is None else DropReason.STALE
-        if isinstance(content, ChangeContent):
-            return self._deliver_change(head, content, departure, now)
-        outcome = self._deliver_update(sequence, head, content, departure, age)
+        if content.update is None:
+            return self._deliver_change(content, departure, now)
+        outcome = self._deliver_update(int(kind == SECOND_UPDATE), content.update, departure, age)
         if isinstance(outcome, UpdateReceived):
-            self.liveness.hear_encoder(sequence, now, runs=True)
+            liveness.hear_encoder(self.sequence, now, runs=True)
         return outcome
 
-    def _encodes(self, head: Head, content: HeartbeatContent) -> bool | None:
-        """Whether the peer's encoder runs and this end holds what it encodes; None if an update is missing.
-
-        A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It does
-        not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
-        """
-        if head.is_encoding and content.ticks != sum(self._held_ticks) & _TICK_MASK:
-            return None
-        return head.is_encoding
-
-    def _deliver_update(
-        self, sequence: int, head: Head, content: UpdateContent, departure: float, age: float
-    ) -> UpdateReceived | DropReason:
-        stream = stream_of(head.kind)
-        if sequence < self.sender.acknowledgements[stream].number:
+    def _deliver_update(self, stream: int, update: Update, departure: float, age: float) -> UpdateReceived | DropReason:
+        if self.sequence < self._acks[stream]:
             return DropReason.SUPERSEDED
-        tick_period = self._tick_period
-        tick = round(departure / tick_period) - content.lag  # `Parameters.tick_at`
-        lead = tick * tick_period - departure
+        lag, selector, newest, payload = update
+        tick = round(departure / self._tick_period) - lag
+        lead = tick * self._tick_period - departure
         if lead > TICK_LEAD or tick < 0:
             return DropReason.IMPLAUSIBLE
         if -lead > self.liveness.limit + TICK_AGE_SLACK:
             return DropReason.STALE
-        self.sender.acknowledge_update(stream, sequence)
-        self._held_ticks[stream] = tick
-        return UpdateReceived(Update(tick, head.selector, content.newest, content.payload), age, stream)
+        self._acknowledge(stream, self.sequence, tick)
+        return UpdateReceived(Update(tick, selector, newest, payload), age, stream)
 
     def _deliver_change(
-        self, head: Head, content: ChangeContent, departure: float, now: float
+        self, content: Content, departure: float, now: float
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
-        number, tick_period = head.selector, self._tick_period
-        negotiation, round_trip = self.sender.negotiation, self.sender.round_trip
-        if head.mark:
+        number, body = content.selector, content.data
+        if content.mark:
             if number < NUMBERS:
-                return negotiation.heard_answer(number, content.body)
-            round_trip.take_answer(number, content.body, now)
+                return self.negotiation.heard_answer(number, body)
+            self.round_trip.take_answer(number, body, now)
             return None
-        sent_tick = departure / tick_period
+        sent_tick = departure / self._tick_period
         tick = expand_counter(content.tick, CHANGE_TICK_BITS, int(sent_tick))
-        if abs(tick - sent_tick) * tick_period > CHANGE_LEAD:
+        if abs(tick - sent_tick) * self._tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
         if number < NUMBERS:
-            return negotiation.heard_proposal(number, tick, content.body)
+            return self.negotiation.heard_proposal(number, tick, body)
         peer_time = self.clock.peer_time(now)
         if peer_time is not None:
-            round_trip.take_proposal(number, tick, content.body, tick * tick_period - peer_time, now)
+            self.round_trip.take_proposal(number, tick, body, tick * self._tick_period - peer_time, now)
         return None
+
+    def _acknowledge(self, stream: int, number: int, tick: int) -> None:
+        """Acknowledge an update of the peer from now on; with 0, that this end holds none."""
+        self._acks[stream], self._held_ticks[stream] = number, tick
+        self._acks_from[stream] = self.liveness.confirmed_after(self._departed)
+
+    def request_full_state(self) -> None:
+        """Acknowledge no update any more, so that the peer sends its full state."""
+        for stream in range(len(self._acks)):
+            self._acknowledge(stream, 0, 0)
+
+    def measure(self) -> None:
+        """Write the present measurements into the statistics."""
+        statistics, clock = self._statistics, self.clock
+        statistics.rtt = clock.rtt
+        statistics.one_way = clock.one_way
+        statistics.incoming_loss = self._loss.fraction
+
+    # --- what this end sends
+
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
+        """The datagram of a new update, which replaces any older one of its stream.
+
+        Raises:
+            ValueError: naming the field that cannot be sent; nothing has changed then.
+        """
+        if update.tick < 0:
+            raise ValueError(f"tick must not be negative, not {update.tick}")
+        own, statistics = self._streams[stream], self._statistics
+        own.layout.check(update)
+        own.is_forgotten = False
+        own.update = update
+        sequence, datagram = self._seal_update(own, update, now)
+        own.begin(sequence, now, copies_needed(statistics.outgoing_loss, statistics.outgoing_burst))
+        self.said_encoding = True
+        statistics.updates_sent[stream] += 1
+        return datagram
+
+    def _seal_update(self, stream: OutgoingStream, update: Update, now: float) -> tuple[int, bytes]:
+        while stream.is_ambiguous(self._next_sequence):
+            self._next_sequence += 1
+        envelope, sequence = self._envelope(now)
+        lag = round(self._departed / self._tick_period) - update.tick
+        clear = stream.layout.pack(envelope, int16(lag), update, self.credit.granted)
+        return sequence, self._seal(sequence, clear, now)
+
+    def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
+        """The datagram of a heartbeat, which may report our measurements and ask for an answer."""
+        asks = self.heartbeats.asks(now)
+        report = self._report() if self.heartbeats.reports(now) or self._has_changed() else None
+        envelope, sequence = self._envelope(now)
+        self.heartbeats.pulsed(now, has_reported=report is not None, is_confirmed=self.is_confirmed)
+        self._statistics.heartbeats += 1
+        self.said_encoding = is_encoding
+        clear = pack_heartbeat(
+            envelope,
+            sum(stream.update.tick for stream in self._streams if stream.update is not None) & _TICK_MASK,
+            report,
+            self.credit.granted if self._parameters.outgoing.carries_credit else None,
+            round_trip_ms=None if self.is_confirmed or not self._parameters.opens else in_ms(self.liveness.round_trip),
+            asks=asks,
+            is_encoding=is_encoding,
+        )
+        return self._seal(sequence, clear, now)
+
+    def _report(self) -> Report:
+        minimum, latest, late = self.clock.report()
+        self._reported = minimum, late, self._loss.fraction
+        self._statistics.incoming_burst = self._loss.burst
+        return Report(
+            round(minimum * 1e6),
+            round(latest * 1e6),
+            round(late * 1e6),
+            round(min(self._loss.fraction, 1.0) * LOSS_UNITS),
+            round(self._statistics.incoming_burst * BURST_UNITS),
+            self._loss.lost & LOST_MASK,
+        )
+
+    def _has_changed(self) -> bool:
+        """Whether the link is another one than the newest report says, so that the next heartbeat reports again."""
+        minimum, _, late = self.clock.report()
+        least, bound, loss = self._reported
+        return (
+            abs(minimum - least) > SLACK
+            or abs(late - bound) > max(SLACK, 0.5 * bound)
+            or abs(self._loss.fraction - loss) > LOSS_STEP
+        )
+
+    def send_bye(self, now: float, reason: str) -> bytes:
+        """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
+        envelope, sequence = self._envelope(now)
+        return self._seal(sequence, pack_bye(envelope, reason), now)
+
+    def send_path(self, now: float, token: bytes, *, is_answer: bool) -> bytes:
+        """Ask whether the peer is at the address that this is sent to, or answer such a question."""
+        envelope, sequence = self._envelope(now)
+        return self._seal(sequence, pack_path(envelope, token, is_answer=is_answer), now)
+
+    def _send_change(self, now: float) -> bytes:
+        """The message of a negotiation that is due."""
+        rtt = self.clock.rtt
+        negotiation = self.negotiation if now >= self.negotiation.due else self.round_trip.negotiation
+        change = negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self.clock.jitter)
+        envelope, sequence = self._envelope(now)
+        tick = change.tick & _CHANGE_TICK_MASK
+        return self._seal(
+            sequence, pack_change(envelope, tick, change.number, change.body, is_answer=change.is_answer), now
+        )
+
+    def _envelope(self, now: float) -> tuple[Envelope, int]:
+        """Envelope of the next datagram, which leaves now, and its number in full."""
+        sequence = self._next_sequence
+        self._next_sequence = sequence + 1
+        liveness = self.liveness
+        confirmed_at, froms = liveness.confirmed_at, self._acks_from
+        acks: list[int | None] = []
+        for stream, number in enumerate(self._acks):  # told until the peer is known to have heard it
+            acks.append(None if confirmed_at >= froms[stream] else number & ACKNOWLEDGEMENT_MASK)
+        stamp, self._departed = self.clock.stamp(now)
+        self.heartbeats.sent(now, liveness.heard_at, self.credit.granted)
+        return (sequence & SEQUENCE_MASK, liveness.generation, stamp, liveness.echo(now), tuple(acks)), sequence
+
+    def _seal(self, sequence: int, clear: bytes, now: float) -> bytes:
+        """The datagram under the present key, which is replaced by time and by count (RFC 9001, section 6)."""
+        if now >= self._rekey_at or sequence >= self._rekey_from:
+            self._protection.rekey_outgoing()
+            self._phase ^= PHASE
+            self._rekey_at, self._rekey_from = now + REKEY_AFTER_S, sequence + self._parameters.rekey_after
+        if self._phase:
+            clear = bytes((clear[0] | PHASE,)) + clear[1:]
+        return self._protection.seal(sequence, clear)
+
+    # --- time
+
+    def next_timer(self, *, is_engaged: bool, is_encoding: bool) -> float:
+        """Time of the next datagram [s]."""
+        due = self.heartbeats.due(is_engaged=is_engaged)
+        if not is_engaged:
+            return due
+        if is_encoding:
+            for stream in self._streams:
+                due = min(due, -inf if stream.is_forgotten else self._repeat_due(stream))
+        return min(due, self.negotiation.due, self.round_trip.negotiation.due, self.round_trip.switch_at)
+
+    def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
+        """The next datagram that is due, if any; a silent peer is sent heartbeats only."""
+        if self.round_trip.advance(now):
+            self._pace()
+        if is_engaged:
+            for stream in self._streams if is_encoding else ():
+                if stream.update is not None and now >= self._repeat_due(stream):
+                    # The newest update again, with a new number and time stamp.
+                    sequence, datagram = self._seal_update(stream, stream.update, now)
+                    stream.repeated(sequence, now)
+                    self._statistics.repeats += 1
+                    return datagram
+            if now >= min(self.negotiation.due, self.round_trip.negotiation.due):
+                return self._send_change(now)
+        if now < self.heartbeats.due(is_engaged=is_engaged):
+            return None
+        return self.send_heartbeat(now, is_encoding=is_engaged and is_encoding)
+
+    def take_lost(self, now: float) -> list[int]:
+        """Streams of which the peer needs a new state; their newest update is repeated no more.
+
+        The peer has forgotten it, or it has not arrived and is older than what the peer executes.
+        """
+        lost = []
+        for number, stream in enumerate(self._streams):
+            if stream.is_forgotten or stream.is_late(now, self.liveness.limit):
+                stream.is_forgotten = False
+                stream.abandon()
+                lost.append(number)
+        return lost
+
+    def _repeat_due(self, stream: OutgoingStream) -> float:
+        if not stream.is_pending:
+            return inf
+        rtt = self.clock.rtt
+        if rtt is None:
+            return stream.due_at(0.0, UNMEASURED_RTT)
+        return stream.due_at(rtt, rtt + self.clock.late + SLACK + self.heartbeats.gap)

@@ -33,65 +33,27 @@ class State(Enum):
     """Closed by this end, or refused by the peer. Final."""
 
 
-class Trigger(Enum):
-    """Event that moves an endpoint from one state to another."""
-
-    DIAL = auto()
-    LISTEN = auto()
-    ESTABLISH = auto()
-    FALL_SILENT = auto()
-    EXPIRE = auto()
-    HEAR = auto()
-    LEAVE = auto()
-    REFUSE = auto()
-    CLOSE = auto()
-
-
 @mypyc_attr(native_class=False)
 class StateError(RuntimeError):
     """The state of the endpoint does not allow this call: a fault of the caller, never of the peer."""
 
 
-TABLE: dict[State, dict[Trigger, State]] = {
-    State.IDLE: {
-        Trigger.DIAL: State.CONNECTING,
-        Trigger.LISTEN: State.LISTENING,
-        Trigger.CLOSE: State.CLOSED,
-    },
-    State.CONNECTING: {
-        Trigger.ESTABLISH: State.ENGAGED,
-        Trigger.REFUSE: State.CLOSED,
-        Trigger.CLOSE: State.CLOSED,
-    },
-    State.LISTENING: {
-        Trigger.ESTABLISH: State.ENGAGED,
-        Trigger.CLOSE: State.CLOSED,
-    },
-    State.ENGAGED: {
-        Trigger.ESTABLISH: State.ENGAGED,
-        Trigger.FALL_SILENT: State.SILENT,
-        Trigger.LEAVE: State.IDLE,
-        Trigger.CLOSE: State.CLOSED,
-    },
-    State.SILENT: {
-        Trigger.ESTABLISH: State.ENGAGED,
-        Trigger.HEAR: State.ENGAGED,
-        Trigger.EXPIRE: State.IDLE,
-        Trigger.LEAVE: State.IDLE,
-        Trigger.REFUSE: State.CLOSED,
-        Trigger.CLOSE: State.CLOSED,
-    },
-    State.CLOSED: {},
+MOVES: dict[State, tuple[State, ...]] = {
+    State.IDLE: (State.CONNECTING, State.LISTENING, State.CLOSED),
+    State.CONNECTING: (State.ENGAGED, State.CLOSED),
+    State.LISTENING: (State.ENGAGED, State.CLOSED),
+    State.ENGAGED: (State.ENGAGED, State.SILENT, State.IDLE, State.CLOSED),
+    State.SILENT: (State.ENGAGED, State.IDLE, State.CLOSED),
+    State.CLOSED: (),
 }
 
 
-def next_state(state: State, trigger: Trigger) -> State:
-    """The state that `trigger` leads to.
+def moved(state: State, target: State) -> State:
+    """The state after a move.
 
     Raises:
         StateError: if the table has no such move; the state stays as it was.
     """
-    try:
-        return TABLE[state][trigger]
-    except KeyError:
-        raise StateError(f"{trigger.name} is not possible while {state.name}") from None
+    if target not in MOVES[state]:
+        raise StateError(f"an endpoint that is {state.name} cannot become {target.name}")
+    return target

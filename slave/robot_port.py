@@ -238,7 +238,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             endpoint = self._endpoint
-            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, endpoint)
+            wanted = self._control.follow(commanded, self.applied, elapsed, endpoint.credit.known, endpoint.clock)
             goal = self._press_limit.bounded(wanted, self.applied, self._where, self.force.value, step)
             self.contact_ticks += goal != wanted
             self.applied = guard.follow(goal, step)

@@ -115,4 +115,8 @@ class Transparent:
 
 def link() -> Any:
     """An endpoint in touch with its peer; set `liveness.in_touch_at`."""
-    return SimpleNamespace(peer_credit=0, rtt=None, jitter=0.0, liveness=SimpleNamespace(in_touch_at=0.0))
+    return SimpleNamespace(
+        credit=SimpleNamespace(known=0),
+        clock=SimpleNamespace(rtt=None, jitter=0.0),
+        liveness=SimpleNamespace(in_touch_at=0.0),
+    )

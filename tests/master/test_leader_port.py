@@ -225,7 +225,7 @@ def test_unusable_angles_are_named(angles: Joints, complaint: str) -> None:
 def founded(delay: float = 0.0) -> Leading:
     """A leader whose torques end where the follower states none: of the joints, and of the gripper."""
     leading = Leading(contacts=[ContactLimiter(1.0, FREE, 1.0), ContactLimiter(0.5, FREE, 1.0)], delay=delay)
-    leading.link.rtt = RTT
+    leading.link.clock.rtt = RTT
     return leading.opened((0.0, 0.0), (0.0,))
 
 

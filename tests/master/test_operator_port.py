@@ -89,7 +89,10 @@ class Desk:
         self.requests = self.late = 0
         liveness = SimpleNamespace(in_touch_at=self.now)
         self.endpoint: Any = SimpleNamespace(
-            liveness=liveness, rtt=RTT, jitter=0.0, peer_credit=5, request_full_state=self._request
+            liveness=liveness,
+            clock=SimpleNamespace(rtt=RTT, jitter=0.0),
+            credit=SimpleNamespace(known=5),
+            request_full_state=self._request,
         )
         self.hand = HandPosition(self.scheme, lambda force: max(0.1 * force, 0.02))
         self.encoder, self.decoder = Encoder(force_channel(predictor="zoh")), Decoder(force_channel(predictor="zoh"))
@@ -315,7 +318,7 @@ def test_the_command_of_the_scheme_goes_to_the_link_in_every_state() -> None:
     desk.port.restart()
     assert desk.hand.sample()[0] == command
     assert desk.port.account(0.002, 17.0, encodes=False) == 7
-    assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, desk.endpoint)]
+    assert desk.scheme.told == [("observe", PLACE, 0.002, 17.0, 5, desk.endpoint.clock)]
     assert desk.turning.told == [((0.1, 0.0, 0.0), 0.002)]
     assert list(desk.port.controls) == [desk.scheme, desk.turning]
 

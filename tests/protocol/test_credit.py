@@ -68,30 +68,30 @@ def test_granted_credit_cannot_fall() -> None:
 
 def test_updates_repeats_and_heartbeats_carry_present_credit() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
-    pair.master.endpoint.credit = 70_000
+    pair.master.endpoint.grant(70_000)
     pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     pair.swallow = lambda side, data: kind_of(data) == Kind.UPDATE
     pair.run(0.003)
-    assert pair.slave.endpoint.peer_credit == 0
-    pair.master.endpoint.credit = 70_001
+    assert pair.slave.endpoint.credit.known == 0
+    pair.master.endpoint.grant(70_001)
     while not pair.master.endpoint.statistics.repeats:
         pair.run(0.001)
     repeat = pair.tap[-1][2]
     pair.slave.endpoint.receive_datagram(repeat, MASTER, pair.now)
-    assert pair.slave.endpoint.peer_credit == 70_001 % 2**16, "over 16 bits were granted unheard: too low"
+    assert pair.slave.endpoint.credit.known == 70_001 % 2**16, "over 16 bits were granted unheard: too low"
     pair.run(0.1)
-    assert pair.slave.endpoint.peer_credit == 70_001, "a heartbeat has arrived"
+    assert pair.slave.endpoint.credit.known == 70_001, "a heartbeat has arrived"
 
 
 @pytest.mark.parametrize("reason", [DropReason.STALE, DropReason.SUPERSEDED])
 def test_late_datagram_still_tells_its_credit(reason: DropReason) -> None:
     """A stale update carries the newest count; a superseded one carries an older count, which is ignored."""
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
-    pair.master.endpoint.credit = 5
+    pair.master.endpoint.grant(5)
     pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
     if reason is DropReason.SUPERSEDED:
-        pair.master.endpoint.credit = 6
+        pair.master.endpoint.grant(6)
         pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks + 1))
         pair.run(0.01)
     else:
@@ -100,16 +100,16 @@ def test_late_datagram_still_tells_its_credit(reason: DropReason) -> None:
     pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
     pair.slave.collect(pair.now)
     assert reason in pair.slave.faults()
-    assert pair.slave.endpoint.peer_credit == (6 if reason is DropReason.SUPERSEDED else 5)
+    assert pair.slave.endpoint.credit.known == (6 if reason is DropReason.SUPERSEDED else 5)
 
 
 def test_credit_of_an_implausible_datagram_is_ignored() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
-    pair.master.endpoint.credit = 5
+    pair.master.endpoint.grant(5)
     for at, tick in ((pair.now + 30.0, 0), (pair.now, 10**6)):
         pair.master.endpoint.send_update(at, sample_update(tick))
         (data, _) = pair.master.endpoint.datagrams_to_send()[0]
         pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
     pair.slave.collect(pair.now)
     assert pair.slave.faults() == [DropReason.IMPLAUSIBLE] * 2
-    assert pair.slave.endpoint.peer_credit == 0
+    assert pair.slave.endpoint.credit.known == 0

@@ -14,24 +14,30 @@ from tests.protocol.harness import (
     MASTER,
     MENDED_WITHIN,
     SILENCE,
+    SLAVE,
     STRANGER,
     Pair,
     Side,
     both,
     dropped,
     forms,
+    make_endpoint,
     sample_update,
     sent,
     states,
 )
 from weberlink.protocol import (
     Connected,
+    DatagramDropped,
     DropReason,
     PeerSilent,
+    Role,
     State,
     UpdateLost,
+    UpdateReceived,
 )
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.endpoint import QUEUED_DATAGRAMS, QUEUED_EVENTS
 from weberlink.protocol.heartbeat import ASK_PACE, DENSEST, HeartbeatSchedule
 from weberlink.protocol.liveness import FADE_SHARE
 from weberlink.protocol.retransmission import LEAST_EARLY_PER_S, SHORTEST_PACE
@@ -295,7 +301,7 @@ def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift
     errors: list[float] = []
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
-        mapped = pair.slave.endpoint.peer_time(pair.slave.local(now))
+        mapped = pair.slave.endpoint.clock.peer_time(pair.slave.local(now))
         if now > 2.0:
             assert mapped is not None
             errors.append(abs(mapped - now))
@@ -330,8 +336,56 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
 @pytest.mark.parametrize("jump", [-60.0, -0.3, 0.3, 5.0, 60.0, 1e7])
 def test_one_wrong_stamp_does_not_move_the_mapping(jump: float) -> None:
     pair = Pair().engage()
-    before = pair.slave.endpoint.peer_time(pair.now)
+    before = pair.slave.endpoint.clock.peer_time(pair.now)
     pair.master.endpoint.send_update(pair.now + jump, sample_update(pair.ticks))
     ((data, _),) = pair.master.endpoint.datagrams_to_send()
     assert dropped(pair.slave.endpoint, data, MASTER, pair.now)[0] in (DropReason.IMPLAUSIBLE, DropReason.STALE)
-    assert pair.slave.endpoint.peer_time(pair.now) == pytest.approx(before, abs=1e-4)
+    assert pair.slave.endpoint.clock.peer_time(pair.now) == pytest.approx(before, abs=1e-4)
+
+
+# --- queues
+
+
+def test_datagrams_leave_in_order_and_once_and_the_oldest_are_dropped() -> None:
+    endpoint = (pair := Pair().engage()).master.endpoint
+    before = endpoint.statistics.bytes_sent
+    for tick in range(QUEUED_DATAGRAMS + 3):
+        endpoint.send_update(pair.now, sample_update(pair.ticks + tick))
+    left = endpoint.datagrams_to_send()
+    assert len(left) == QUEUED_DATAGRAMS and endpoint.statistics.overflowed == 3
+    assert before < endpoint.statistics.bytes_sent - sum(len(data) for data, _ in left) < before + 200
+    for data, address in left:
+        assert address == SLAVE and not dropped(pair.slave.endpoint, data, MASTER, pair.now)
+    assert endpoint.datagrams_to_send() == []
+
+
+def test_a_flood_of_drops_pushes_no_other_event_out() -> None:
+    pair = Pair().engage()
+    slave, sender = pair.slave.endpoint, pair.master.endpoint
+
+    def update(tick: int) -> None:
+        sender.send_update(pair.now, sample_update(pair.ticks + tick))
+        for data, _ in sender.datagrams_to_send():
+            slave.receive_datagram(data, MASTER, pair.now)
+
+    update(1)
+    for _ in range(10_000):
+        slave.receive_datagram(bytes([Kind.UPDATE]) * 25, STRANGER, pair.now)
+    update(2)
+    events = list(iter(slave.next_event, None))
+    assert [type(events[index]) for index in (0, 1, -1)] == [UpdateReceived, DatagramDropped, UpdateReceived]
+    assert len(events) < QUEUED_EVENTS and slave.statistics.dropped[DropReason.BAD_TAG] == 10_000
+    for tick in range(QUEUED_EVENTS + 5):
+        update(tick)
+    assert len(events := list(iter(slave.next_event, None))) == QUEUED_EVENTS
+    assert isinstance(events[0], UpdateReceived) and events[0].update == sample_update(pair.ticks + 5)
+
+
+def test_a_session_begins_with_an_empty_queue() -> None:
+    pair = Pair().engage()
+    pair.slave.collect = lambda world: None  # type: ignore[method-assign]
+    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=9)
+    pair.run(0.3)  # so that the slave falls silent
+    pair.master.endpoint.connect(pair.now)
+    pair.run(0.2)
+    assert isinstance(pair.slave.endpoint.next_event(), Connected)

@@ -196,7 +196,7 @@ class World(Pair):
 
     def limit(self, side: Side) -> float:
         """The largest round trip that an end uses [s]."""
-        return max(each.endpoint.round_trip_limit for each in (side, *self.sides))
+        return max(each.endpoint.liveness.round_trip for each in (side, *self.sides))
 
     def check(self) -> None:
         """What an end believes is true."""
@@ -248,7 +248,7 @@ class World(Pair):
         assert all(new >= old for new, old in zip(counts, before, strict=True))
         peer = self.partners.get(key_of(side))
         if peer is not None and peer[1] == peer[0].sessions and peer[0].state in (State.ENGAGED, State.SILENT):
-            assert endpoint.peer_credit <= peer[0].credit
+            assert endpoint.credit.known <= peer[0].credit.granted
 
 
 def key_of(side: Side) -> Key:
@@ -393,7 +393,8 @@ class Endpoints(RuleBasedStateMachine):
 
     @rule(own=OWN, more=st.sampled_from([1, 300, 70_000]))
     def grant(self, own: int, more: int) -> None:
-        self.world.sides[own].endpoint.credit += more
+        endpoint = self.world.sides[own].endpoint
+        endpoint.grant(endpoint.credit.granted + more)
         self.world.go(0.01)
 
     @rule(own=OWN, body=st.binary(min_size=1, max_size=200))
@@ -499,10 +500,10 @@ class Endpoints(RuleBasedStateMachine):
             assert side.endpoint.is_peer_encoding(side.local(world.now))
             for stream in range(world.streams):
                 assert self.world.held[own, stream] == len(world.updates[peer, stream]) - 1, "the newest is held"
-            assert side.endpoint.peer_credit == other.endpoint.credit
+            assert side.endpoint.credit.known == other.endpoint.credit.granted
             assert world.answered[own] == world.proposals[own]
             assert not side.of(SessionExpired) or side.endpoint.sessions
-        assert world.master.endpoint.round_trip_limit == world.slave.endpoint.round_trip_limit
+        assert world.master.endpoint.liveness.round_trip == world.slave.endpoint.liveness.round_trip
 
     def is_shared(self) -> bool:
         master, slave = self.world.sides

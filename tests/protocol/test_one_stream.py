@@ -26,7 +26,7 @@ def drive(pair: Pair, now: float, tick: int) -> None:
             update = sample_update(tick)
             update = update if tick % 2 == 0 else update._replace(payload=None)
             side.endpoint.send_update(side.local(now), update)
-            side.endpoint.credit = tick
+            side.endpoint.grant(tick)
 
 
 @pytest.mark.parametrize("suite", ["checksum", "psk"])

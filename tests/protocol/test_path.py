@@ -18,7 +18,7 @@ QUIET = 0.02
 
 def at_home() -> Path:
     path = Path(HOME, Random(1).randbytes, QUIET)
-    path.hear(HOME, 0.0, is_fresh=True)
+    path.on_datagram(HOME, 0.0, is_fresh=True)
     assert path.challenge(0.0) is None
     return path
 
@@ -29,10 +29,10 @@ def test_copies_never_move_the_address(gaps: list[float], ahead: float) -> None:
     path, now = at_home(), 0.0
     for gap in gaps:
         now += gap
-        path.hear(ELSEWHERE, now, is_fresh=True)
+        path.on_datagram(ELSEWHERE, now, is_fresh=True)
         if (challenge := path.challenge(now)) is not None:
-            path.answer(challenge[0], now)
-        path.hear(HOME, now + min(ahead, 0.9 * gap), is_fresh=False)
+            path.on_answer(challenge[0], now)
+        path.on_datagram(HOME, now + min(ahead, 0.9 * gap), is_fresh=False)
         assert path.address == HOME
 
 
@@ -41,10 +41,10 @@ def test_peer_that_moved_is_followed_once_it_has_answered(gap: float) -> None:
     path, now, steps = at_home(), 0.0, 0
     while path.address == HOME:
         now, steps = now + gap, steps + 1
-        path.hear(ELSEWHERE, now, is_fresh=True)
+        path.on_datagram(ELSEWHERE, now, is_fresh=True)
         if (challenge := path.challenge(now)) is not None:
             assert challenge[1] == ELSEWHERE
-            path.answer(challenge[0], now)
+            path.on_answer(challenge[0], now)
     assert steps >= OVERTAKEN
     assert now <= max(OVERTAKEN + 1, QUIET / gap + 2) * gap
 

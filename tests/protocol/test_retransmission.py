@@ -18,14 +18,26 @@ from weberlink.protocol.retransmission import (
     RESIDUAL,
     SHORTEST_PACE,
     Allowance,
-    Retransmission,
+    OutgoingStream,
     copies_needed,
     lost_again,
 )
+from weberlink.protocol.wire import UpdateLayout
+from weberlink.update import UpdateForm
+
+LAYOUT = UpdateLayout([UpdateForm((3,), None)])
+
+
+def stream(allowance: Allowance | None = None) -> OutgoingStream:
+    return OutgoingStream(LAYOUT, allowance or Allowance())
+
+
+def acknowledge(stream: OutgoingStream, ack: int) -> bool:
+    return stream.acknowledge(ack, ack, is_newest=True)
 
 
 def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() -> None:
-    retransmission = Retransmission(Allowance())
+    retransmission = stream()
     assert retransmission.due_at(0.01, 0.1) == inf
     retransmission.begin(6, 0.9)
     retransmission.begin(7 + 2**16, 1.0)
@@ -35,8 +47,8 @@ def test_a_repeat_is_due_until_the_update_or_a_repeat_of_it_is_acknowledged() ->
     assert retransmission.due_at(0.0, 0.1) == 1.0 + SHORTEST_PACE
     retransmission.repeated(9 + 2**16, 1.1)
     assert retransmission.is_pending
-    assert not retransmission.acknowledge(6)
-    assert retransmission.acknowledge(7)
+    assert not acknowledge(retransmission, 6)
+    assert acknowledge(retransmission, 7)
     assert retransmission.due_at(0.01, 0.1) == inf
 
 
@@ -46,7 +58,7 @@ STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "ack
 @given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2))
 def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
     """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock."""
-    retransmission = Retransmission(Allowance())
+    retransmission = stream()
     now, number, begun_at, repeats = 0.0, 0, 0.0, 0
     for wait, what in steps:
         now += wait
@@ -54,7 +66,7 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
             number, begun_at, repeats = number + 1, now, 0
             retransmission.begin(number, now, copies)
         elif what == "acknowledged":
-            retransmission.acknowledge(number)
+            acknowledge(retransmission, number)
         elif what == "missed":
             retransmission.miss()
         while retransmission.due_at(rtt, 0.0) <= now:
@@ -67,18 +79,18 @@ def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, s
 def test_streams_that_have_overdrawn_their_allowance_repeat_nothing_early() -> None:
     """Each took what was left before the other had paid."""
     allowance = Allowance()
-    streams = [Retransmission(allowance), Retransmission(allowance)]
-    for stream in streams:
-        stream.begin(1, 0.0, copies=6)
+    streams = [stream(allowance), stream(allowance)]
+    for each in streams:
+        each.begin(1, 0.0, copies=6)
     repeats = 0
-    for stream in streams:
-        while stream.due_at(0.0, inf) < inf:
+    for each in streams:
+        while each.due_at(0.0, inf) < inf:
             repeats += 1
-            stream.repeated(1 + repeats, 0.005 * repeats)
+            each.repeated(1 + repeats, 0.005 * repeats)
     assert repeats == 2 * LEAST_EARLY_PER_S and allowance.left(0.06) == 0
-    for stream in streams:
-        stream.begin(20, 0.06, copies=6)
-        assert stream.due_at(0.0, inf) == inf
+    for each in streams:
+        each.begin(20, 0.06, copies=6)
+        assert each.due_at(0.0, inf) == inf
 
 
 REPORTS = st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-5, 400)), max_size=60)
@@ -90,7 +102,7 @@ def test_early_repeats_are_bounded_by_their_allowance(
 ) -> None:
     """Of all streams together, whatever the peer reports."""
     allowance = Allowance()
-    streams = [Retransmission(allowance), Retransmission(allowance)]
+    streams = [stream(allowance), stream(allowance)]
     now, number, repeats = 0.0, 0, 0
     for place, (wait, what) in enumerate(steps):
         now += wait
@@ -101,10 +113,10 @@ def test_early_repeats_are_bounded_by_their_allowance(
         if what == "update":
             number += 1
             streams[place % 2].begin(number, now, copies)
-        for stream in streams:
-            while stream.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
+        for each in streams:
+            while each.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
                 number, repeats = number + 1, repeats + 1
-                stream.repeated(number, now)
+                each.repeated(number, now)
     assert repeats <= MOST_EARLY_PER_S * (1.0 + now) + 1e-9
 
 
@@ -157,7 +169,7 @@ def test_allowance_recovers_when_the_loss_itself_has_changed() -> None:
 
 
 def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
-    retransmission = Retransmission(Allowance())
+    retransmission = stream()
     retransmission.begin(7, 1.0, copies=2)
     assert retransmission.due_at(0.3, 9.0) == 1.0 + SHORTEST_PACE
     retransmission.repeated(8, 1.005)
@@ -165,7 +177,7 @@ def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
     retransmission.repeated(9, 1.01)
     assert retransmission.due_at(0.3, 9.0) > 9.0
     retransmission.begin(10, 2.0, copies=1)
-    assert retransmission.acknowledge(10)
+    assert acknowledge(retransmission, 10)
     assert retransmission.due_at(0.3, 9.0) == inf
     retransmission.begin(11, 2.1)
     assert retransmission.due_at(0.3, 9.0) > 9.0

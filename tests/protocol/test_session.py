@@ -12,8 +12,7 @@ from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.heartbeat import INTRODUCTIONS
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.security import Security
-from weberlink.protocol.sending import REKEY_AFTER, REKEY_AFTER_S, Parameters
-from weberlink.protocol.session import Session
+from weberlink.protocol.session import REKEY_AFTER, REKEY_AFTER_S, Parameters, Session
 from weberlink.protocol.wire import PHASE, DirectionLayout
 from weberlink.update import PreviousSample, Update
 
@@ -23,7 +22,7 @@ def sessions(
 ) -> tuple[Session, Session, Statistics, Statistics]:
     """Both ends of a session that have agreed on no round trip, and what each counts."""
     layout = DirectionLayout([forms(3)])
-    parameters = Parameters(layout, layout, 0.0, 0.001, silence, 0.4, opens=False, rekey_after=rekey_after)
+    parameters = Parameters(layout, layout, 0.0, 0.001, silence, opens=False, rekey_after=rekey_after)
     counted = Statistics(), Statistics()
     first, second = (
         Session(protection, parameters, count, 0.0, 0.0, longest_round_trip=0.4, first_sequence=first_sequence)
@@ -40,8 +39,8 @@ def pair(security: Security, **changes: Any) -> tuple[Session, Session, Statisti
     for session in (first, second):
         session.clock.learn(0.0, 0.0, 0.0)
     for _ in range(INTRODUCTIONS + 1):
-        deliver(second, first.sender.send_heartbeat(0.0), 0.0)
-        deliver(first, second.sender.send_heartbeat(0.0), 0.0)
+        deliver(second, first.send_heartbeat(0.0), 0.0)
+        deliver(first, second.send_heartbeat(0.0), 0.0)
     return first, second, *counted
 
 
@@ -57,12 +56,12 @@ def test_session_survives_the_wrap_of_its_numbers(security: Security) -> None:
     last = -1
     for step in range(1000):
         now = step * 0.001
-        outcome = deliver(receiver, sender.sender.send_update(now, sample_update(step)), now)
+        outcome = deliver(receiver, sender.send_update(now, sample_update(step)), now)
         assert isinstance(outcome, UpdateReceived)
         assert outcome.update.tick == step > last
         last = step
-        assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
-        assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > now
+        assert deliver(sender, receiver.send_heartbeat(now), now) is None
+        assert sender.next_timer(is_engaged=True, is_encoding=True) > now
     assert received.lost <= 1, "the number whose acknowledgement would be that of nothing is left out"
     assert counted.lost == counted.repeats == 0
 
@@ -70,15 +69,15 @@ def test_session_survives_the_wrap_of_its_numbers(security: Security) -> None:
 def test_old_acknowledgement_is_not_mistaken_for_new() -> None:
     """The receiver holds one update; 2^16 datagrams later, the next one has the same low bits."""
     sender, receiver, counted, _ = pair(Checksum(), silence=10.0)
-    deliver(receiver, sender.sender.send_update(0.0, sample_update(0)), 0.0)
-    deliver(sender, receiver.sender.send_heartbeat(0.0), 0.0)
+    deliver(receiver, sender.send_update(0.0, sample_update(0)), 0.0)
+    deliver(sender, receiver.send_heartbeat(0.0), 0.0)
     for _ in range(2**16 - 1):
-        sender.sender.send_heartbeat(0.0)
-    sender.sender.send_update(1.0, sample_update(1))
+        sender.send_heartbeat(0.0)
+    sender.send_update(1.0, sample_update(1))
     for step in range(100):
         now = 1.02 + step * 0.05
-        deliver(sender, receiver.sender.send_heartbeat(now), now)
-        while sender.sender.handle_timer(now, is_engaged=True, is_encoding=True) is not None:
+        deliver(sender, receiver.send_heartbeat(now), now)
+        while sender.handle_timer(now, is_engaged=True, is_encoding=True) is not None:
             pass
     assert counted.repeats > 5
 
@@ -118,11 +117,11 @@ def test_a_report_that_is_overtaken_changes_nothing() -> None:
     reports = []
     for now, lost in ((2.0, 5), (4.0, 40)):
         for _ in range(lost):
-            sender.sender.send_heartbeat(now)  # is lost
+            sender.send_heartbeat(now)  # is lost
         for step in range(5):
-            deliver(receiver, sender.sender.send_heartbeat(now), now)
-            deliver(sender, receiver.sender.send_heartbeat(now), now) if step == 0 else None
-        reports.append(receiver.sender.send_heartbeat(now + 1.0))
+            deliver(receiver, sender.send_heartbeat(now), now)
+            deliver(sender, receiver.send_heartbeat(now), now) if step == 0 else None
+        reports.append(receiver.send_heartbeat(now + 1.0))
     deliver(sender, reports[1], 5.0)
     newest = counted.outgoing_loss
     assert newest > 0.0
@@ -136,16 +135,16 @@ def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
     now = 0.1
 
     def reports() -> bool:
-        data = receiver.sender.send_heartbeat(now)
-        return len(data) > len(receiver.sender.send_heartbeat(now))
+        data = receiver.send_heartbeat(now)
+        return len(data) > len(receiver.send_heartbeat(now))
 
     def hear(count: int, delay: float = 0.0, lost: int = 0) -> bool:
         nonlocal now
         for _ in range(count):
             now += 0.001
             for _ in range(lost):
-                sender.sender.send_heartbeat(now - delay)
-            deliver(receiver, sender.sender.send_heartbeat(now - delay), now)
+                sender.send_heartbeat(now - delay)
+            deliver(receiver, sender.send_heartbeat(now - delay), now)
         return reports()
 
     assert not reports()
@@ -158,7 +157,7 @@ def test_a_heartbeat_reports_again_once_the_link_has_changed() -> None:
 
 def test_a_farewell_arrives_however_late() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
-    data = sender.sender.send_bye(0.1, "robot: fault")
+    data = sender.send_bye(0.1, "robot: fault")
     assert deliver(receiver, data, 40.0) == PeerClosed("robot: fault")
 
 
@@ -173,7 +172,7 @@ def test_keys_are_replaced_by_time_and_by_count_without_a_loss(
     held: list[bytes] = []
     for step in range(1, 400):
         now = step * period
-        data = sender.sender.send_update(now, sample_update(round(1000 * now)))
+        data = sender.send_update(now, sample_update(round(1000 * now)))
         phases.append(data[0] & PHASE)
         if step % 7 == 0:
             held.append(data)
@@ -181,7 +180,7 @@ def test_keys_are_replaced_by_time_and_by_count_without_a_loss(
             assert isinstance(deliver(receiver, data, now), UpdateReceived)
         if held and step % 7 == 2:
             assert deliver(receiver, held.pop(), now) is DropReason.SUPERSEDED
-        assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
+        assert deliver(sender, receiver.send_heartbeat(now), now) is None
     assert sum(earlier != later for earlier, later in pairwise(phases)) == changes
     changes_at = round(REKEY_AFTER_S) - 1
     assert period < 1.0 or phases[changes_at - 1] != phases[changes_at], "at the very second"
@@ -192,10 +191,10 @@ def test_wrapped_time_stamp_is_not_new() -> None:
     """Held back for 2^23 stamps, it seems to have just left; its number says that it has not."""
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     wrap = 2**23 * 1e-5
-    held = sender.sender.send_update(1.0, sample_update(1000))
+    held = sender.send_update(1.0, sample_update(1000))
     now = 1.0
     while now < 1.0 + wrap:
-        deliver(receiver, sender.sender.send_heartbeat(now), now)
-        deliver(sender, receiver.sender.send_heartbeat(now), now)
+        deliver(receiver, sender.send_heartbeat(now), now)
+        deliver(sender, receiver.send_heartbeat(now), now)
         now += 0.5
     assert deliver(receiver, held, 1.0 + wrap + 0.001) in (DropReason.IMPLAUSIBLE, DropReason.STALE)

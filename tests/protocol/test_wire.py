@@ -1,12 +1,9 @@
-"""The layout of datagrams: what the table of the module says, and that everything survives the wire."""
+"""The layout of datagrams: its bounds, and that everything survives the wire; `test_one_stream` fixes every bit."""
 
-import ast
-import re
 from itertools import product
-from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import KEY, forms
@@ -16,19 +13,7 @@ from weberlink.protocol import bits as strings
 from weberlink.protocol.bits import MalformedError
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import (
-    CLEAR_BYTES,
-    ByeContent,
-    ChangeContent,
-    DirectionLayout,
-    Envelope,
-    HeartbeatContent,
-    Kind,
-    PathContent,
-    Report,
-    UpdateContent,
-    UpdateLayout,
-)
+from weberlink.protocol.wire import CLEAR_BYTES, Content, DirectionLayout, Envelope, Kind, Report, UpdateLayout
 from weberlink.update import (
     MAX_GAP,
     MAX_SELECTOR,
@@ -42,70 +27,39 @@ from weberlink.update import (
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size
 WIDEST = -32_768
+UINT16 = st.integers(0, 2**16 - 1)
 
 
-def documented() -> dict[str, tuple[int, int]]:
-    """Fewest and most bits of each part, from the table of the module, without groups."""
-    sizes: dict[str, tuple[int, int]] = {}
-    # From the source: a compiled module has no docstring.
-    table = ast.get_docstring(ast.parse(Path(wire.__file__).with_name("wire.py").read_text(encoding="utf-8")))
-    rows = re.findall(r"^\| (\w+) \| (\w+) \| (\d+)(?:-(\d+))? (bits?|bytes) \|", table or "", re.MULTILINE)
-    for part, _, low, high, unit in rows:
-        scale = 8 if unit == "bytes" else 1
-        least, most = sizes.get(part, (0, 0))
-        sizes[part] = least + scale * int(low), most + scale * int(high or low)
-    return sizes
+def read(direction: DirectionLayout, data: bytes) -> Content:
+    return direction.read(data[0], data[CLEAR_BYTES:])
 
 
 @pytest.mark.parametrize(("carries_credit", "acks"), list(product([False, True], [1, 2])))
 @pytest.mark.parametrize("groups", [(1,), (2, 2), (3,), (3, 3)])
-def test_documented_sizes_are_those_of_the_code(groups: tuple[int, ...], carries_credit: bool, acks: int) -> None:
+def test_lengths_are_those_of_the_shortest_and_longest_datagrams(
+    groups: tuple[int, ...], carries_credit: bool, acks: int
+) -> None:
     stream = (UpdateForm(groups, groups), UpdateForm(groups, None))
     direction = DirectionLayout([stream] * acks, carries_credit=carries_credit, acks=acks)
-    limits, count = direction.lengths(0), sum(groups)
-    envelopes: list[Envelope] = [(1, 0, 2, 3, (None,) * acks), (1, 1, 2, 3, (7,) * acks)]
-    for ends, level in enumerate((0, WIDEST)):
-        head = ["clear", "head", *["ack"] * (acks * ends)]
-        update = ["update", *["lag"] * ends, *["update_credit"] * carries_credit]
-        levels = (level,) * count
-
-        def size(*parts: str, groups: tuple[int, ...] = (), head: list[str] = head, ends: int = ends) -> int:
-            sizes, width = documented(), (1, 16)[ends]
-            bits = sum(sizes[part][ends] for part in (*head, *parts) if part != "parameters")
-            bits += acks - 1  # of the fields `tells` the table counts one
-            bits += sum(4 + width * number for number in groups)
-            return -(-bits // 8) + ("parameters" in parts) * sizes["parameters"][ends] // 8
-
-        for layout in direction.updates:
-            plain = layout.pack(envelopes[ends], WIDEST * ends, Update(9, 0, levels), 8)
-            assert len(plain) == size(*update, groups=groups)
-            gap = (1, MAX_GAP)[ends]
-            paired = layout.pack(
-                envelopes[ends], WIDEST * ends, Update(9, 0, levels, PreviousSample(gap, (0,) * count))
-            )
-            assert len(paired) == size(*update, "previous", groups=groups * 2)
-            data = ModelParameters(bytes(MOST_PARAMETER_BYTES * ends))
-            parametric = layout.pack(envelopes[ends], WIDEST * ends, Update(9, 1, levels, data))
-            assert len(parametric) == size(*update, "parameters", groups=groups)
-            bounds = limits[paired[0] & 0xF]
-            assert bounds == limits[plain[0] & 0xF]
-            assert bounds[ends] == (len(plain), max(len(paired), len(parametric)))[ends]
-        credit = 9 if carries_credit else None
-        pulse = wire.pack_heartbeat(
-            envelopes[ends], 5, Report(0, 0, 0, 0, 0, 0) if ends else None, credit, round_trip_ms=7 if ends else None
-        )
-        assert len(pulse) == size("heartbeat", *["heartbeat_credit"] * carries_credit, *["report", "opening"] * ends)
-        assert limits[pulse[0] & 0xF][ends] == len(pulse)
-        bye = wire.pack_bye(envelopes[ends], "x" * 100 * ends)
-        assert len(bye) == size("bye") == limits[bye[0] & 0xF][ends]
-        change = wire.pack_change(envelopes[ends], 3, 4, b"x" * (1 + 300 * ends), is_answer=True)
-        assert len(change) == size("change") == limits[change[0] & 0xF][ends]
-        path = wire.pack_path(envelopes[ends], bytes(wire.TOKEN_BYTES), is_answer=True)
-        assert len(path) == size("path") == limits[path[0] & 0xF][ends]
-    assert set(documented()) == {
-        *("clear", "head", "ack", "update", "lag", "previous", "update_credit", "parameters"),
-        *("heartbeat", "heartbeat_credit", "report", "opening", "bye", "change", "path"),
-    }
+    levels, limits = (WIDEST,) * sum(groups), direction.lengths(0)
+    told: list[Envelope] = [(1, 0, 2, 3, (None,) * acks), (1, 1, 2, 3, (7,) * acks)]
+    credit = 9 if carries_credit else None
+    report = Report(0, 0, 0, 0, 0, 0)
+    for layout in direction.updates:
+        short = layout.pack(told[0], 0, Update(9, 0, (0,) * len(levels)), 8)
+        paired = Update(9, 0, levels, PreviousSample(MAX_GAP, (0,) * len(levels)))
+        modelled = Update(9, 1, levels, ModelParameters(bytes(MOST_PARAMETER_BYTES)))
+        longest = max(len(layout.pack(told[1], WIDEST, update, 8)) for update in (paired, modelled))
+        assert limits[short[0] & 0xF] == limits[short[0] & 0xF | wire.MARK] == (len(short), longest)
+    for first, low, high in (
+        (Kind.HEARTBEAT, *(wire.pack_heartbeat(told[n], 5, (None, report)[n], credit, round_trip_ms=(None, 7)[n])
+                           for n in (0, 1))),
+        (Kind.BYE, *(wire.pack_bye(told[n], "x" * 100 * n) for n in (0, 1))),
+        (Kind.CHANGE | wire.MARK, *(wire.pack_change(told[n], 3, 4, b"x" * (1 + 300 * n), is_answer=True)
+                                    for n in (0, 1))),
+        (Kind.PATH, *(wire.pack_path(told[n], bytes(wire.TOKEN_BYTES), is_answer=False) for n in (0, 1))),
+    ):  # fmt: skip
+        assert limits[first] == (len(low), len(high))
 
 
 TYPICAL = ((-310, 42, 1180), (1520, -2210, -930))
@@ -138,115 +92,125 @@ PAYLOADS = st.one_of(
     st.builds(PreviousSample, st.integers(1, MAX_GAP), LEVELS),
     st.builds(ModelParameters, st.binary(max_size=MOST_PARAMETER_BYTES)),
 )
-UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
-ACKS = st.lists(st.none() | st.integers(0, 2**16 - 1), min_size=2, max_size=2).map(tuple)
-ENVELOPES = st.tuples(
-    st.integers(0, 2**16 - 1), st.integers(0, 1), st.integers(0, 2**23 - 1), st.integers(0, 255), ACKS
-)
+UPDATES = st.builds(Update, LEVEL, st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
+ACKS = st.lists(st.none() | UINT16, min_size=2, max_size=2).map(tuple)
+ENVELOPES = st.tuples(UINT16, st.integers(0, 1), st.integers(0, 2**23 - 1), st.integers(0, 255), ACKS)
 CREDITS = st.none() | st.integers(0, 2**40)
 
 
-@given(ENVELOPES, LEVEL, UPDATES, CREDITS, st.booleans())
-def test_an_update_survives_the_wire(
-    envelope: Envelope, lag: int, update: Update, credit: int | None, second: bool
-) -> None:
+def layouts(update: Update, credit: int | None) -> DirectionLayout:
+    """Of two streams that can carry the update."""
     form = UpdateForm((3, 3), None if isinstance(update.payload, ModelParameters) else (3, 3))
-    stream = (form,) * (MAX_SELECTOR + 1)
-    direction = DirectionLayout([stream, stream], carries_credit=credit is not None, acks=2)
+    return DirectionLayout([(form,) * (MAX_SELECTOR + 1)] * 2, carries_credit=credit is not None, acks=2)
+
+
+@given(ENVELOPES, UPDATES, CREDITS, st.booleans())
+def test_an_update_survives_the_wire(envelope: Envelope, update: Update, credit: int | None, second: bool) -> None:
+    direction = layouts(update, credit)
     layout = direction.updates[second]
     layout.check(update)
-    data = layout.pack(envelope, lag, update, credit or 0)
-    assert wire.kind_of(data) == (Kind.SECOND_UPDATE if second else Kind.UPDATE)
+    data = layout.pack(envelope, update.tick, update, credit or 0)
+    kind = Kind.SECOND_UPDATE if second else Kind.UPDATE
+    assert wire.kind_of(data) == kind
     assert wire.sequence_of(data) == envelope[0]
-    head, content = direction.read(data[0], data[CLEAR_BYTES:])
-    assert (head, content) == direction.read(data[0] | wire.PHASE, data[CLEAR_BYTES:])
-    assert head == wire.Head(wire.kind_of(data), update.payload is not None, update.selector, *envelope[1:])
-    assert head.is_encoding
-    assert content == UpdateContent(lag, update.newest, update.payload, None if credit is None else credit % 2**16)
     assert wire.length_fault(data, direction.lengths(0)) is None
+    found = read(direction, data)
+    assert found == direction.read(data[0] | wire.PHASE, data[CLEAR_BYTES:])
+    truncated = None if credit is None else credit % 2**16
+    head = (kind, update.payload is not None, update.selector, *envelope[1:])
+    assert found == Content(*head, update, credit=truncated)
+
+
+@given(ENVELOPES, UPDATES, CREDITS, st.booleans(), st.integers(0, 10_000), st.sampled_from(["flip", "cut", "more"]))
+def test_a_harmed_update_is_refused_or_says_what_an_update_can_say(
+    envelope: Envelope, update: Update, credit: int | None, second: bool, place: int, harm: str
+) -> None:
+    direction = layouts(update, credit)
+    layout = direction.updates[second]
+    data = bytearray(layout.pack(envelope, update.tick, update, credit or 0))
+    if harm == "flip":
+        data[place % len(data)] ^= 1 << place % 8
+    elif harm == "cut":
+        del data[-1 - place % (len(data) - CLEAR_BYTES) :]
+    else:
+        data += bytes(1 + place % 50)
+    try:
+        found = read(direction, bytes(data))
+    except MalformedError:
+        return
+    assume(found.update is not None)
+    assert found.update is not None
+    layout.check(found.update)
+    head = (wire.sequence_of(data), found.generation, found.sent, found.echo, found.acks)
+    packed = direction.updates[found.kind == Kind.SECOND_UPDATE].pack(
+        head, found.update.tick, found.update, found.credit or 0
+    )
+    assert len(packed) <= len(data), "its widths may be larger than they need be"
+    assert read(direction, packed) == found
+    assert harm == "flip" or isinstance(update.payload, ModelParameters)
 
 
 @given(
     ENVELOPES,
-    st.integers(0, 2**16 - 1),
+    UINT16,
     st.none()
     | st.builds(
         Report,
         st.integers(-(2**47), 2**47 - 1),
         st.integers(0, 2**24 - 1),
         st.integers(0, 2**24 - 1),
-        st.integers(0, 2**16 - 1),
-        st.integers(0, 2**16 - 1),
-        st.integers(0, 2**16 - 1),
+        UINT16,
+        UINT16,
+        UINT16,
     ),
     CREDITS,
-    st.none() | st.integers(0, 2**16 - 1),
+    st.none() | UINT16,
+    st.booleans(),
 )
 def test_a_heartbeat_survives_the_wire(
-    envelope: Envelope, ticks: int, report: Report | None, credit: int | None, opening: int | None
+    envelope: Envelope, ticks: int, report: Report | None, credit: int | None, opening: int | None, flag: bool
 ) -> None:
     direction = DirectionLayout([forms(3)], carries_credit=credit is not None, acks=2)
-    data = wire.pack_heartbeat(envelope, ticks, report, credit, round_trip_ms=opening)
-    head, content = direction.read(data[0], data[CLEAR_BYTES:])
-    assert content == HeartbeatContent(ticks, None if credit is None else credit % 2**32, report, opening)
-    assert (head.generation, head.sent, head.echo, head.acks) == envelope[1:]
-    assert not (head.asks or head.is_encoding)
-    asking = wire.pack_heartbeat(envelope, ticks, report, credit, round_trip_ms=opening, asks=True, is_encoding=True)
-    head, _ = direction.read(asking[0], asking[CLEAR_BYTES:])
-    assert head.asks and head.is_encoding
-    assert asking[1:] == data[1:]
+    data = wire.pack_heartbeat(envelope, ticks, report, credit, round_trip_ms=opening, asks=flag, is_encoding=not flag)
+    selector = (not flag) + 2 * (report is not None) + 4 * (opening is not None)
+    truncated = None if credit is None else credit % 2**32
+    assert read(direction, data) == Content(
+        Kind.HEARTBEAT, flag, selector, *envelope[1:], None, ticks, truncated, report, opening
+    )
+    with pytest.raises(MalformedError):
+        read(direction, data + b"\0")
+    with pytest.raises(MalformedError):
+        read(direction, data[:-1])
 
 
 def test_a_report_saturates() -> None:
     data = wire.pack_heartbeat((5, 0, 6, 7, (None,)), 0, Report(0, 2**40, 2**40, 0, 2**20, 7))
-    _, content = DirectionLayout([forms(3)]).read(data[0], data[CLEAR_BYTES:])
-    assert content == HeartbeatContent(0, None, Report(0, 2**24 - 1, 2**24 - 1, 0, 2**16 - 1, 7))
+    assert read(DirectionLayout([forms(3)]), data).report == Report(0, 2**24 - 1, 2**24 - 1, 0, 2**16 - 1, 7)
 
 
 @given(ENVELOPES, st.text(), st.binary(min_size=1, max_size=300), st.integers(0, 2**32 - 1), st.integers(0, 7))
 def test_other_kinds_survive_the_wire(envelope: Envelope, reason: str, body: bytes, tick: int, number: int) -> None:
     """A reason is cut at a character, a change at its limit."""
     direction = DirectionLayout([forms(3)], acks=2)
-    said = direction.read((data := wire.pack_bye(envelope, reason))[0], data[CLEAR_BYTES:])[1]
-    assert isinstance(said, ByeContent)
-    assert len(said.reason.encode()) <= wire.LONGEST_REASON
-    assert reason.encode(errors="replace").decode().startswith(said.reason)
-    data = wire.pack_change(envelope, tick, number, body, is_answer=False)
-    head, content = direction.read(data[0], data[CLEAR_BYTES:])
-    assert (head.selector, content) == (number, ChangeContent(tick, body[: wire.LONGEST_CHANGE]))
-    data = wire.pack_path(envelope, body[:8].ljust(8), is_answer=True)
-    head, content = direction.read(data[0], data[CLEAR_BYTES:])
-    assert (head.mark, content) == (True, PathContent(body[:8].ljust(8)))
+    said = read(direction, wire.pack_bye(envelope, reason)).data
+    assert len(said) <= wire.LONGEST_REASON
+    assert reason.encode(errors="replace").decode().startswith(said.decode())
+    change = read(direction, wire.pack_change(envelope, tick, number, body, is_answer=False))
+    assert change == Content(Kind.CHANGE, False, number, *envelope[1:], tick=tick, data=body[: wire.LONGEST_CHANGE])
+    path = read(direction, wire.pack_path(envelope, body[:8].ljust(8), is_answer=True))
+    assert path == Content(Kind.PATH, True, 0, *envelope[1:], data=body[:8].ljust(8))
 
 
 @given(st.integers(0, 255), st.binary(max_size=120), st.booleans())
-def test_any_bytes_are_read_or_refused_and_what_is_read_has_one_form(
-    first: int, body: bytes, carries_credit: bool
-) -> None:
+def test_any_bytes_are_read_or_refused(first: int, body: bytes, carries_credit: bool) -> None:
     stream = (UpdateForm((3, 3), (3, 3)), UpdateForm((3,), (3,)), UpdateForm((3,), None))
     direction = DirectionLayout([stream], carries_credit=carries_credit)
     try:
-        head, content = direction.read(first, body)
+        found = direction.read(first, body)
     except MalformedError:
         return
-    if isinstance(content, UpdateContent):
-        update = Update(0, head.selector, content.newest, content.payload)
-        direction.updates[0].check(update)
-        packed = direction.updates[0].pack(
-            (0, head.sent, head.echo, head.acks), content.lag, update, content.credit or 0
-        )
-        assert len(packed) <= CLEAR_BYTES + len(body)
-        assert direction.read(packed[0], packed[CLEAR_BYTES:]) == (head, content)
-
-
-@pytest.mark.parametrize("harm", [lambda body: body[:-1], lambda body: body + b"\0", lambda body: body[:-1] + b"\xff"])
-@pytest.mark.parametrize("payload", [None, PreviousSample(3, (1, 2, 4))])
-def test_an_update_that_is_cut_or_goes_on_is_refused(payload: PreviousSample | None, harm: object) -> None:
-    direction = DirectionLayout([forms(3)])
-    data = direction.updates[0].pack((1, 0, 2, 3, (None,)), 0, Update(1, 0, (1, 2, 3), payload))
-    direction.read(data[0], data[CLEAR_BYTES:])
-    with pytest.raises(MalformedError):
-        direction.read(data[0], harm(data[CLEAR_BYTES:]))  # type: ignore[operator]
+    if found.update is not None:
+        direction.updates[0].check(found.update)
 
 
 @given(st.lists(st.one_of(LEVEL.map(lambda level: (level,)), LEVELS, st.integers(1, MAX_GAP)), max_size=6))
@@ -257,10 +221,10 @@ def test_groups_and_counts_come_back_and_take_the_bits_they_need(parts: list[tup
             made = strings.put_count(made, part)
             size += 4 + part.bit_length() - 1
         else:
-            made = strings.put_group(made, part)
+            made = strings.put_groups(made, (len(part),), part)
             size += 4 + len(part) * max(max(part).bit_length() + 1, (~min(part)).bit_length() + 1, 1)
     data = strings.to_bytes(made)
-    assert len(data) <= -(-size // 8)
+    assert len(data) == -(-size // 8)
     number, left = int.from_bytes(data, "big"), 8 * len(data)
     read: list[tuple[int, ...] | int] = []
     for part in parts:
@@ -268,10 +232,10 @@ def test_groups_and_counts_come_back_and_take_the_bits_they_need(parts: list[tup
             count, left = strings.take_count(number, left)
             read.append(count)
         else:
-            group, left = strings.take_group(number, left, len(part))
+            group, left = strings.take_groups(number, left, (len(part),))
             read.append(group)
     assert read == parts
-    strings.end(number, left)
+    strings.check_end(number, left)
 
 
 @pytest.mark.parametrize("tag", [4, 8])

@@ -76,7 +76,7 @@ class Following:
             trip_retract=TRIP_RETRACT,
         )  # fmt: skip
         self.tool = ToolOrientation(self.robot, speed=TURN, approach_speed=TURN_APPROACH, ramp=RAMP)
-        link: Any = SimpleNamespace(peer_credit=0)
+        link: Any = SimpleNamespace(credit=SimpleNamespace(known=0), clock=None)
         self.port = RobotPort(
             robot=self.robot, guard=self.guard, followers=[self.tool], control=DirectSlave(), endpoint=link,  # type: ignore[arg-type]
             press_limit=PressLimit(most, COUPLING), trip_force=TRIP_N, by_button=True,

@@ -167,9 +167,8 @@ class Duel:
         session = self.peer._session
         if session is None:
             return
-        sender = session.sender
-        envelope, sequence = sender._envelope(self.now)
-        self.peer._post(sender._seal(sequence, packed(envelope), self.now))
+        envelope, sequence = session._envelope(self.now)
+        self.peer._post(session._seal(sequence, packed(envelope), self.now))
 
     def renew(self, reason: str | None) -> None:
         """End the session, with a farewell or without one, and begin another one before the next tick of the side."""

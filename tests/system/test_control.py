@@ -119,5 +119,5 @@ def test_the_records_of_both_ends_hold_the_credit_that_the_robots_end_has_given(
     master, slave = records_of(simulation, 2.4)
     assert slave["credit"][-1] > 1e-4
     assert slave["credit"][-1] == pytest.approx(CREDIT_STEP * simulation.slave.port.controls[0].credit, rel=1e-6)
-    assert master["credit"][-1] == pytest.approx(CREDIT_STEP * simulation.master.endpoint.peer_credit, rel=1e-6)
+    assert master["credit"][-1] == pytest.approx(CREDIT_STEP * simulation.master.endpoint.credit.known, rel=1e-6)
     assert master["credit"][-1] == pytest.approx(slave["credit"][-1], rel=0.1)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.system.hostile import Content, Duel
-from tests.system.systems import ARMS, configuration
+from tests.system.systems import ARMS, HAS_ARMS, configuration
 from weberlink.codec.parameters import pack
 from weberlink.control.tuning import Tuning
-from weberlink.protocol.mailbox import QUEUED_EVENTS
+from weberlink.protocol.endpoint import QUEUED_EVENTS
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind
 from weberlink.system.configuration import Configuration
 from weberlink.update import MAX_GAP, MOST_PARAMETER_BYTES, ModelParameters, PreviousSample
@@ -27,7 +27,7 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "bounded": (*MIXED, "control.scheme=bounded"),
     "paths": ("codec.force.predictor=path", "codec.position.predictor=path", "control.scheme=none"),
 }
-FILES = {"rotation": "rotation.yaml", "arms": ARMS}
+FILES = {"rotation": "rotation.yaml", **({"arms": ARMS} if HAS_ARMS else {})}
 
 
 @cache
@@ -91,7 +91,7 @@ def move(duel: Duel, kind: str, *what: Any) -> None:
         case "garble":
             duel.garble(*what)
         case "credit":
-            peer.credit = max(peer.credit, *what)
+            peer.grant(max(peer.credit.granted, *what))
         case "encoding":
             peer.report_encoding(duel.now, is_encoding=what[0])
         case "renew":

@@ -88,7 +88,9 @@ def _run(direction: str, mode: str, age: float, held: Hold, delays: tuple[float,
     agreed = 0.0
     for _ in range(round((FROM_S + BATCH_S + age + 0.5) * rate)):
         simulated.step()
-        agreed = max(agreed, simulated.master.endpoint.round_trip_limit, simulated.slave.endpoint.round_trip_limit)
+        agreed = max(
+            agreed, simulated.master.endpoint.liveness.round_trip, simulated.slave.endpoint.liveness.round_trip
+        )
     link = ways[direction]
     link.settle()
     count = sum(FROM_S <= at < FROM_S + BATCH_S for at in link.departures)

@@ -98,7 +98,9 @@ def run(case: Case) -> Run:
         for number in range(ticks):
             records.append(simulated.step())
             if number * loaded.system.tick_period < case.restored:
-                agreed = max(agreed, *(side.endpoint.round_trip_limit for side in (simulated.master, simulated.slave)))
+                agreed = max(
+                    agreed, *(side.endpoint.liveness.round_trip for side in (simulated.master, simulated.slave))
+                )
     except Exception as error:
         return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
     masters, slaves = zip(*records, strict=True)

@@ -8,14 +8,12 @@ from plugins.arms.tests.virtual import VirtualPort, VirtualTime
 from weberlink.arms.threaded_arm import ArmSample
 from weberlink.geometry.joints import Joints
 from weberlink.hardware.guardian import Guardian
-from weberlink_arms.dynamixel.arm_exchange import Gravity, TorqueExchange, no_gravity
+from weberlink_arms.dynamixel.arm_exchange import Gravity, TorqueExchange, model_gravity, no_gravity
 from weberlink_arms.dynamixel.follower import (
     KochFollowerOptions,
     OpenManipulatorXOptions,
-    _weight_of_open_manipulator,
     position_exchange,
 )
-from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.leader import KochLeaderOptions, OmxLeaderOptions
 from weberlink_arms.emulators.dynamixel.joint_arm import (
     KochFollowerEmulator,
@@ -80,7 +78,12 @@ FAMILIES = {
     "koch_follower": Family(KochFollowerEmulator, QUIET, KochFollowerOptions, _position_exchange, None),
     "so101_follower": Family(FeetechEmulator, {}, So101FollowerOptions, _so101_follower, None),
     "open_manipulator_x": Family(
-        DynamixelEmulator, QUIET, OpenManipulatorXOptions, _position_exchange, None, gravity=_weight_of_open_manipulator
+        DynamixelEmulator,
+        QUIET,
+        OpenManipulatorXOptions,
+        _position_exchange,
+        None,
+        gravity=model_gravity("open_manipulator_x"),
     ),
 }
 LEADERS = [name for name, family in FAMILIES.items() if family.leads]
@@ -140,10 +143,7 @@ class ArmBench:
     @property
     def angles(self) -> Joints:
         """Of the emulated arm [rad]."""
-        emulator = self.emulator
-        if isinstance(emulator, DynamixelEmulator):
-            return (*emulator.arm.angles, OPEN_MANIPULATOR_X.offset_rad[-1] - emulator.gripper.angle)
-        return tuple(emulator.angles)
+        return tuple(self.emulator.angles)
 
     @property
     def limits(self) -> dict[str, list[float]]:

@@ -124,7 +124,7 @@ def test_the_torque_of_a_wall_is_measured_within_the_stated_error(
 
 def test_the_weight_of_an_so101_is_carried_and_not_taken_for_contact() -> None:
     pytest.importorskip("mujoco")
-    from weberlink.arms.models import load  # noqa: PLC0415
+    from weberlink_mujoco.arms.models import load  # noqa: PLC0415
 
     bench = opened("so101_follower", carried=load("so101").gravity, weight=True)
     stretched = (0.0, 1.2, -1.2, 0.0, 0.0, 0.96)
@@ -228,7 +228,7 @@ def test_an_arm_that_fell_is_held_where_it_lies() -> None:
     bench.wait(0.2)
     assert bench.emulator.watchdog_trips == 6
     assert pushed(bench, 2) < 0.02
-    bench.emulator._angles[2], bench.emulator._velocities[2] = -0.3, 0.0
+    bench.emulator.angles[2], bench.emulator.velocities[2] = -0.3, 0.0
     with pytest.raises(HardwareFault, match="watchdog tripped"):
         bench.exchange.exchange(None)
     bench.exchange.close()

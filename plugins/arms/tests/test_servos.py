@@ -118,7 +118,7 @@ def test_arbitrary_bytes_are_tolerated(chunks: list[bytes]) -> None:
         for reply in emulator.replies(now + 0.002):
             assert len(reader.feed(reply)) == 1
     assert reader.dropped_bytes == reader.bad_crc == 0
-    assert all(abs(velocity) < 20.0 for velocity in emulator.arm.velocities)
+    assert all(abs(velocity) < 20.0 for velocity in emulator.velocities)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import ZERO
-from weberlink.protocol.mailbox import Statistics
+from weberlink.protocol.events import Statistics
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.telemetry.record import MOST_RECEIVED, UNKNOWN
 from weberlink.telemetry.row import Row, placed

@@ -169,7 +169,7 @@ class Side:
             self._settle(now)
         self._hear(now)
         if self.tuning.is_busy:
-            peer_time = self.endpoint.peer_time(deadline)
+            peer_time = self.endpoint.clock.peer_time(deadline)
             self._guarded(self.tuning.advance, index, None if peer_time is None else peer_time / self._tick_period)
         self._follow_peer_clock(now)
         if self._waiting:
@@ -198,7 +198,7 @@ class Side:
         return None
 
     def _propose(self, body: bytes, now: float) -> None:
-        ahead = lead(self.endpoint.rtt, self.endpoint.jitter)
+        ahead = lead(self.endpoint.clock.rtt, self.endpoint.clock.jitter)
         tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
         if not self.endpoint.propose_change(now, tick, body):
             raise AssertionError("the tuning allows one change at a time")
@@ -208,11 +208,11 @@ class Side:
 
         The mapping of its clock errs by half the asymmetry of the delays, so half a round trip more is exact.
         """
-        endpoint = self.endpoint
-        peer_time, rtt = endpoint.peer_time(now), endpoint.rtt
+        clock = self.endpoint.clock
+        peer_time, rtt = clock.peer_time(now), clock.rtt
         if peer_time is None or rtt is None:
             return inf
-        return (peer_time + 0.5 * rtt + endpoint.jitter) / self._tick_period + 0.5 * LEAD_TICKS
+        return (peer_time + 0.5 * rtt + clock.jitter) / self._tick_period + 0.5 * LEAD_TICKS
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
@@ -250,7 +250,7 @@ class Side:
         row, endpoint, port = self._row, self.endpoint, self.port
         statistics = endpoint.statistics
         self._rows.fill(row, statistics)
-        peer_at = endpoint.peer_time(self.deadline)
+        peer_at = endpoint.clock.peer_time(self.deadline)
         row.at = self.deadline
         row.peer_at = nan if peer_at is None else peer_at
         row.weber = self.tuning.settings.weber
@@ -270,12 +270,12 @@ class Side:
         row.codec_us = self.codec_time * 1e6
         row.rtt_us = nan if statistics.rtt is None else statistics.rtt * 1e6
         row.one_way_us = nan if statistics.one_way is None else statistics.one_way * 1e6
-        row.jitter_us = nan if statistics.rtt is None else endpoint.jitter * 1e6
+        row.jitter_us = nan if statistics.rtt is None else endpoint.clock.jitter * 1e6
         row.incoming_loss = statistics.incoming_loss
         row.outgoing_loss = statistics.outgoing_loss
-        row.peer_burst = endpoint.loss_burst
+        row.peer_burst = statistics.incoming_burst
         control = port.controls[0]
-        row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.peer_credit, control.credit)
+        row.energy, row.credit = control.energy, CREDIT_STEP * max(endpoint.credit.known, control.credit)
         if endpoint.state is not self._state:
             self._state = endpoint.state
             row.state = endpoint.state.value
@@ -496,7 +496,7 @@ class Side:
             channel.encoder.restart()
         if anew:
             for control in self.port.controls:
-                control.resume(self.endpoint.peer_credit)
+                control.resume(self.endpoint.credit.known)
         if self._leads:  # the scheme has forgotten a model that the peer may hold for known
             self.endpoint.request_full_state()
         self.port.restart()
@@ -513,7 +513,7 @@ class Side:
         endpoint = self.endpoint
         if not self._leads:
             endpoint.report_encoding(now, is_encoding=self._encodes)
-        endpoint.credit = self.port.account(elapsed, self._peer_tick, encodes=self._encodes)
+        endpoint.grant(self.port.account(elapsed, self._peer_tick, encodes=self._encodes))
         if not self._encodes:
             for channel in self.outgoing:
                 channel.idle(index)
@@ -530,7 +530,7 @@ class Side:
         """The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign."""
         encoder_heard_at = self.endpoint.liveness.encoder_heard_at
         if encoder_heard_at > -inf:
-            peer_time = self.endpoint.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            peer_time = self.endpoint.clock.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
 

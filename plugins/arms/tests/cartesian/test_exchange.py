@@ -10,7 +10,7 @@ from plugins.arms.tests.cartesian.virtual_bus import Bench
 from plugins.arms.tests.virtual import KilledError
 from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, arm_pose
+from weberlink_arms.cartesian.arm import LEAST_ROTOR_INERTIA_KG_M2, Joints, Mechanics
 from weberlink_arms.cartesian.exchange import WATCH_EVERY
 from weberlink_arms.cartesian.external_force import force_error
 from weberlink_arms.cartesian.impedance import fastest_damping, stiffest
@@ -18,6 +18,7 @@ from weberlink_arms.cartesian.options import DynamixelOptions, worst_force_error
 from weberlink_arms.dynamixel import registers
 from weberlink_arms.emulators.open_manipulator import DynamixelEmulatorOptions as EmulatedOptions
 
+POSE = Mechanics().pose
 AT_WORK: Vector = (0.2, 0.03, 0.13)
 FLOOR_Z = 0.1
 SWIFT = DynamixelOptions(approach_m_s=0.5)
@@ -76,7 +77,7 @@ def test_force_of_published_arms_is_within_stated_error(
         sample = bench.run(goal, 0.5)[-1]
         wrong = distance(sample.force, bench.emulator.tip_force)
         assert wrong <= stated[0] + stated[1] * norm(sample.force)
-        newtons, share = force_error(arm_pose(sample.joints), options.friction, uncertain)
+        newtons, share = force_error(POSE(sample.joints), options.friction, uncertain)
         assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"within the bound of this pose, at {goal}"
 
 

@@ -12,7 +12,7 @@ from weberlink_arms.cartesian.arm import (
     LOWER,
     UPPER,
     Joints,
-    arm_pose,
+    Mechanics,
     within_limits,
 )
 from weberlink_arms.cartesian.impedance import (
@@ -23,6 +23,7 @@ from weberlink_arms.cartesian.impedance import (
     joint_torques,
 )
 
+POSE = Mechanics().pose
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
 free = st.tuples(*[st.floats(low + 0.3, high - 0.3) for low, high in zip(LOWER, UPPER, strict=True)])
@@ -32,7 +33,7 @@ offsets = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
 
 def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: float = 0.0) -> Joints:
     """Without the weight, for a goal at this offset from the tip [m] and a pitch to turn by [rad]."""
-    here = arm_pose(joints)
+    here = POSE(joints)
     given_ = joint_torques(here, speeds, add(here.tip, offset), here.pitch + turn, ImpedanceGains())
     a, b, c, d = (tau - weight for tau, weight in zip(given_, here.gravity, strict=True))
     return (a, b, c, d)
@@ -44,7 +45,7 @@ def test_spring_force_is_bounded(joints: Joints, offset: Vector) -> None:
     stretched = stiffness * hypot(*offset)
     scale = stiffness * min(1.0, 5.0 / stretched) if stretched > 0.0 else 0.0
     x, y, z = offset
-    wanted = arm_pose(joints).torques((scale * x, scale * y, scale * z))
+    wanted = POSE(joints).torques((scale * x, scale * y, scale * z))
     assert torque(joints, offset) == pytest.approx(wanted, abs=1e-9)
 
 
@@ -53,7 +54,7 @@ def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
     power = sum(tau * rate for tau, rate in zip(torque(joints, ZERO, speeds), speeds, strict=True))
     assert power <= 0.0
     gains = ImpedanceGains()
-    energy = 0.5 * sum(p * rate for p, rate in zip(arm_pose(joints).momentum(speeds, gains.rotor), speeds, strict=True))
+    energy = 0.5 * sum(p * rate for p, rate in zip(POSE(joints).momentum(speeds, gains.rotor), speeds, strict=True))
     assert power == pytest.approx(-2.0 * gains.damping_rate * energy, abs=1e-9), "all motion dies away at the same rate"
 
 

@@ -78,12 +78,13 @@ class Measurement:
         if self._first_at is None or self.is_done:
             return now + PERIOD_S
         last_at = self._first_at + self._seconds
-        if now > last_at + max(0.1, 2.0 * ((endpoint.rtt or 0.0) + endpoint.jitter)):  # the last answers have come
+        clock = endpoint.clock
+        if now > last_at + max(0.1, 2.0 * ((clock.rtt or 0.0) + clock.jitter)):  # the last answers have come
             self.finish(now)
         elif self._due <= min(now, last_at):
             endpoint.ask(now)
-            if endpoint.rtt is not None:
-                self._jitters.append(endpoint.jitter)
+            if endpoint.clock.rtt is not None:
+                self._jitters.append(endpoint.clock.jitter)
             # What this process was too late for is left out: questions in a heap would measure its own stall.
             self._due = max(self._due + PERIOD_S, now)
         return max(self._due, now + LEAST_PAUSE_S)
@@ -101,7 +102,7 @@ class Measurement:
 
     def _wait(self, now: float) -> None:
         endpoint = self._endpoint
-        if endpoint.state is State.ENGAGED and endpoint.peer_time(now) is not None:
+        if endpoint.state is State.ENGAGED and endpoint.clock.peer_time(now) is not None:
             self._due = self._first_at = now + WARM_UP_S
         elif now > self._give_up_at:
             why = f"the slave did not answer in {self._patience:g} s: is it started, with the same file and key?"

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.control.axes import HANDLE, LEVER
 from weberlink.control.contract import AccountParameters
 from weberlink.protocol.states import State
 from weberlink.system.composition.account import account
@@ -97,9 +96,13 @@ def accounts_in(dump: Mapping[str, Any]) -> tuple[AccountParameters, ...]:
         control, mapped, codec = ControlSettings(**dump["control"]), dump["master"]["mapping"], dump["codec"]
         mapping = None if mapped is None else MappingSettings(**mapped)
         force, torque = (account(control, mapping, turns=turns) for turns in (False, True))
+        if codec["joints"] is None and codec["rotation"] is None:
+            return (force,)
+        from weberlink.control.axes import HANDLE, LEVER  # noqa: PLC0415 - for what turns alone
+
         if codec["joints"] is not None:
             return (_of_angles(force, LEVER),)
-        return (force,) if codec["rotation"] is None else (force, _of_angles(torque, HANDLE))
+        return (force, _of_angles(torque, HANDLE))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"no settings of an account ({error!r})") from None
 

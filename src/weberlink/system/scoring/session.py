@@ -5,7 +5,7 @@ Records come in pieces; sums and histograms take bounded memory, so a session ma
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from weberlink.control.contract import AccountParameters
 from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.configuration import System
 from weberlink.system.scoring.alignment import AlignedError
-from weberlink.system.scoring.arm import ArmLayout, AxesScore, arm_in
 from weberlink.system.scoring.bound import EnergyBound, accounts_in
 from weberlink.system.scoring.channel import (
     ChannelScore,
@@ -34,6 +33,9 @@ from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Serie
 from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics
 from weberlink.system.scoring.ways import WaysScore
 from weberlink.telemetry.fault import Fault
+
+if TYPE_CHECKING:
+    from weberlink.system.scoring.arm import ArmLayout, AxesScore
 
 __all__ = ["Records", "SessionScore", "nearest_ticks"]
 
@@ -149,7 +151,7 @@ class SessionScore:
         bank: tuple[str, ...],
         torque_bank: tuple[str, ...] | None = None,
         measures: Measures | None = None,
-        arm: ArmLayout | None = None,
+        arm: "ArmLayout | None" = None,
         accounts: Sequence[AccountParameters] = (),
     ) -> None:
         self._period = 1.0 / rate_hz
@@ -318,8 +320,12 @@ def nearest_ticks(
 
 def score_of(system: System) -> SessionScore:
     """The score of a session of this configuration."""
-    dump = system.model_dump(mode="json")
-    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm_in(dump), accounts_in(dump))
+    dump, arm = system.model_dump(mode="json"), None
+    if system.codec.joints is not None:
+        from weberlink.system.scoring.arm import arm_in  # noqa: PLC0415 - for arms alone
+
+        arm = arm_in(dump)
+    return SessionScore(system.rate_hz, *banks(system), measures_of(system), arm, accounts_in(dump))
 
 
 def cartesian_channels(

@@ -9,7 +9,7 @@ from weberlink.arms.interpolation import Interpolation, TimedValues
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.pace import check_pace
-from weberlink_arms.cartesian.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
+from weberlink_arms.cartesian.arm import LOWER, UPPER, ArmPose, Joints, Mechanics
 from weberlink_arms.cartesian.external_force import ForceLowPass, tip_force
 from weberlink_arms.cartesian.impedance import TipGoal, currents, joint_torques
 from weberlink_arms.cartesian.options import DynamixelOptions
@@ -62,6 +62,7 @@ class ArmExchange:
         self._clock = clock
         self._pause = pause
         self._gains, self._friction, self._current = options.gains, options.friction, options.current
+        self._mechanics = Mechanics()
         self._goal = TipGoal(options.approach_m_s, PATIENCE_S)
         self._filter = ForceLowPass(options.force_cutoff_hz)
         self._pitch = 0.0
@@ -104,7 +105,7 @@ class ArmExchange:
         now = self._clock()
         present = motors.first_present()
         self._check_zero(bus, present)
-        arm = arm_pose(_joints(present))
+        arm = self._mechanics.pose(_joints(present))
         self._weight = arm.gravity
         self._engaged = True  # from here on, `close` must make the motors safe
         motors.engage(self._counts(self._weight))
@@ -143,7 +144,7 @@ class ArmExchange:
             raise
         self._missed = 0
         now = self._clock()
-        arm = arm_pose(_joints(present))
+        arm = self._mechanics.pose(_joints(present))
         goal = self._goal.next(command, arm.tip, now)
         torques = joint_torques(arm, _rates(present), goal, self._pitch, self._gains)
         motors.command(self._counts(torques))

@@ -16,7 +16,7 @@ from weberlink_arms.cartesian.arm import (
     ROTOR_INERTIA_KG_M2,
     VISCOUS_N_M_S,
     ArmPose,
-    arm_pose,
+    Mechanics,
     inverse_nearest,
 )
 from weberlink_arms.cartesian.external_force import JointFriction, force_error
@@ -206,7 +206,8 @@ def poses(options: DynamixelOptions, count: int = 25) -> list[ArmPose]:
     pitch = radians(options.pitch_deg or 0.0)
     points = product(_spread(AXIS_X_M + near, AXIS_X_M + far, count), _spread(low, high, count))
     found = (inverse_nearest((x, 0.0, z), pitch) for x, z in points)
-    return [arm_pose(joints) for joints in found if joints is not None]
+    pose = Mechanics().pose
+    return [pose(joints) for joints in found if joints is not None]
 
 
 def _least(low: float, high: float) -> float:

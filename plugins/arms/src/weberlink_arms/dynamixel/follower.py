@@ -168,11 +168,7 @@ class DynamixelFollower(ThreadedArm[Joints | None]):
 
 
 class KochFollower(DynamixelFollower):
-    """A Koch v1.1 follower: two XL430-W250, four XL330-M288.
-
-    Raises:
-        ValueError: `gravity` is asked for and MuJoCo is not installed.
-    """
+    """A Koch v1.1 follower: two XL430-W250, four XL330-M288."""
 
     Options = KochFollowerOptions
 
@@ -186,7 +182,7 @@ class OpenManipulatorX(DynamixelFollower):
     Options = OpenManipulatorXOptions
 
     def __init__(self, options: OpenManipulatorXOptions, tick_period: float) -> None:  # noqa: ARG002
-        super().__init__(options, _weight_of_open_manipulator if options.gravity else no_gravity)
+        super().__init__(options, model_gravity(options.LAYOUT.name) if options.gravity else no_gravity)
 
 
 def position_exchange(
@@ -207,11 +203,6 @@ def position_exchange(
     )
     exchange.hold_on_close = options.on_close is OnClose.HOLD
     return exchange
-
-
-def _weight_of_open_manipulator(angles: Joints) -> Joints:
-    q1, q2, q3, q4 = angles[:4]
-    return (*open_manipulator.arm_pose((q1, q2, q3, q4)).gravity, 0.0)
 
 
 def _stiffness(options: DynamixelFollowerOptions, gains: Sequence[int | None]) -> Joints:

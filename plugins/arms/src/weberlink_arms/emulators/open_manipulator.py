@@ -1,11 +1,12 @@
 """An emulated OpenMANIPULATOR-X on its bus: five servos, the arm, and the scene that its tip touches."""
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.scenes.settings import SceneSettings, build
 from weberlink_arms.cartesian.arm import (
     COULOMB_N_M,
@@ -14,14 +15,19 @@ from weberlink_arms.cartesian.arm import (
     UPPER,
     VISCOUS_N_M_S,
     Joints,
-    arm_pose,
+    Mechanics,
 )
+from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
 from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
-from weberlink_arms.emulators.arm_dynamics import EmulatedArm, Gripper
-from weberlink_arms.emulators.dynamixel.arm import ArmEmulator
+from weberlink_arms.emulators.dynamixel.arm import STEP, ArmEmulator
+from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
+GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02
+"""Dry and viscous friction of the gripper [N m], [N m s]; guesses."""
+FINGER_M_RAD = 0.015
+"""Way of a finger in the model [m/rad]."""
 EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
 EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
@@ -75,11 +81,81 @@ class DynamixelEmulatorOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_scene(self) -> Self:
-        tip = arm_pose(self.start_rad).tip
+        tip = Mechanics().pose(self.start_rad).tip
         for number, thing in enumerate(self.scene):
             if build([thing]).touch(tip):
                 raise ValueError(f"scene[{number}]: expected the tip to start outside, it starts at {tip} m")
         return self
+
+
+class Mechanism:
+    """The arm in motion by MuJoCo: weight, rotors, friction, stops, and a scene that its tip touches.
+
+    Args:
+        options: Of the emulated arm.
+    """
+
+    def __init__(self, options: DynamixelEmulatorOptions) -> None:
+        path = MODELS[OPEN_MANIPULATOR_X.name]
+        self._package = mujoco()
+        model = self._model = compiled(read(path), path)
+        self._data = self._package.MjData(model)
+        self._scene = build(options.scene) if options.scene else None
+        self._site = self._package.mj_name2id(model, self._package.mjtObj.mjOBJ_SITE, "tip")
+        self._jacobian = np.zeros((3, model.nv))
+        model.opt.timestep = STEP
+        model.dof_armature[:4] = options.rotor_inertia_kg_m2
+        model.dof_frictionloss[:5] = (*options.coulomb_n_m, GRIPPER_N_M)
+        model.dof_damping[:5] = (*options.viscous_n_m_s, GRIPPER_N_M_S)
+        closed = OPEN_MANIPULATOR_X.offset_rad[4]
+        self._data.qpos[:] = (*options.start_rad, closed, FINGER_M_RAD * closed, FINGER_M_RAD * closed)
+        self.force: Vector = ZERO
+        """Of the scene on the tip during the last step [N]."""
+
+    @property
+    def angles(self) -> list[float]:
+        """Of all axes, the gripper's 0 where it is closed [rad]."""
+        return self._data.qpos[:5].tolist()  # type: ignore[no-any-return]
+
+    @property
+    def velocities(self) -> list[float]:
+        """[rad/s]"""
+        return self._data.qvel[:5].tolist()  # type: ignore[no-any-return]
+
+    @property
+    def tip(self) -> Vector:
+        """In the frame of the foot [m]."""
+        self._package.mj_kinematics(self._model, self._data)
+        x, y, z = self._data.site_xpos[self._site].tolist()
+        return x, y, z
+
+    def step(self, torques: Sequence[float], held: bool) -> None:
+        """Move on by `STEP` under torques on the axes [N m]; a person may hold joints 1 to 4 in their place."""
+        package, model, data = self._package, self._model, self._data
+        before = data.qpos[:4].copy()
+        package.mj_step1(model, data)
+        data.qfrc_applied[:5] = torques
+        data.qfrc_applied[:] += self._touched()
+        package.mj_step2(model, data)
+        if held:
+            data.qpos[:4], data.qvel[:4] = before, 0.0
+
+    def _touched(self) -> Any:
+        """Torques of the scene on all degrees of freedom [N m]: springs and friction as they will be after the step."""
+        self.force = ZERO
+        x, y, z = self._data.site_xpos[self._site].tolist()
+        touches = () if self._scene is None else self._scene.touch((x, y, z))
+        if not touches:
+            return 0.0
+        self._package.mj_jacSite(self._model, self._data, self._jacobian, None, self._site)
+        vx, vy, vz = (self._jacobian @ self._data.qvel).tolist()
+        for touch in touches:
+            speed = dot(touch.normal, (vx, vy, vz))
+            push = max(0.0, touch.stiffness * (touch.depth - STEP * speed) - touch.damping * speed)
+            slide = subtract((vx, vy, vz), scale(touch.normal, speed))
+            rub = subtract(touch.drag, scale(slide, STEP * touch.grip))
+            self.force = add(self.force, add(scale(touch.normal, push), rub))
+        return self._jacobian.T @ self.force
 
 
 class DynamixelEmulator(ArmEmulator):
@@ -89,44 +165,31 @@ class DynamixelEmulator(ArmEmulator):
 
     def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:
         self._options = options = DynamixelEmulatorOptions() if options is None else options
-        self.arm = EmulatedArm(
-            build(options.scene) if options.scene else None,
-            options.start_rad,
-            coulomb=options.coulomb_n_m,
-            viscous=options.viscous_n_m_s,
-            rotor_inertia=options.rotor_inertia_kg_m2,
-        )
-        self.gripper = Gripper()
+        self._mechanism = Mechanism(options)
+        self._look()
         self.held = options.held
         """Whether a person still holds the arm."""
         super().__init__(
-            options.ids,
-            (XM430_W350,) * 5,
-            baud=options.baud,
-            noise_a=1e-3 * options.current_noise_ma,
-            seed=options.seed,
-        )
+            OPEN_MANIPULATOR_X, options.ids, baud=options.baud, noise_a=1e-3 * options.current_noise_ma,
+            seed=options.seed, constant=options.torque_constant_n_m_a / XM430_W350.constant,
+        )  # fmt: skip
 
     @property
     def tip(self) -> Vector:
         """In the frame of the foot [m]."""
-        return self.arm.tip
+        return self._mechanism.tip
 
     @property
     def tip_force(self) -> Vector:
         """Of the scene on the tip [N]."""
-        return self.arm.force
+        return self._mechanism.force
 
     def _performed(self) -> None:
         self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
 
-    def _place(self, index: int) -> tuple[float, float]:
-        if index < 4:
-            return self.arm.angles[index], self.arm.velocities[index]
-        return self.gripper.angle, self.gripper.velocity
+    def _move(self, torques: Sequence[float]) -> None:
+        self._mechanism.step(torques, self.held)
+        self._look()
 
-    def _move(self, currents: Sequence[float]) -> None:
-        torques = [self._options.torque_constant_n_m_a * current for current in currents]
-        if not self.held:
-            self.arm.step(torques)
-        self.gripper.step(torques[4])
+    def _look(self) -> None:
+        self.angles, self.velocities = self._mechanism.angles, self._mechanism.velocities

@@ -12,7 +12,8 @@ from random import Random
 from typing import ClassVar
 
 from weberlink.hardware.emulator import WireFaults
-from weberlink_arms.dynamixel.motor_models import CurrentLaw, MotorModel
+from weberlink_arms.dynamixel.layouts import ArmLayout
+from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.emulators.dynamixel.bus import ServoBus
 from weberlink_arms.emulators.dynamixel.servo import Measured, Servo, amperes
 
@@ -27,12 +28,13 @@ class ArmEmulator(ABC):
     """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`.
 
     Args:
-        ids: Of the motors, in the order of the joints, the gripper last.
-        models: Of the motors in that order.
+        layout: The arm.
+        ids: Of its motors, in the order of the axes.
         baud: Rate of the bus [bit/s].
         noise_a: Standard deviation of the measured current of a motor [A].
         seed: Of that noise.
         law: What the current registers mean; that of each model if None.
+        constant: True torque constants over those of the data sheets.
     """
 
     transport: ClassVar[str] = "serial"
@@ -48,18 +50,21 @@ class ArmEmulator(ABC):
 
     def __init__(
         self,
+        layout: ArmLayout,
         ids: Sequence[int],
-        models: Sequence[MotorModel],
         *,
         baud: int,
         noise_a: float,
         seed: int,
         law: CurrentLaw | None = None,
+        constant: float = 1.0,
     ) -> None:
         self.faults = WireFaults()
         self._random = Random(seed)  # noqa: S311 - noise of a sensor
         self._noise = noise_a
-        self._models = tuple(models)
+        self._layout, self._models, self._constant = layout, layout.motors, constant
+        self.motor_nm = [0.0] * len(ids)
+        """Torques of the motors on the axes [N m]."""
         self.currents = [0.0] * len(ids)
         """Present currents of the motors [A]."""
         self.largest_current = 0.0
@@ -71,13 +76,19 @@ class ArmEmulator(ABC):
         self.bus = ServoBus(self.servos, baud)
         self._steps: int | None = None
 
-    @abstractmethod
-    def _place(self, index: int) -> tuple[float, float]:
-        """Angle [rad] and velocity [rad/s] of a motor."""
+    angles: list[float]
+    """Of all axes, the gripper's 0 where it is closed [rad]; a subclass sets it, also before `__init__`."""
+    velocities: list[float]
+    """[rad/s]"""
 
     @abstractmethod
-    def _move(self, currents: Sequence[float]) -> None:
-        """Advance the mechanics by `STEP` under these currents of the motors [A]."""
+    def _move(self, torques: Sequence[float]) -> None:
+        """Advance the mechanics by `STEP` under torques of the motors on the axes [N m]."""
+
+    def _place(self, index: int) -> tuple[float, float]:
+        """Angle [rad] and velocity [rad/s] of a motor."""
+        sign, offset = self._layout.sign[index], self._layout.offset_rad[index]
+        return sign * (self.angles[index] - offset), sign * self.velocities[index]
 
     def _performed(self) -> None:  # noqa: B027 - most arms have nothing to do
         """Called after every instruction."""
@@ -193,4 +204,8 @@ class ArmEmulator(ABC):
             currents.append(amperes(servo.drive, self._stuck.get(index, angle), velocity, model))
         self.currents = currents
         self.largest_current = max(self.largest_current, *currents, -min(currents))
-        self._move(currents)
+        self.motor_nm = [
+            sign * self._constant * model.constant * current
+            for sign, model, current in zip(self._layout.sign, self._models, currents, strict=True)
+        ]
+        self._move(self.motor_nm)

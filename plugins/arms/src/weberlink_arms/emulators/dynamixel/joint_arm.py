@@ -1,7 +1,7 @@
 """Emulated Koch and OMX arms on their bus: motors, the joints that they turn, a person's hand and walls.
 
 Joints are independent: rotor and link are one inertia, with dry and viscous friction and stops. The weight is that of
-the arm's model (option `gravity`, extra mujoco) or none. The hand holds every axis by a spring and a damper, and moves
+the arm's model (option `gravity`) or none. The hand holds every axis by a spring and a damper, and moves
 it to and fro slowly. Each step is linearly implicit Euler, stable for any stiffness.
 """
 
@@ -64,7 +64,7 @@ class JointArmOptions(BaseModel):
     )
     hand_s: tuple[Positive, ...] = Field(default=HAND_S, description="periods of that motion")
     walls: tuple[Wall, ...] = Field(default=(), description="what the axes meet")
-    gravity: bool = Field(default=False, description="the arm has the weight of its model (extra mujoco)")
+    gravity: bool = Field(default=False, description="the arm has the weight of its model")
     current_law: Literal["motor", "supply"] | None = Field(
         default=None, description="what the current registers mean; that of each motor if not given"
     )
@@ -105,68 +105,48 @@ class JointArmOptions(BaseModel):
 
 
 class JointArmEmulator(ArmEmulator):
-    """See `weberlink_arms.emulators.dynamixel.arm`.
-
-    Raises:
-        ValueError: `gravity` is asked for and MuJoCo is not installed.
-    """
+    """See `weberlink_arms.emulators.dynamixel.arm`."""
 
     def __init__(self, options: JointArmOptions) -> None:
         self._options, self._layout = options, options.LAYOUT
         axes = range(len(self._layout.ids))
         self._start = options.start
-        self._angles, self._velocities = list(self._start), [0.0 for _ in axes]
+        self.angles, self.velocities = list(self._start), [0.0 for _ in axes]
         self._walls = [[wall for wall in options.walls if wall.joint == self._layout.axes[axis]] for axis in axes]
         self._gravity = (
-            import_module("weberlink.arms.models").load(self._layout.name).gravity if options.gravity else None
+            import_module("weberlink_mujoco.arms.models").load(self._layout.name).gravity if options.gravity else None
         )
         self._elapsed = 0.0
-        self.motor_nm = [0.0 for _ in axes]
-        """Torques of the motors [N m]."""
         self.outside_nm = [0.0 for _ in axes]
         """Torques of hand and walls on the axes [N m]."""
         law = None if options.current_law is None else CurrentLaw(options.current_law)
         super().__init__(
-            options.ids or self._layout.ids,
-            self._layout.motors,
+            options.LAYOUT,
+            options.ids or options.LAYOUT.ids,
             baud=options.baud,
             noise_a=1e-3 * options.current_noise_ma,
             seed=options.seed,
             law=law,
+            constant=options.constant_ratio,
         )
 
-    @property
-    def angles(self) -> tuple[float, ...]:
-        """Of all axes, the gripper's 0 where it is closed [rad]."""
-        return tuple(self._angles)
-
-    @property
-    def torque_on(self) -> tuple[bool, ...]:
-        return tuple(servo.torque_on for servo in self.servos)
-
-    def _place(self, index: int) -> tuple[float, float]:
-        sign, offset = self._layout.sign[index], self._layout.offset_rad[index]
-        return sign * (self._angles[index] - offset), sign * self._velocities[index]
-
-    def _move(self, currents: Sequence[float]) -> None:
+    def _move(self, torques: Sequence[float]) -> None:
         self._elapsed += STEP
-        weight = self._gravity(self.angles) if self._gravity is not None else (0.0,) * len(currents)
-        for axis, (model, current) in enumerate(zip(self._layout.motors, currents, strict=True)):
-            torque = self._layout.sign[axis] * self._options.constant_ratio * model.constant * current
-            self.motor_nm[axis] = torque
+        weight = self._gravity(tuple(self.angles)) if self._gravity is not None else (0.0,) * len(torques)
+        for axis, torque in enumerate(torques):
             self._turn(axis, torque - weight[axis])
 
     def _turn(self, axis: int, torque: float) -> None:
         """Advance an axis by `STEP` under the torque of motor and weight [N m]."""
-        model, angle, before = self._layout.motors[axis], self._angles[axis], self._velocities[axis]
+        model, angle, before = self._layout.motors[axis], self.angles[axis], self.velocities[axis]
         spring, damper, push = self._outside(axis, angle)
         rest = model.rotor_kg_m2 + LINK_KG_M2
         inertia = rest + STEP * (model.viscous_n_m_s + damper + STEP * spring)
         momentum = rest * before + STEP * (torque + push)
         velocity = copysign(max(0.0, abs(momentum) - STEP * model.coulomb_n_m), momentum) / inertia
         self.outside_nm[axis] = push - (damper + STEP * spring) * velocity
-        self._velocities[axis] = velocity
-        self._angles[axis] = angle + STEP * velocity
+        self.velocities[axis] = velocity
+        self.angles[axis] = angle + STEP * velocity
 
     def _outside(self, axis: int, angle: float) -> tuple[float, float, float]:
         """Springs [N m/rad] and dampers [N m s] on an axis, and their torque if it stood still [N m]."""
