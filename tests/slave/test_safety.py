@@ -242,6 +242,36 @@ def test_a_trip_backs_off_and_ends_once_the_command_is_out_and_the_pause_over(wh
     assert not follower.tripped
 
 
+LOW, HIGH = (-0.1, -0.2, -0.3), (0.4, 0.5, 0.6)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_each_axis_has_bounds_of_its_own(axis: int) -> None:
+    def moved(along: float) -> Vector:
+        return tuple(along if each == axis else 0.0 for each in range(3))  # type: ignore[return-value]
+
+    follower = CommandGuard(workspace=(LOW, HIGH), speed=1e3, approach_speed=1e3, ramp=0.05)
+    for asked in (LOW[axis], HIGH[axis]):
+        assert follower.follow(moved(asked), TICK) == moved(asked)
+        assert not follower.clipped
+        assert follower.follow(moved(1.1 * asked), TICK) == moved(asked)
+        assert follower.clipped
+
+
+def test_a_retreat_ends_where_the_robot_is_placed_or_led() -> None:
+    follower = guard(retract=0.02)
+    follower.trip((0.0, 0.0, 5.0))
+    assert not follower.following
+    follower.place((0.0, 0.0, -0.05))
+    assert [follower.hold(TICK) for _ in range(9)][-1] == (0.0, 0.0, -0.05)
+    follower = guard(retract=0.02)
+    follower.release((0.0, 0.5, 0.0))
+    assert follower.hold(TICK) == pytest.approx((0.0, 0.25e-3, 0.0))
+    led = follower.follow((0.0, 0.0, 0.05), TICK)
+    follower.release()
+    assert [follower.hold(TICK) for _ in range(9)][-1] == led
+
+
 @pytest.mark.parametrize(("retract", "goes"), [(0.0, 0.0), (0.02, 0.02)])
 def test_a_release_holds_or_backs_off(retract: float, goes: float) -> None:
     follower = guard(retract=retract)
