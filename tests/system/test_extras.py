@@ -14,7 +14,6 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.configuration.extras import need
 
 PACKAGES = {
-    "monitor": ("aiohttp", "prometheus_client"),
     "mujoco": ("mujoco",),
     "guests": (
         *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "mcap", "pandas", "pyarrow", "pylibfranka"),
@@ -23,7 +22,6 @@ PACKAGES = {
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
-    "monitor": ("apps.monitor",),
     "mujoco": ("arms.simulation",),
 }
 """Where each extra may be imported at the top of a module."""
