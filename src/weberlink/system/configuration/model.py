@@ -154,7 +154,7 @@ class PredictedSettings(Settings):
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
-        estimated = self.predictor == HYBRID and [name for name in self.bank if PREDICTORS[name].estimated]
+        estimated = self.predictor == HYBRID and [name for name in self.bank if name not in HYBRID_BANK and PREDICTORS[name].estimated]
         if estimated:
             raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
         return self
