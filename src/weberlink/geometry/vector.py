@@ -76,3 +76,9 @@ def _scaled_length(x: float, y: float, z: float) -> float:
     there, back = (_DOWN, _UP) if large else (_UP, _DOWN)
     x, y, z = x * there, y * there, z * there
     return sqrt(x * x + y * y + z * z) * back
+
+
+def check_home(home: Vector, half_edge: float) -> None:
+    """See that a home position lies in the cube; raises ValueError naming both. All in metres."""
+    if max(map(abs, home)) > half_edge:
+        raise ValueError(f"home_m: expected a point within the workspace of +-{half_edge} m, got {home}")

@@ -17,9 +17,8 @@ from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from weberlink.geometry.cube import check_home
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product, quaternion, unit_quaternion
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector, check_home, is_finite
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
