@@ -33,7 +33,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     PROTOCOL_VERSION,
-    Caller,
+    Hello,
     LocalEnd,
     check_name,
     pack_agreement,
@@ -178,7 +178,7 @@ class Endpoint:
         self._session: Session | None = None
         self._former: Session | None = None
         self._path: Path | None = None
-        self._served: Caller | None = None  # the master of the present session
+        self._served: Hello | None = None  # the master of the present session
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
@@ -445,13 +445,14 @@ class Endpoint:
         if isinstance(reply, DropReason):
             self._drop(reply)
             return
-        self._post_to(reply.welcome, address)
-        if reply.refusal is None:
+        welcome, refusal = reply
+        self._post_to(welcome, address)
+        if refusal is None:
             self._count(data)
             return
         self._drop(DropReason.REFUSED)
         if self._session is None:
-            self._tell(Refused(reply.refusal))
+            self._tell(Refused(refusal))
 
     def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.on_welcome(data)

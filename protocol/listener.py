@@ -18,13 +18,11 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple
 
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
     WELCOME_HEADER,
-    Caller,
     Hello,
     HelloHeader,
     LocalEnd,
@@ -58,17 +56,8 @@ STALE_PACE = 0.25
 """Least time between two answers to a stamp that is too old [s]."""
 
 
-class Reply(NamedTuple):
-    """A WELCOME to send to where the HELLO came from; `refusal` is its text if it refuses."""
-
-    welcome: bytes
-    refusal: str | None
-
-
-class _Pending(NamedTuple):
-    session: Session
-    caller: Caller
-    address: Address
+Reply = tuple[bytes, str | None]
+"""A WELCOME to send to where the HELLO came from, and its text if it refuses."""
 
 
 @dataclass(slots=True)
@@ -78,7 +67,7 @@ class _Master:
     stamp: int
     exchanged_at: float = -inf
     served: bytes = b""
-    pending: deque[_Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
+    pending: deque[tuple[Session, Hello, Address]] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
 class Listener:
@@ -101,19 +90,19 @@ class Listener:
     @property
     def pending(self) -> tuple[Session, ...]:
         """Sessions that no datagram has confirmed yet."""
-        return tuple(pending.session for master in self._masters.values() for pending in master.pending)
+        return tuple(session for master in self._masters.values() for session, _, _ in master.pending)
 
-    def confirm(self, session: Session) -> tuple[Caller, Address]:
-        """Serve the caller of a pending session, and discard all pending ones; returns caller and address."""
-        master, caller, address = next(
-            (master, each.caller, each.address)
+    def confirm(self, session: Session) -> tuple[Hello, Address]:
+        """Serve the caller of a pending session, and discard all pending ones; returns its HELLO and address."""
+        master, hello, address = next(
+            (master, hello, address)
             for master in self._masters.values()
-            for each in master.pending
-            if each.session is session
+            for pending, hello, address in master.pending
+            if pending is session
         )
-        master.served = caller.instance
+        master.served = hello.instance
         self.settle()
-        return caller, address
+        return hello, address
 
     def settle(self) -> None:
         """Discard all pending sessions."""
@@ -121,7 +110,7 @@ class Listener:
             master.pending.clear()
 
     def on_hello(
-        self, data: bytes, address: Address, now: float, *, serving: Caller | None = None, is_engaged: bool = False
+        self, data: bytes, address: Address, now: float, *, serving: Hello | None = None, is_engaged: bool = False
     ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or the reason to drop it.
 
@@ -175,7 +164,7 @@ class Listener:
         return self._masters[header.identity]
 
     def _read(
-        self, header: HelloHeader, exchange: Incoming, serving: Caller | None, *, is_engaged: bool
+        self, header: HelloHeader, exchange: Incoming, serving: Hello | None, *, is_engaged: bool
     ) -> Hello | str | DropReason:
         """The content of a HELLO, the text of a refusal, or the reason to drop it."""
         body = read_map(exchange.payload)
@@ -191,7 +180,7 @@ class Listener:
             serving = None  # a restarted master calls in the silence of its former run
         return self._objection(hello, agreement, serving) or hello
 
-    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:
+    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Hello | None) -> str:
         """Message to the user: why this master gets no session; "" if it does."""
         if hello.expects and hello.expects != self._end.name:
             return unexpected_slave(hello.expects, self._end.name)
@@ -220,8 +209,8 @@ class Listener:
             return DropReason.MALFORMED
         message, protection = answered
         session = self._open_session(protection, min(own, peers), departure, now)
-        master.pending.append(_Pending(session, Caller(hello.name, hello.instance), address))
-        return Reply(header.pack_answer() + message, None)
+        master.pending.append((session, hello, address))
+        return header.pack_answer() + message, None
 
     def _refuse(
         self, header: HelloHeader, exchange: Incoming, refusal: str, size: int, now: float
@@ -237,4 +226,4 @@ class Listener:
     ) -> Reply | DropReason:
         """An answer without a session."""
         answered = exchange.answer(payload, self._end.entropy(self._end.security.private_size))
-        return DropReason.MALFORMED if answered is None else Reply(header.pack_answer() + answered[0], refusal)
+        return DropReason.MALFORMED if answered is None else (header.pack_answer() + answered[0], refusal)

@@ -4,7 +4,8 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from weberlink.geometry.vector import ZERO, Vector, check_home
+from weberlink.geometry.cube import check_home
+from weberlink.geometry.vector import ZERO, Vector
 
 
 class Oscillator(NamedTuple):

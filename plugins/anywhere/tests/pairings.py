@@ -21,8 +21,8 @@ from wormhole._wordlist import PGPWordList
 from plugins.anywhere.tests.mailbox_server import MailboxServer
 from plugins.anywhere.tests.malicious_mailbox import MaliciousMailbox
 from weberlink_anywhere.introduction import PairingError
-from weberlink_anywhere.pairing import Meeting, events_out, reactor
-from weberlink_anywhere.pairing_order import PairingOrder
+from weberlink_anywhere.order import PairingOrder
+from weberlink_anywhere.pairing import PairingSession, events_out, reactor
 from weberlink_anywhere.peers import Peer, PeerStore
 
 LONG = 60.0
@@ -55,7 +55,7 @@ class Host:
                 shown.callback(text)
 
         try:
-            peer = await Meeting(PairingOrder(*words), tell).run()
+            peer = await PairingSession(PairingOrder(*words), tell).run()
         except PairingError as error:
             if shown is not None and not shown.called:
                 shown.callback("")

@@ -18,8 +18,8 @@ from weberlink.protocol.aio.paths import FINDER_ENDED
 from weberlink.system import description
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
 from weberlink.system.finders import finder_of, running
-from weberlink_anywhere.order import FinderOrder
-from weberlink_anywhere.pairing_order import PairingOrder, start_pairing
+from weberlink_anywhere.order import FinderOrder, PairingOrder
+from weberlink_anywhere.pair import start
 from weberlink_anywhere.path_finder import Anywhere
 from weberlink_anywhere.peers import KEY_BYTES, Peer, PeerStore
 
@@ -52,8 +52,9 @@ def test_order_holds_what_the_file_says(store: PeerStore) -> None:
     order = finder.order(take_over=True)
     assert (order.side, order.peers, order.store) == (MASTER, ("arm",), str(store.folder))
     assert (order.mailbox, order.stun) == ("ws://relay.example:4000/v1", "relay.example:3478")
-    assert (order.turn, order.turn_name) == ("relay.example:3478", "relay.example")
-    assert (order.turn_secret_file, order.turn_credentials_file) == (str(FILE.parent / "turn.secret"), None)
+    assert order.turn is not None and order.turn["server"] == "relay.example:3478"
+    assert (order.turn["secret_file"], order.turn["credentials_file"]) == (str(FILE.parent / "turn.secret"), None)
+    assert FinderOrder.from_json(order.to_json()) == order
     assert (order.paths, order.interfaces, order.dscp, order.take_over) == (2, ("wlan0", "usb0"), 34, True)
 
 
@@ -105,6 +106,6 @@ def test_no_process_imports_from_the_working_directory(tmp_path: Path) -> None:
         end.setblocking(True)
         received = hand_over.receive(end)
     assert received is not None and isinstance(received[0], PathNews) and "nobody" in received[0].text
-    with start_pairing(PairingOrder("slave", "robot", str(tmp_path), NOWHERE)) as process:
-        assert process.stdout is not None
-        assert NOWHERE in json.loads(process.stdout.readline())["refused"]
+    pairing = start(PairingOrder("slave", "robot", str(tmp_path), NOWHERE))
+    until(lambda: not pairing.running, "the refusal")
+    assert NOWHERE in json.loads(pairing.end(1.0))["refused"]

@@ -57,6 +57,12 @@ def distance(a: Vector, b: Vector) -> float:
     return sqrt(square) if _LEAST_SQUARE < square < inf else _scaled_length(x, y, z)
 
 
+def within(a: Vector, limit: float) -> Vector:
+    """The vector, shortened to the limit where it is longer."""
+    length = norm(a)
+    return a if length <= limit else scale(a, limit / length)
+
+
 def unit(a: Vector) -> Vector:
     """Direction of a vector that is not zero; also of a denormal length, whose reciprocal would be infinite."""
     length = norm(a)
@@ -76,9 +82,3 @@ def _scaled_length(x: float, y: float, z: float) -> float:
     there, back = (_DOWN, _UP) if large else (_UP, _DOWN)
     x, y, z = x * there, y * there, z * there
     return sqrt(x * x + y * y + z * z) * back
-
-
-def check_home(home: Vector, half_edge: float) -> None:
-    """See that a home position lies in the cube; raises ValueError naming both. All in metres."""
-    if max(map(abs, home)) > half_edge:
-        raise ValueError(f"home_m: expected a point within the workspace of +-{half_edge} m, got {home}")

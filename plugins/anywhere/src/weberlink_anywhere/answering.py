@@ -1,7 +1,7 @@
 """How a slave lets itself be found by the masters that it knows."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from weberlink.protocol.aio.hand_over import ENGAGED, GONE, SessionState
 from weberlink_anywhere import ice
@@ -11,29 +11,19 @@ from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths
 from weberlink_anywhere.peers import Peer
 from weberlink_anywhere.rendezvous import Waiter
-from weberlink_anywhere.signalling import Answer, Busy, Description, Note, Offer
+from weberlink_anywhere.signalling import Answer, Busy, Description, Offer
 
 RENEWAL_GROWTH, LONGEST_RENEWAL_S = 5.0, 10.0
 """While there is no session after one, the mailbox is connected anew after 0.2, 1, 5 and 25 s."""
 
 
 class Answering:
-    """Answers the calls of known masters; one of them is served.
+    """Answers the calls of known masters; one of them is served."""
 
-    Args:
-        order: of the daemon.
-        peers: the masters.
-        make_waiter: from what takes its notes.
-        paths: takes what is found.
-    """
-
-    def __init__(
-        self, order: FinderOrder, peers: Sequence[Peer], make_waiter: Callable[[Note], Waiter], paths: Paths
-    ) -> None:
-        self._order = order
-        self._paths = paths
+    def __init__(self, order: FinderOrder, peers: Sequence[Peer], paths: Paths) -> None:
+        self._order, self._paths = order, paths
         self._names = [peer.name for peer in peers]
-        self._waiter = make_waiter(self._note)
+        self._waiter = Waiter(peers, order.mailbox, self._note)
         self._finding: dict[str, asyncio.Task[None]] = {}
         self._renewal: asyncio.TimerHandle | None = None
 
@@ -84,8 +74,7 @@ class Answering:
         except ice.NoPath as problem:
             self._paths.news(peer.name, f"{peer.label} called: {problem}")
             return Answer(())
-        task = asyncio.create_task(self._find(peer, attempts, offer.paths))
-        self._finding[peer.name] = task
+        self._finding[peer.name] = asyncio.create_task(self._find(peer, attempts, offer.paths))
         return Answer(tuple(attempt.description for attempt in attempts))
 
     async def _find(self, peer: Peer, attempts: list[ice.PathAttempt], remotes: tuple[Description, ...]) -> None:

@@ -42,23 +42,12 @@ class Refused(Exception):  # noqa: N818 - the condition is the name
 
 
 class Calling:
-    """Calls a slave until there is a path, and again when the session is silent or the networks have changed.
-
-    Args:
-        order: of the daemon.
-        peer: the slave.
-        caller: the way to it before there is a path.
-        paths: takes what is found.
-    """
+    """Calls a slave until there is a path, and again when the session is silent or the networks have changed."""
 
     def __init__(self, order: FinderOrder, peer: Peer, caller: Caller, paths: Paths) -> None:
-        self._order = order
-        self._peer = peer
-        self._caller = caller
-        self._paths = paths
+        self._order, self._peer, self._caller, self._paths = order, peer, caller, paths
         self._was_found = False
-        self._expected = 0
-        self._fruitless = 0
+        self._expected = self._fruitless = 0
         self._changed = asyncio.Event()
         self._was_engaged = False
         self._reason = asyncio.Event()
@@ -170,12 +159,12 @@ class Calling:
         left = list(attempts)
         try:
             offered = [attempt.description for attempt in attempts]
-            if is_quick and self._paths.servers.asked and not any(map(ice.reaches_server, offered)):
+            if is_quick and self._paths.servers.asked and not any(each.reaches_server for each in offered):
                 raise await why_none(self._peer.label, self._paths.servers, offered, tuple(offered))
             reply = await self._caller.call(offered, self._order.take_over and not self._was_engaged, CALL_S)
             if isinstance(reply, Busy):
                 raise Refused(f"{self._peer.label} serves {reply.serves} now; --take-over replaces it")
-            far = all(any(map(ice.reaches_server, end)) for end in (offered, reply.paths))
+            far = all(any(each.reaches_server for each in end) for end in (offered, reply.paths))
             patience = CONNECT_S if far or not self._paths.servers.asked else NEAR_S
             uses = [
                 self._paths.use(self._peer.name, place, attempt, remote, patience)
@@ -200,13 +189,7 @@ FAILURES = (Refused, ice.NoPath, SignallingError)
 
 
 def is_hopeless(problem: Exception, tries: int, seconds: float) -> bool:
-    """Whether to give up, before there ever was a path.
-
-    Args:
-        problem: why the last call came to nothing.
-        tries: calls so far.
-        seconds: since the first one.
-    """
+    """Whether to give up, before there ever was a path: why the last call failed, calls so far, since the first one."""
     if isinstance(problem, PeerAbsent):
         return seconds >= ABSENT_S
     if isinstance(problem, MailboxUnreachable):
@@ -222,7 +205,7 @@ async def why_none(
     label: str, servers: ServerNames, offered: list[Description], answered: tuple[Description, ...]
 ) -> ice.NoPath:
     """Why no path to a peer was found, from what the servers told both ends."""
-    here, there = any(map(ice.reaches_server, offered)), any(map(ice.reaches_server, answered))
+    here, there = (any(each.reaches_server for each in end) for end in (offered, answered))
     if not answered:
         reason = "it is not connected by the network interfaces that its file names"
     elif servers.asked and not here and await servers.answers_tcp():
@@ -231,9 +214,9 @@ async def why_none(
         reason = f"{servers.asked} does not answer from here; it is down, or UDP is blocked"
     elif servers.asked and not there:
         reason = f"UDP is blocked between {label} and its relay"
-    elif servers.relay and not any(map(ice.has_relay, offered)):
+    elif servers.relay and not any(each.has("relay") for each in offered):
         reason = f"the relay {servers.relay} refuses; compare the secret of link.finder.turn with that of the relay"
-    elif not any(map(ice.has_relay, (*offered, *answered))):
+    elif not any(each.has("relay") for each in (*offered, *answered)):
         reason = "the two NATs let nothing through, and there is no relay; set link.finder.turn"
     else:
         return ice.NoPath(f"no path to {label}: nothing came through within {CONNECT_S:g} s, also by the relay")

@@ -45,12 +45,7 @@ Told = TypeVar("Told")
 
 
 class Caller:
-    """A master's way to one slave.
-
-    Args:
-        peer: the slave.
-        mailbox: URL of the mailbox server.
-    """
+    """A master's way to one slave, by a mailbox server."""
 
     def __init__(self, peer: Peer, mailbox: str) -> None:
         self._peer, self._url = peer, mailbox
@@ -145,13 +140,7 @@ async def presence(peer: Peer, timeout: float) -> Presence:
 
 
 class Waiter:
-    """A slave that waits for the masters that it knows.
-
-    Args:
-        peers: the masters.
-        mailbox: URL of the mailbox server.
-        note: takes what happens to the mailbox server, one line each.
-    """
+    """A slave that waits for the masters that it knows; `note` takes what happens to the mailbox server."""
 
     def __init__(self, peers: Sequence[Peer], mailbox: str, note: Note) -> None:
         self.serves: str | None = None

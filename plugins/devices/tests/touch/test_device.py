@@ -30,7 +30,7 @@ from weberlink_devices.touch.device import pose
 from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
 from weberlink_devices.touch.hdapi import HdError
 from weberlink_devices.touch.process import ServoProcess
-from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoArguments, ServoLoop
+from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop, ServoOrder
 
 TICK = 0.001
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -127,7 +127,7 @@ def test_force_that_a_dead_servo_process_left_is_taken_off_or_told(board: Board,
         drive(touch, lambda: board.displayed > 1.9, (0.0, 0.0, 2.0))
         board.jams = jams
         os.kill(touch.servo_pid, signal.SIGKILL)
-        assert fault_of(touch, (0.0, 0.0, 2.0)) == "touch: its servo process ended by SIGKILL"
+        assert fault_of(touch, (0.0, 0.0, 2.0)) == "touch: its servo process was killed by SIGKILL"
         touch.close()
         assert board.displayed == pytest.approx(2.0 * jams, rel=0.05)
         assert ("died with a force on the hand: switch the device off" in str(touch.trouble)) == bool(jams)
@@ -213,7 +213,7 @@ def test_error_in_the_callback_sends_zero_and_goes_on() -> None:
 
 
 def test_servo_imports_nothing_from_the_working_directory(executed: Path) -> None:  # noqa: F811 - the fixture
-    arguments = ServoArguments("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
+    arguments = ServoOrder("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
     process = ServoProcess(arguments)
     with pytest.raises(HardwareFault, match=r"libnowhere\.so"):
         process.start()

@@ -17,10 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from weberlink.telemetry.message import (
-    COMPLETE,
     ENCAPSULATION,
-    END,
-    FACTS,
     MESSAGE_ENCODING,
     QOS,
     SCHEMA_ENCODING,
@@ -30,8 +27,9 @@ from weberlink.telemetry.message import (
     Rows,
 )
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
-from weberlink.telemetry.recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
+from weberlink.telemetry.recorders import COMPLETE
+from weberlink_recording.container import END, FACTS, FRAME, McapFile, rows_of
+from weberlink_recording.marks import MARK_DEFINITION, MARK_SCHEMA, MARK_TOPIC, Mark, pack_mark
 
 __all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 

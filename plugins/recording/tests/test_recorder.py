@@ -1,7 +1,6 @@
 """The recorder as a process, beside real processes that write rings, and the deaths of each of them."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -16,18 +15,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from tests.telemetry.recording import records as records_of
-from tests.telemetry.recording.records import FACTS, SIDES
+from plugins.recording.tests.records import FACTS, SIDES
+from tests import records as records_of
 from tests.wait import PATIENCE, until
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.record import COLUMNS
-from weberlink.telemetry.recording.marks import LONGEST_MARK
-from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.recorder import RecordingOrder, RingSource
 from weberlink.telemetry.ring import RingWriter
+from weberlink_recording.marks import LONGEST_MARK
+from weberlink_recording.reader import read_recording
+from weberlink_recording.recorder import RecordingOrder, RingSource
 
 ROOT = Path(__file__).parents[3]
-WRITER = Path(__file__).parents[1] / "writer_process.py"
+WRITER = ROOT / "tests/telemetry/writer_process.py"
 
 
 class Session:
@@ -49,12 +48,12 @@ class Session:
     def recorder(self, sides=SIDES, **changes):
         rings = {side: str(self.ring(side)) for side in sides}
         order = RecordingOrder(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
-        return self._start("-m", "weberlink.telemetry.recording.recorder", order.to_json())
+        return self._start("-m", "weberlink_recording.recorder", order.to_json())
 
     def _start(self, *arguments):
         process = subprocess.Popen(
             [sys.executable, *map(str, arguments)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT,
         )  # fmt: skip
         self._stack.enter_context(process)
         self._stack.callback(process.kill)
@@ -180,11 +179,11 @@ def test_it_outlives_whoever_started_it(session):
     order = RecordingOrder({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
     parent = subprocess.Popen(
         [sys.executable, "-c", "import subprocess, sys, time\n"
-         "process = subprocess.Popen([sys.executable, '-m', 'weberlink.telemetry.recording.recorder', sys.argv[1]],"
+         "process = subprocess.Popen([sys.executable, '-m', 'weberlink_recording.recorder', sys.argv[1]],"
          " stdout=subprocess.PIPE, start_new_session=True)\n"
          "print(process.pid, flush=True)\n"
          "time.sleep(100)", order.to_json()],
-        stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, cwd=ROOT,
     )  # fmt: skip
     with parent:
         pid = int(parent.stdout.readline())
@@ -259,6 +258,6 @@ def test_records_that_were_overwritten_are_counted_once(capacity, before, steps)
 def test_a_daemon_never_loads_the_library():
     modules = ("ring", "record", "reader", "row", "fault", "pose")
     code = f"from weberlink.telemetry import {', '.join(modules)}; import sys; " + (
-        "sys.exit('mcap' in sys.modules or 'weberlink.telemetry.recording' in sys.modules)"
+        "sys.exit('mcap' in sys.modules or 'weberlink_recording' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

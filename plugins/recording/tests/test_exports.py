@@ -13,17 +13,18 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from plugins.recording.tests.records import of_arms
 from tests.apps import arm_sessions as arms
 from tests.program import weberlink
 from tests.system.systems import CONFIGS
-from weberlink.apps.lerobot_frames import NoFramesError, frames_of
-from weberlink.apps.ros_export import RATE_HZ
 from weberlink.system.scoring.arm import arm_in
-from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.record import JOINTS
-from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.watching.ros_messages import quaternions
+from weberlink_recording.lerobot_frames import NoFramesError, frames_of
+from weberlink_recording.reader import read_recording
+from weberlink_recording.ros_export import RATE_HZ
+from weberlink_recording.session import RecordedSession
+from weberlink_recording.writer import RecordingWriter
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -67,7 +68,7 @@ def sides() -> Sides:
 
 @pytest.fixture(scope="module")
 def grasp(sides: Sides, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return arms.recording(tmp_path_factory.mktemp("arms") / "session.mcap", sides)
+    return of_arms(tmp_path_factory.mktemp("arms") / "session.mcap", sides)
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +173,7 @@ def test_an_export_writes_all_or_nothing_and_over_nothing(
 def test_a_side_or_records_that_are_not_there(
     to: str, sides_kept: list[str], ticks: int, status: int, written: list[str], sides: Sides, tmp_path: Path
 ) -> None:
-    path = arms.recording(tmp_path / "session.mcap", {side: sides[side][:ticks] for side in sides_kept})
+    path = of_arms(tmp_path / "session.mcap", {side: sides[side][:ticks] for side in sides_kept})
     ended = weberlink("record", "export", path, "--to", to)
     assert (ended.status, ended.errors.count("\n")) == (status, int(status != 0)), ended
     assert [each.name for each in tmp_path.iterdir() if each != path] == written

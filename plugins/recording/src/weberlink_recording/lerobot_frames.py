@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
 from weberlink.system.scoring.arm import ArmLayout
-from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.record import AXES
+from weberlink_recording.session import RecordedSession
 
 Numbers = NDArray[np.float32]
 

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from tests.examples import examples
-from tests.telemetry.recording.records import (
+from plugins.recording.tests.records import (
     FACTS,
     MONOTONIC_S,
     SIDES,
@@ -22,12 +21,14 @@ from tests.telemetry.recording.records import (
     same,
     small_file,
 )
-from weberlink.telemetry.message import ENCAPSULATION, END, SCHEMA_NAME
-from weberlink.telemetry.message import FACTS as FACTS_NAME
+from tests.examples import examples
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FIELDS
-from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
+from weberlink_recording.container import END
+from weberlink_recording.container import FACTS as FACTS_NAME
+from weberlink_recording.reader import read_recording
+from weberlink_recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
 
 
 @pytest.fixture

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
 
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.reader import DTYPE
+from weberlink_recording.reader import dtype_of
 
 VECTOR = "=" * 80 + "\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
 

@@ -20,10 +20,10 @@ from weberlink.system.scoring.arm import ArmLayout, arm_in
 from weberlink.system.scoring.energy import accounts_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.message import BEGUN
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
-from weberlink.telemetry.recording.reader import Recording, RecordingError
+from weberlink.telemetry.recorders import BEGUN
+from weberlink_recording.reader import Recording, RecordingError
 
 LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""

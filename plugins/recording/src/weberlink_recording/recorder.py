@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 
 from weberlink.child_process import Order
-from weberlink.telemetry.message import COMPLETE, Origin, Rows
+from weberlink.telemetry.message import Origin, Rows
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.recording.marks import Mark, shortened
-from weberlink.telemetry.recording.writer import RecordingWriter
+from weberlink.telemetry.recorders import COMPLETE
 from weberlink.telemetry.ring import RingFormatError
+from weberlink_recording.marks import Mark, shortened
+from weberlink_recording.writer import RecordingWriter
 
 COMPLETED, FAILED = 0, 1
 STOP_SIGNALS = (SIGINT, SIGTERM)

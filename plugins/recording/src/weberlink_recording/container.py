@@ -89,6 +89,8 @@ def uniform(data: bytes) -> Rows | None:
 
 
 PROFILE, LIBRARY = "ros2", "weberlink"
+FACTS, END = "weberlink", "end"
+"""Names of the records of metadata at the start and at the end of a recording."""
 
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 

@@ -7,10 +7,10 @@ import pytest
 from mcap.records import Chunk, DataEnd, Schema
 from mcap.writer import CompressionType, Writer
 
-from tests.telemetry.recording.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
+from plugins.recording.tests.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.reader import RecordingError, read_recording
+from weberlink_recording.reader import RecordingError, read_recording
 
 
 @pytest.fixture

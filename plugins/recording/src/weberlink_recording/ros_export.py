@@ -13,12 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from weberlink.system.scoring.recorded import RecordedSession
 from weberlink.telemetry.message import (
-    COMPLETE,
     ENCAPSULATION,
-    END,
-    FACTS,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
     SCHEMA_NAME,
@@ -27,9 +23,11 @@ from weberlink.telemetry.message import (
     Rows,
 )
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
+from weberlink.telemetry.recorders import COMPLETE
 from weberlink.watching.ros_messages import SCHEMAS
 from weberlink.watching.ros_topics import shown
+from weberlink_recording.container import END, FACTS, FRAME, McapFile, rows_of
+from weberlink_recording.session import RecordedSession
 
 RATE_HZ = 100.0
 """Of poses, forces and frames; ticks are not thinned out."""

@@ -15,13 +15,19 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
 
+from weberlink.master.trace import COLUMNS, TraceError, read_trace
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need, need_to_read
+from weberlink.system.configuration.extras import need
+from weberlink.system.recorder import RANGE
 from weberlink.system.report import session_report
 from weberlink.system.scoring.session import Records
 from weberlink.system.verdict import verdict
-from weberlink.telemetry.message import BEGUN, RANGE
 from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.recorders import BEGUN
+from weberlink_recording.lerobot_frames import NoFramesError, frames_of
+from weberlink_recording.reader import Recording, RecordingError, read_recording
+from weberlink_recording.ros_export import RATE_HZ, write_ros
+from weberlink_recording.session import CONFIGURATION, RecordedSession, put_together, time_axis
 
 FORMATS = ("csv", "parquet", "ros", "lerobot")
 ARROW = ("parquet", "lerobot")
@@ -103,7 +109,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: Dataset
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
     if to in ARROW:
-        need("pyarrow", to, f"--to {to}")
+        need("pyarrow", "recording[parquet]", f"--to {to}")
     recordings, session = _read(paths)
     target = folder if folder is not None else paths[0].parent
     outputs = dict(_outputs(recordings, session, to, dataset))
@@ -122,10 +128,10 @@ Output = Callable[[Path], str]
 """Writes a file that is not there yet, and says what is in it."""
 
 
-def _outputs(recordings: Sequence[Any], session: Any, to: str, dataset: DatasetOptions) -> Iterator[tuple[str, Output]]:
+def _outputs(
+    recordings: Sequence[Recording], session: RecordedSession, to: str, dataset: DatasetOptions
+) -> Iterator[tuple[str, Output]]:
     """The end of the name of each file, and what writes it."""
-    from weberlink.system.scoring.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
-
     if to == "ros":
         yield "ros.mcap", lambda path: _write_ros(recordings, session, path)
         return
@@ -149,10 +155,8 @@ def _table(columns: dict[str, NDArray[Any]], write: Callable[[dict[str, NDArray[
     return output
 
 
-def _signal(recordings: Sequence[Any]) -> dict[str, NDArray[Any]] | None:
+def _signal(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]] | None:
     """The columns of the trace of the slave's side; None where it was not recorded or never engaged."""
-    from weberlink.master.trace import COLUMNS, TraceError, read_trace  # noqa: PLC0415
-
     for recording in recordings:
         if len(recording.records.get("slave", ())):
             try:
@@ -164,18 +168,15 @@ def _signal(recordings: Sequence[Any]) -> dict[str, NDArray[Any]] | None:
     return None
 
 
-def _write_ros(recordings: Sequence[Any], session: Any, path: Path) -> str:
-    from weberlink.apps.ros_export import RATE_HZ, write_ros  # noqa: PLC0415 - writes with an optional library
-
+def _write_ros(recordings: Sequence[Recording], session: RecordedSession, path: Path) -> str:
     first = next((each for each in recordings if "master" in each.origins), recordings[0])
     count = write_ros(session, first.origins, first.facts, path)
     what = "poses, forces and frames" if session.arm is None else "joint states"
     return f"{count} messages; {what} at {RATE_HZ:g} Hz"
 
 
-def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -> Output:
-    from weberlink.apps.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
-    from weberlink.apps.lerobot_frames import NoFramesError, frames_of  # noqa: PLC0415
+def _lerobot(recordings: Sequence[Recording], session: RecordedSession, dataset: DatasetOptions) -> Output:
+    from weberlink_recording.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
 
     if not 1 <= dataset.fps <= session.rate_hz:
         raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
@@ -192,7 +193,7 @@ def _lerobot(recordings: Sequence[Any], session: Any, dataset: DatasetOptions) -
     return output
 
 
-def _gripper_range(recordings: Sequence[Any]) -> tuple[float, float] | None:
+def _gripper_range(recordings: Sequence[Recording]) -> tuple[float, float] | None:
     """Least and largest angle of the gripper [rad]; None if no recording tells them."""
     for recording in recordings:
         try:
@@ -204,10 +205,8 @@ def _gripper_range(recordings: Sequence[Any]) -> tuple[float, float] | None:
     return None
 
 
-def _robot(recordings: Sequence[Any]) -> str | None:
+def _robot(recordings: Sequence[Recording]) -> str | None:
     """The driver of the follower; None if it is not known."""
-    from weberlink.system.scoring.recorded import CONFIGURATION  # noqa: PLC0415 - reads with an optional library
-
     text = next((each.facts[CONFIGURATION] for each in recordings if CONFIGURATION in each.facts), "")
     try:
         return str(yaml.safe_load(text)["slave"]["robot"]["driver"])  # `put_together` has read it
@@ -229,11 +228,7 @@ def _place(write: Output, path: Path) -> str:
     return told
 
 
-def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
-    need_to_read(paths, str(paths[0]))
-    from weberlink.system.scoring.recorded import put_together  # noqa: PLC0415 - reads with an optional library
-    from weberlink.telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415
-
+def _read(paths: Sequence[Path]) -> tuple[list[Recording], RecordedSession]:
     try:
         recordings = [read_recording(path) for path in paths]
         return recordings, put_together(recordings)
@@ -241,7 +236,7 @@ def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
         raise ConfigurationError(str(error)) from None
 
 
-def _date(recording: Any) -> str | None:
+def _date(recording: Recording) -> str | None:
     """Start on the wall clock; None for virtual time."""
     if recording.facts.get("clock") == "virtual" or not recording.origins:
         return None

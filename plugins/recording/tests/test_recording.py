@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from tests.program import ENGAGED, Program, document, weberlink
-from tests.system.systems import CONFIGS
+from tests.program import ENGAGED, PATIENT, Program, document, weberlink
+from tests.system.systems import CONFIGS, configuration
 from tests.wait import until
 from weberlink.system.configuration import load
-from weberlink.system.scoring.recorded import ADDED, put_together
-from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, dtype_of
+from weberlink.system.simulate import simulate
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
 from weberlink.telemetry.record import COUNTERS, FIELDS
-from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
-from weberlink.telemetry.recording.writer import Origin, RecordingWriter
+from weberlink_recording.export import describe
+from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
+from weberlink_recording.session import ADDED, put_together
+from weberlink_recording.writer import Origin, RecordingWriter
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 HALF_STEP_N = 0.5e-3 * 3**0.5
@@ -66,6 +68,9 @@ def touch(simulated: tuple[Path, dict[str, Any]]) -> Recording:
 # --- what is in the file
 
 
+RATES = [f"codec.{key}.max_updates_per_s=5" for key in ("force", "position", "rotation.torque", "rotation.orientation")]
+
+
 def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, Any]]) -> None:
     path, summary = simulated
     found = info(path)
@@ -75,6 +80,15 @@ def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, An
     assert (file["complete"], file["clock"], file["began"]) == (True, "virtual", None)
     assert file["records"] == {side: summary["ticks"][side]["count"] for side in ("master", "slave")}
     assert not any(file["lost"].values())
+
+
+def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    summary, _ = simulate(configuration(*RATES, file="rotation.yaml"), 2.2, path)
+    found = describe([path]).document
+    for key in ("force", "position", "torque", "orientation", "energy"):
+        assert found[key] == summary[key], key
+    assert found["torque"]["widened_fraction"] > 0.0
 
 
 def test_the_same_seed_gives_the_same_file_with_the_whole_configuration(touch: Recording, tmp_path: Path) -> None:
@@ -224,3 +238,44 @@ def test_a_kill_of_a_daemon_leaves_what_was_recorded(tmp_path: Path) -> None:
         records = recording.records[side]
         assert (np.diff(records["tick"]) >= 1).all()
         assert records[-1].tobytes() == record.tobytes()
+
+
+@pytest.mark.realtime
+def test_recording_of_a_session_that_ctrl_c_ends_says_what_its_report_says(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Program("loopback", *PATIENT, "--record", path, "--json", "-") as program:
+        slave = program.engaged("slave")
+        until(lambda: np.linalg.norm(slave.last["raw"]) > 1.0, "contact")
+        program.send(signal.SIGINT)
+        status, output, errors = program.finish()
+    report, read = document(output), info(path)
+    assert (status, errors, report["recording"]["outcome"], read["files"][0]["complete"]) == (0, "", "complete", True)
+    for channel in ("force", "position"):
+        assert read[channel]["packets"] == report[channel]["packets"]
+        assert read[channel]["error_rms"] == pytest.approx(report[channel]["error_rms"], rel=1e-6)
+    assert read["energy"]["dissipated_j"] == pytest.approx(report["energy"]["dissipated_j"], rel=1e-6)
+
+
+@pytest.mark.realtime
+def test_a_full_disk_ends_the_recording_alone(small_disk: Path) -> None:
+    with Program("loopback", *PATIENT, "--record", small_disk / "a.mcap") as program:
+        telemetry = program.engaged("slave")
+        while "recording stopped" not in (line := program.next_error()):
+            assert line, "the command ended without the line"
+        at = telemetry.last["tick"]
+        until(lambda: telemetry.last["tick"] > at, "the session to go on")
+        program.send(signal.SIGINT)
+        assert "No space left" in line + program.finish()[2]
+    recording = read_recording(small_disk / "a.mcap")
+    assert (recording.complete, len(recording.records["master"]) > 100) == (False, True)
+
+
+def test_interrupted_simulation_keeps_report_and_recording(tmp_path: Path) -> None:
+    path, out = tmp_path / "a.mcap", tmp_path / "out.json"
+    with Program("simulate", LOOPBACK, "--duration", 3600, "--record", path, "--json", out) as program:
+        until(lambda: path.exists() and path.stat().st_size > 50_000, "the first records")
+        program.send(signal.SIGINT)
+        assert program.finish()[0] == 130
+    summary, recording = document(out.read_text()), read_recording(path)
+    assert (summary["interrupted"], summary["outcome"], recording.complete) == (True, "interrupted", True)
+    assert len(recording.records["master"]) == round(1e3 * summary["duration_s"])

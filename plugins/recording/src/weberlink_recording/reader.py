@@ -21,22 +21,73 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from weberlink.telemetry.message import (
-    COMPLETE,
     ENCAPSULATION,
-    END,
-    FACTS,
     MESSAGE_ENCODING,
     SCHEMA_ENCODING,
     SIDES,
     TOPICS,
     Origin,
     Rows,
-    dtype_of,
 )
-from weberlink.telemetry.recording.container import FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
-from weberlink.telemetry.recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
+from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.recorders import COMPLETE
+from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink_recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
 
 Parsed = TypeVar("Parsed")
+
+_LAYOUTS: dict[str, tuple[str, int]] = {
+    **{"float64": ("<f8", 1), "float32": ("<f4", 1), "uint64": ("<u8", 1), "uint8": ("u1", 1)},
+    **dict.fromkeys(("geometry_msgs/Vector3", "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
+    **{f"float32[{axes}]": ("<f4", axes) for axes in (len(AXES), len(JOINTS))},
+}
+
+
+def dtype_of(schema_text: str) -> np.dtype[np.void]:
+    """The layout of the body of a message, each value on its own boundary as CDR has it.
+
+    Args:
+        schema_text: a message definition of numbers and vectors, of any release.
+
+    Raises:
+        ValueError: it has a field of another type, one name twice, or none at all.
+    """
+    names: list[str] = []
+    formats: list[tuple[str, tuple[int, ...]]] = []
+    offsets: list[int] = []
+    end = 0
+    for kind, name in _fields(schema_text):
+        if kind not in _LAYOUTS:
+            raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
+        if name in names:
+            raise ValueError(f"field {name} is defined twice")
+        code, axes = _LAYOUTS[kind]
+        size = np.dtype(code).itemsize
+        offset = -(-end // size) * size
+        names.append(name)
+        formats.append((code, () if axes == 1 else (axes,)))
+        offsets.append(offset)
+        end = offset + axes * size
+    if not names:
+        raise ValueError("no field is defined")
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def _fields(schema_text: str) -> list[tuple[str, str]]:
+    """Type and name of each field of the first definition; a constant is none."""
+    fields = []
+    for line in schema_text.splitlines():
+        if line.startswith("==="):
+            break
+        definition = line.partition("#")[0].strip()
+        if not definition or "=" in definition:
+            continue
+        kind, _, rest = definition.partition(" ")
+        if not rest:
+            raise ValueError(f"{definition!r} is no field")
+        fields.append((kind, rest.split()[0]))
+    return fields
+
 
 COMPRESSIONS = ("", "lz4", "zstd")
 NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}

@@ -5,12 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from tests.telemetry.recording.records import FACTS, MONOTONIC_S, WALL_S, noise, origin
-from weberlink.system.scoring.recorded import put_together
-from weberlink.telemetry.message import BEGUN, DURING, ENCAPSULATION
-from weberlink.telemetry.recording.marks import Mark, pack_mark, read_mark, shortened
-from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.writer import RecordingWriter
+from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, noise, origin
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink.telemetry.recorders import BEGUN, DURING
+from weberlink_recording.marks import Mark, pack_mark, read_mark, shortened
+from weberlink_recording.reader import read_recording
+from weberlink_recording.session import put_together
+from weberlink_recording.writer import RecordingWriter
 
 texts = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=40)
 

@@ -1,14 +1,15 @@
 """Records to write and read again, and the mapping of a file for tests that damage one."""
 
 import io
+from pathlib import Path
 
 import numpy as np
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
+from tests.apps import arm_sessions
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import FIELDS
-from weberlink.telemetry.recording.writer import Origin, RecordingWriter
+from weberlink_recording.writer import Origin, RecordingWriter
 
 SIDES = ("master", "slave")
 FACTS = {"bank": "zoh plane", "configuration": "rate_hz: 1000\n# ü\n"}
@@ -50,10 +51,13 @@ def frames_of(data: bytes) -> list:
     return list(StreamReader(io.BytesIO(data), emit_chunks=True).records)
 
 
-def assert_whole(records: NDArray[np.void]) -> None:
-    """Every value of every record of the writer process is that of its own tick; but for its deadline."""
-    tick = records["tick"]
-    for field in FIELDS[1:]:
-        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
-        values = records[field.name]
-        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, axis=1))
+def of_arms(path: Path, sides: dict[str, NDArray[np.void]]) -> Path:
+    """A recording of a session of two arms, whose records come in pieces from both sides in turn."""
+    with RecordingWriter.create(path, arm_sessions.FACTS) as writer:
+        for side in sides:
+            writer.add_side(Origin(side, arm_sessions.RATE, 1e9 + 10.0, 10.0))
+        for first in range(0, max(map(len, sides.values())), 500):
+            for side, records in sides.items():
+                writer.write(side, records[first : first + 500])
+            writer.flush()
+    return path
