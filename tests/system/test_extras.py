@@ -15,16 +15,15 @@ from weberlink.system.configuration.extras import need
 
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
-    "mujoco": ("mujoco",),
     "guests": (
-        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "mcap", "pandas", "pyarrow", "pylibfranka"),
-        *("rosbags", "scipy", "segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh", "zstandard"),
+        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "mcap", "mujoco", "pandas", "pyarrow"),
+        *("pylibfranka", "rosbags", "scipy", "segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh"),
+        "zstandard",
     ),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "mujoco": ("arms.simulation",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

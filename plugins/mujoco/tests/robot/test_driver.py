@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from plugins.mujoco.tests.models import GROUND, MASS, SLIDES, TICK, gantry, hold, readings, robot, wall
+from plugins.mujoco.tests.robot.models import GROUND, MASS, SLIDES, TICK, gantry, hold, readings, robot, wall
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots.computed import LONGEST_GAP
 from weberlink.slave.robots.contract import RobotFault

@@ -7,10 +7,10 @@ import numpy as np
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import Quaternion, RobotFault
-from weberlink_mujoco.impedance import Impedance
-from weberlink_mujoco.options import MujocoOptions
-from weberlink_mujoco.plant import Array, Plant, settle
-from weberlink_mujoco.sensing import force_sensing, torque_sensing
+from weberlink_mujoco.robot.impedance import Impedance
+from weberlink_mujoco.robot.options import MujocoOptions
+from weberlink_mujoco.robot.plant import Array, Plant, settle
+from weberlink_mujoco.robot.sensing import force_sensing, torque_sensing
 
 STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable

@@ -7,7 +7,7 @@ from typing import Any
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.contract import RobotReading
-from weberlink_mujoco.driver import MujocoRobot
+from weberlink_mujoco.robot.driver import MujocoRobot
 
 TICK = 0.001
 MASS = 0.2

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.arms.contract import ArmFault, ArmReading, ArmSpec
-from weberlink.arms.models import NEEDS, ArmModel, ModelName
 from weberlink.geometry.joints import Joints, is_finite
+from weberlink_mujoco.arms.models import ArmModel, ModelName
 
 if TYPE_CHECKING:
-    from weberlink.arms.simulation import ArmSimulation
+    from weberlink_mujoco.arms.simulation import ArmSimulation
 
 _Torque = Annotated[float, Field(ge=0.0, le=1e9)]
 PerAxis = float | tuple[float, ...]
@@ -48,7 +48,6 @@ class ComputedArm:
     """
 
     COMPUTED: ClassVar[bool] = True
-    NEEDS: ClassVar[tuple[str, str]] = NEEDS
 
     def __init__(self, spec: ArmSpec, simulation: "ArmSimulation", home: Joints) -> None:
         self.spec = spec

@@ -9,7 +9,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.computed import LONGEST_GAP, ComputedRobot
 from weberlink.slave.robots.contract import Quaternion, RobotSpec
 from weberlink.slave.scenes.scene import Scene
-from weberlink_mujoco.options import MujocoOptions
+from weberlink_mujoco.robot.options import MujocoOptions
 
 if TYPE_CHECKING:
     from weberlink.telemetry.pose import PoseWriter
@@ -31,7 +31,7 @@ class MujocoRobot(ComputedRobot):
         """
         if scene is not None:
             raise ValueError("driver mujoco: touches what is in its MJCF file; leave slave.scene out")
-        from weberlink_mujoco.simulation import MjcfSimulation  # noqa: PLC0415 - MuJoCo takes its time
+        from weberlink_mujoco.robot.simulation import MjcfSimulation  # noqa: PLC0415 - MuJoCo takes its time
 
         self._simulation = MjcfSimulation(options, tick_period)
         spec = RobotSpec(

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
-from weberlink.arms.models import load
+from weberlink_mujoco.arms.models import load
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.models import load, mujoco
 from weberlink.geometry.joints import Joints
 from weberlink.geometry.vector import Vector
+from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, motors, per_axis
+from weberlink_mujoco.arms.models import load, mujoco
 
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 
@@ -120,14 +120,14 @@ class MujocoArm(ComputedArm):
         """Load the model.
 
         Raises:
-            ValueError: one line, for a wrong file or option, and where MuJoCo is not installed.
+            ValueError: one line, for a wrong file or option.
         """
         model = load(options.model)
         count = model.axes
         stiffness = per_axis("stiffness_nm_rad", options.stiffness_nm_rad, count, least=1e-6)
         self._limit = motors(model, options.torque_nm)
         home = home_of(model, options.home_rad)
-        module = import_module("weberlink.arms.simulation")
+        module = import_module("weberlink_mujoco.arms.simulation")
         simulation = module.ArmSimulation(
             model,
             stiffness=stiffness,

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from plugins.mujoco.tests.models import gantry, robot, wall
+from plugins.mujoco.tests.robot.models import gantry, robot, wall
 from tests.program import weberlink
 from weberlink.apps.shipped import copy
 from weberlink.testing.robots import RobotBench, RobotContract
 from weberlink.testing.time import virtual_time
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 class TestMujoco(RobotContract):

@@ -2,26 +2,23 @@
 
 from itertools import pairwise
 from math import pi
-from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
-
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
-import mujoco
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weberlink.arms.models import load
+from tests.system.systems import ARMS
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.slave.robots.mujoco_arm import MujocoArm, MujocoArmOptions
+from weberlink_mujoco.arms.follower import MujocoArm, MujocoArmOptions
+from weberlink_mujoco.arms.models import load
 
 TICK = 0.001
 HARD = {"kind": "table", "position_m": (0.0, 0.0, 0.03), "time_constant_s": 1e-5}
 """A table as hard as MuJoCo allows, in the reach of every arm."""
-MODEL = Path(__file__).with_name("arm.xml")
+MODEL = ARMS.with_name("arm.xml")
 FRICTION = 0.005  # [N m] of its joints
 
 

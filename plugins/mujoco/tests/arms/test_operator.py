@@ -1,19 +1,17 @@
 """The scripted hand on a leader arm: it follows its script, yields to torque, and gives no energy of its own."""
 
 from math import inf, nan
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
-
+from tests.system.systems import ARMS
 from weberlink.arms.contract import ArmFault, ArmReading
 from weberlink.geometry.joints import Joints, is_finite
-from weberlink.master.devices.arm_operator import ArmOperator, ArmOperatorOptions
+from weberlink_mujoco.arms.operator import ArmOperator, ArmOperatorOptions
 
 TICK = 0.001
-MODEL = Path(__file__).parents[2] / "arms" / "arm.xml"
+MODEL = ARMS.with_name("arm.xml")
 FRICTION = 0.005  # [N m] of its joints
 REST = [{"motion": "hold", "duration_s": 1.0}]
 NONE = (0.0,) * 6

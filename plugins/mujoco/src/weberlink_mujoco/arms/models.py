@@ -1,11 +1,9 @@
 """Mechanical models of arms: kinematics, gravity, inertia and friction, computed by MuJoCo from an MJCF file.
 
-MuJoCo is optional (extra `mujoco`) and imported when a model is loaded. Models come with distributions: entry points of
-the group `weberlink.arm_models`, each the path of its file.
+Models come with distributions: entry points of the group `weberlink.arm_models`, each the path of its file.
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +13,7 @@ from pydantic import AfterValidator
 
 from weberlink.geometry.joints import MOST_JOINTS, Joints
 from weberlink.geometry.vector import Vector
-from weberlink.installation import absence, install_line
+from weberlink.installation import absence
 from weberlink.registry import Registry
 
 Array = NDArray[np.float64]
@@ -27,33 +25,20 @@ GRIPPER = "gripper"
 """Name of the joint of a gripper."""
 TIP = "tip"
 """Name of the site that marks the tip."""
-NEEDS = ("mujoco", "mujoco")
-"""The package that models need, and the extra of this project that brings it."""
-
-
-LEAST = (3, 2, 7)
-"""Oldest MuJoCo that can change a model before it is compiled, as is done here."""
 
 
 def load(model: str | Path) -> "ArmModel":
     """A model by its name, or that of an MJCF file.
 
     Raises:
-        ValueError: one line, where MuJoCo is not installed, and for a file that cannot serve as an arm.
+        ValueError: one line, for a file that cannot serve as an arm.
     """
     return ArmModel(model)
 
 
 def mujoco() -> Any:
-    """The package; raises ValueError with one line where it is not installed, or too old."""
-    package, extra = NEEDS
-    if find_spec(package) is None:
-        raise ValueError(f"models of arms need {package}; install it with: {install_line(extra)}")
-    module = import_module(package)
-    if tuple(int(part) for part in module.__version__.split(".")[:3]) < LEAST:
-        oldest = ".".join(map(str, LEAST))
-        raise ValueError(f"models of arms need MuJoCo {oldest} or newer, not {module.__version__}; upgrade {package}")
-    return module
+    """The package, which takes its time to import."""
+    return import_module("mujoco")
 
 
 class ArmModel:

@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
 from weberlink.arms.contract import ArmSpec
-from weberlink.arms.models import ArmModel, load
 from weberlink.geometry.joints import Joints
 from weberlink.master.devices.motion import minimum_jerk
+from weberlink_mujoco.arms.computed import ComputedArm, ModelOptions, PerAxis, home_of, labels, motors, per_axis
+from weberlink_mujoco.arms.models import ArmModel, load
 
 Inertia = Annotated[float, Field(ge=0.0, le=1e3)]
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
@@ -140,14 +140,14 @@ class ArmOperator(ComputedArm):
         """Load the model.
 
         Raises:
-            ValueError: one line, for a wrong file or option, and where MuJoCo is not installed.
+            ValueError: one line, for a wrong file or option.
         """
         model = load(options.model)
         count, hand = model.axes, options.hand
         home = home_of(model, options.home_rad)
         damping = per_axis("hand.damping_nm_s_rad", hand.damping_nm_s_rad, count)
         self._most = motors(model, options.torque_nm)
-        simulation = import_module("weberlink.arms.simulation").ArmSimulation(
+        simulation = import_module("weberlink_mujoco.arms.simulation").ArmSimulation(
             model,
             stiffness=per_axis("hand.stiffness_nm_rad", hand.stiffness_nm_rad, count, least=1e-6),
             damping=damping,

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from plugins.mujoco.tests.models import SLIDES, TICK, gantry, lead, robot, wall
+from plugins.mujoco.tests.robot.models import SLIDES, TICK, gantry, lead, robot, wall
 from weberlink.geometry.rotation import Quaternion, angle_between, inverse, product, quaternion
 from weberlink.geometry.vector import Vector, norm, scale, subtract
 from weberlink.slave.robots.contract import RobotReading
-from weberlink_mujoco.driver import MujocoRobot
+from weberlink_mujoco.robot.driver import MujocoRobot
 
 BALL = SLIDES + '<joint name="ball" type="ball"/>'
 TWIST = '<torque name="twist" site="flange"/></sensor>'

@@ -6,11 +6,11 @@ from random import Random
 import pytest
 import yaml
 
-from plugins.mujoco.tests.models import TICK, lead
+from plugins.mujoco.tests.robot.models import TICK, lead
 from weberlink.geometry.vector import Vector, distance, norm
-from weberlink_mujoco.driver import MujocoRobot
+from weberlink_mujoco.robot.driver import MujocoRobot
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize(

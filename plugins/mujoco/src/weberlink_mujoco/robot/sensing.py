@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from weberlink.geometry.vector import Vector
-from weberlink_mujoco.options import CONTACTS
-from weberlink_mujoco.plant import Plant
+from weberlink_mujoco.robot.options import CONTACTS
+from weberlink_mujoco.robot.plant import Plant
 
 PressedContact = tuple[int, Vector, Vector, list[float]]
 """Number of the contact, its force [N] in the world frame, its own torque [N m] in its frame, and that frame, whose

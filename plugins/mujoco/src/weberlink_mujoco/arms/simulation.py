@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 
 from weberlink.arms.contract import ArmFault
-from weberlink.arms.models import ArmModel, Array, compiled, read
 from weberlink.geometry.joints import Joints, is_finite
+from weberlink_mujoco.arms.models import ArmModel, Array, compiled, read
 
 LONGEST_GAP = 0.1
 """Longest time that an arm moves on per call [s]; the rest of a longer silence is skipped."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
-from weberlink_mujoco.plant import Array, Plant
+from weberlink_mujoco.robot.plant import Array, Plant
 
 IMMOBILE = 1e-6
 """A direction whose mobility is less than this share of the largest counts as blocked."""
