@@ -88,7 +88,7 @@ class Kind:
 
 FORCE = Channel("", 10.0, 0.25, 0.5e-3, 1.0)
 TORQUE = Channel("rotation_", 0.5, 1.5, 0.01, 0.02)
-HAND = Kind("loopback.yaml", (), 1.5, (FORCE,), OperatorDevice, PointRobot)
+HAND = Kind("loopback.yaml", (), 0.9, (FORCE,), OperatorDevice, PointRobot)
 TURNING = Kind("rotation.yaml", (), 1.4, (FORCE, TORQUE), OperatorDevice, PointRobot)
 KINDS = {"hand": HAND, "turning": TURNING}
 if HAS_ARMS:
