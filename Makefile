@@ -138,7 +138,7 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	mkdir -p build
 	printf -- '%s\n' setuptools "-e ." $(DEMO:%="-e plugins/%") >build/requirements.in
-	printf -- '%s\n' "-e .[dev,mujoco,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/page[camera]" "-e plugins/recording[parquet]" \
+	printf -- '%s\n' "-e .[dev,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/page[camera]" "-e plugins/recording[parquet]" \
 		"-e plugins/studies[dask]" >build/requirements-dev.in
 	for each in requirements requirements-dev; do \
 		cp $$each.lock build/; \
@@ -179,7 +179,8 @@ $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest -e ".[mujoco]" \
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest \
+		-e . -e plugins/mujoco -e plugins/arms \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 

@@ -4,7 +4,7 @@ import os
 import re
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
@@ -39,11 +39,9 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 @contextmanager
 def opened(**options: Any) -> Iterator[Any]:
     touch: Any = armed("touch", **{"library": str(library()), "calibration_s": 0.2, **options})
-    try:
+    with closing(touch):
         touch.open(monotonic())
         yield touch
-    finally:
-        touch.close()
 
 
 @pytest.fixture
@@ -159,24 +157,20 @@ class Library:
         self.ended = 0
         self.broken = broken
 
-    def hdBeginFrame(self, handle: int) -> None: ...  # noqa: N802 - the library's name
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self, f"_{name}") if name in ("hdGetDoublev", "hdSetDoublev", "hdEndFrame") else self._other
 
-    def hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+    def _other(self, *_: object) -> Any:
+        return HdError(0, 0)
+
+    def _hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802 - the library's name
         if self.broken:
             raise ArithmeticError("lost")
 
-    def hdGetIntegerv(self, name: int, values: Any) -> None: ...  # noqa: N802
-
-    def hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+    def _hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
         self.force = list(values)
 
-    def hdCheckCalibration(self) -> int:  # noqa: N802
-        return 0
-
-    def hdGetError(self) -> HdError:  # noqa: N802
-        return HdError(0, 0)
-
-    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
+    def _hdEndFrame(self, handle: int) -> None:  # noqa: N802
         self.ended += 1
 
 
