@@ -15,9 +15,8 @@ from weberlink.codec.decoder import Decoded, Decoder
 from weberlink.codec.encoder import Encoder
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import ModelRecord
-from weberlink.codec.quantizer import Quantizer
 from weberlink.codec.rate import TokenBucket, UpdateRate
-from weberlink.codec.sample import Sample
+from weberlink.codec.sample import Quantizer, Sample
 from weberlink.geometry.joints import Joints, is_finite, joined, parts, widths
 from weberlink.geometry.vector import Vector
 from weberlink.update import Payload, PreviousSample, Update, UpdateForm

@@ -206,7 +206,7 @@ class FoxgloveBridge(TopicBridge):
         super().begin(session, source)
 
     def put(self, source: RingSource, records: Records) -> None:
-        # A packed record is the body of its message, see `weberlink.telemetry.recording`.
+        # A packed record is the body of its message, see `weberlink.telemetry.message`.
         ticks, data, size = self._ticks[source.side], records.tobytes(), records.itemsize
         for row, at_ns in enumerate(self._origins[source.side].log_times_ns(records["at"]).tolist()):
             ticks.put_body(data[row * size : (row + 1) * size], at_ns)
