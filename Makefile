@@ -12,7 +12,8 @@ KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka mujoco ros2 studies
+GUESTS := anywhere arms devices foxglove franka mujoco recording ros2 studies
+DEMO := recording
 
 MINUTES ?= 60
 TIMES ?= 10
@@ -135,15 +136,15 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 		$(PAGE_TOOLS)/node_modules/three/examples/jsm/controls/OrbitControls.js >$(PAGE)/vendor/orbit_controls.js
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
-	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
-	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,docs]" >build/dev.in
-	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
-	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--output-file build/dev.lock build/dev.in
-	awk '/^-e /{ours=1; next} ours && /^ /{next} {ours=0; print}' build/dev.lock >requirements-dev.lock  # paths of this machine
+	printf -- '%s\n' setuptools "-e .[monitor]" $(DEMO:%="-e plugins/%") >build/requirements.in
+	printf -- '%s\n' "-e .[dev,monitor,camera,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
+		"-e plugins/studies[dask]" >build/requirements-dev.in
+	for each in requirements requirements-dev; do \
+		cp $$each.lock build/; \
+		$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links \
+			--no-emit-options --output-file build/$$each.lock build/$$each.in || exit 1; \
+		awk '/^-e /{ours=1; next} ours && /^ /{next} {ours=0; print}' build/$$each.lock >$$each.lock; done  # paths of this machine
 	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \
 		-e '/^pylibfranka==/s/$$/ and platform_machine == "x86_64"/' \
 		-e '/^backports-zstd==/s/$$/ ; python_version < "3.14"/' requirements-dev.lock  # pip-compile drops them
@@ -151,16 +152,17 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 clean:
 	rm -rf $(VENV) build *.egg-info
 
-$(RUN): requirements.lock pyproject.toml
+$(RUN): requirements.lock pyproject.toml $(DEMO:%=plugins/%/pyproject.toml)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . $(DEMO:%=-e plugins/%)
 	touch $@
 
 $(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(GUESTS:%=-e plugins/%)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+		$(patsubst %,-e plugins/%,$(filter-out $(DEMO),$(GUESTS)))
 	touch $@
 
 $(KERNEL)/.made: requirements-dev.lock pyproject.toml
@@ -177,7 +179,8 @@ $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest -e ".[mujoco]" \
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest \
+		-e . -e plugins/mujoco -e plugins/arms \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 

@@ -15,9 +15,8 @@ from weberlink.codec.deadband.per_axis import PerAxisDeadband
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.predictors import PREDICTORS, ContactSurface
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
-from weberlink.codec.quantizer import Quantizer
 from weberlink.codec.rate import TokenBucket, UpdateRate
-from weberlink.codec.sample import Sample
+from weberlink.codec.sample import Quantizer, Sample
 from weberlink.geometry.joints import Joints, is_finite, joined, parts, widths
 from weberlink.geometry.vector import Vector
 from weberlink.update import MAX_GAP, Payload, PreviousSample, Update, UpdateForm

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from tests.codec.law import KINDS, Kind, Law, ends
 from tests.examples import examples
 from weberlink.codec import Update
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
-from weberlink.codec.quantizer import INT16_MAX
 from weberlink.codec.rate import UpdateRate
-from weberlink.codec.smoothing import Smoothing
+from weberlink.codec.sample import INT16_MAX
 from weberlink.update import MAX_GAP, ModelParameters, PreviousSample
 
 every = pytest.mark.parametrize("kind", KINDS, ids="-".join)

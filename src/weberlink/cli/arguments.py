@@ -72,7 +72,7 @@ Json = Annotated[
 ]
 Record = Annotated[
     Path | None,
-    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (extra: weberlink[recording])."),
+    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (weberlink-recording)."),
 ]
 Log = Annotated[
     Path | None,

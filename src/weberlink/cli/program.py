@@ -20,7 +20,7 @@ class Program(CommandGroup):
             "try": f"{_HERE}.try_session:try_session",
             **{name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
         },
-        "Look": {name: f"{_HERE}.look:{name}" for name in ("monitor", "check", "doctor", "record", "bridge")},
+        "Look": {name: f"{_HERE}.look:{name}" for name in ("monitor", "check", "doctor", "bridge")},
         "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "keygen", "configs")},
     }
     extended_by = "weberlink.commands"

@@ -14,7 +14,7 @@ from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
-from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.model import EmulationSettings
 from weberlink.system.interruption import Interruption
 from weberlink.system.order import COMPLETED, INTERRUPTED
@@ -25,6 +25,7 @@ from weberlink.telemetry.record import DESCRIPTION
 
 if TYPE_CHECKING:
     from weberlink.master.trace import Trace
+    from weberlink.telemetry.recorders import RecordingFormat
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -99,14 +100,15 @@ def simulate(
         ConfigurationError: if a part cannot be made as the file asks.
     """
     system = configuration.system
+    form = None
     if record is not None:
-        from weberlink.system.recorder import check_target  # noqa: PLC0415 - where a session is recorded
+        from weberlink.system.recorder import format_for  # noqa: PLC0415 - where a session is recorded
 
-        check_target(record)
+        form = format_for(record)
     simulation = build_simulation(configuration)
     score = score_of(system)
     recorder = TraceRecorder()
-    recording = None if record is None else VirtualRecording(configuration, record, tell)
+    recording = None if record is None or form is None else VirtualRecording(form, configuration, record, tell)
     length = DEFAULT_DURATION if duration is None else duration
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     observers.append(SimulatedTime(system.tick_period, length, progress))
@@ -205,16 +207,16 @@ class VirtualRecording:
         ConfigurationError: from the constructor, if the file cannot be made.
     """
 
-    def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, form: "RecordingFormat", configuration: Configuration, path: Path, tell: Callable[[str], None]
+    ) -> None:
         from weberlink.system.recorder import facts, recording_ended  # noqa: PLC0415 - where a session is recorded
-        from weberlink.telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
 
         self._outcome = "complete"
+        self._path = path
         self._tell: Callable[[str], None] = lambda outcome: tell(recording_ended(path, outcome))
         try:
-            self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
-            for side in SIDES:
-                self._writer.add_side(Origin(side, configuration.system.rate_hz, 0.0, 0.0))
+            self._writer = form.create(path, facts(configuration, virtual=True), configuration.system.rate_hz)
         except OSError as error:
             raise ConfigurationError(f"--record: {path}: {error.strerror or error}") from None
 
@@ -237,7 +239,7 @@ class VirtualRecording:
             self._outcome = error.strerror or str(error)
         writer = self._writer
         return {
-            "path": str(writer.path),
+            "path": str(self._path),
             "bytes": writer.size,
             "records": writer.records,
             "lost": writer.lost,

@@ -15,7 +15,6 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
-from weberlink.system.composition.account import account
 from weberlink.system.composition.arms import (
     check_angles,
     check_arm_axes,
@@ -26,7 +25,7 @@ from weberlink.system.composition.arms import (
     outgoing,
     within,
 )
-from weberlink.system.composition.channels import longest_round_trip, playout_ticks, signal_delay
+from weberlink.system.composition.channels import account, longest_round_trip, playout_ticks, signal_delay
 from weberlink.system.composition.joint_channels import joint_streams
 from weberlink.system.composition.link import (
     ANONYMOUS,

@@ -37,8 +37,8 @@ def no_gravity(angles: Joints) -> Joints:
 
 
 def model_gravity(name: str) -> Gravity:
-    """By the model of this name; raises ValueError where MuJoCo is not installed."""
-    return cast("Gravity", import_module("weberlink.arms.models").load(name).gravity)
+    """By the model of this name."""
+    return cast("Gravity", import_module("weberlink_mujoco.arms.models").load(name).gravity)
 
 
 class ArmExchange(ABC, Generic[Command]):

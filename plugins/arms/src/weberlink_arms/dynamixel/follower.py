@@ -168,11 +168,7 @@ class DynamixelFollower(ThreadedArm[Joints | None]):
 
 
 class KochFollower(DynamixelFollower):
-    """A Koch v1.1 follower: two XL430-W250, four XL330-M288.
-
-    Raises:
-        ValueError: `gravity` is asked for and MuJoCo is not installed.
-    """
+    """A Koch v1.1 follower: two XL430-W250, four XL330-M288."""
 
     Options = KochFollowerOptions
 

@@ -69,11 +69,7 @@ class OmxLeaderOptions(DynamixelLeaderOptions):
 
 
 class DynamixelLeader(ThreadedArm[Joints]):
-    """A leader on a bus of Dynamixel motors. Their bus watchdogs let go when this process stops.
-
-    Raises:
-        ValueError: `gravity` is asked for and MuJoCo is not installed.
-    """
+    """A leader on a bus of Dynamixel motors. Their bus watchdogs let go when this process stops."""
 
     TIER: ClassVar[Tier] = "emulated only"
     USB: ClassVar[tuple[UsbId, ...]] = ARM_USB

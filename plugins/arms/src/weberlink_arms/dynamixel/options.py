@@ -47,9 +47,7 @@ class DynamixelArmOptions(BaseModel):
         default=80.0, ge=20.0, le=2540.0, description="time without any instruction after which the motors stop"
     )
     reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="time to search for an arm that is gone")
-    gravity: bool = Field(
-        default=False, description="use a model of the arm's weight (extra mujoco); needs right sign and offset_rad"
-    )
+    gravity: bool = Field(default=False, description="use a model of the arm's weight; needs right sign and offset_rad")
     current_law: Literal["motor", "supply"] | None = Field(
         default=None, description="what the motors' current means: that of the motor, or of its supply (XL330)"
     )

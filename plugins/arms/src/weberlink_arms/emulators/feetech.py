@@ -6,24 +6,23 @@ servo waits for the answer of the one before it, so all behind a silent one are 
 
 Joints do not act on each other: rotor inertia and dry friction of the STS3215 in TheRobotStudio's SO-101 model
 (joints_properties.xml, whose damping includes the back EMF of the motor), and stops at the ends of their ranges. The
-weight is that of `weberlink.arms.models`.
+weight is that of `weberlink_mujoco.arms.models`.
 """
 
 from collections import deque
 from collections.abc import Mapping
-from importlib.util import find_spec
 from math import copysign, inf, pi, sin, sqrt
 from typing import Annotated, ClassVar, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.arms.models import load
 from weberlink.hardware.emulator import WireFaults
 from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.feetech import packet
 from weberlink_arms.feetech.arm import LOWER, NAMES, UPPER, Six
 from weberlink_arms.feetech.packet import BROADCAST, OVERHEAD, Frame, FrameReader
 from weberlink_arms.feetech.registers import CENTRE, COUNTS_PER_TURN, MODEL, RAD_PER_COUNT
+from weberlink_mujoco.arms.models import load
 
 STEP: Final = 0.001
 GAP_STEPS: Final = 1000
@@ -313,12 +312,9 @@ class So101LeaderEmulator(FeetechEmulator):
 
 
 class So101FollowerEmulatorOptions(FeetechEmulatorOptions):
-    """Options of an emulated follower: it has weight where MuJoCo is installed, as its driver then expects."""
+    """Options of an emulated follower: it has weight, as its driver expects."""
 
-    weight: bool = Field(
-        default_factory=lambda: find_spec("mujoco") is not None,
-        description="the arm has weight, and a person holds it until all torque is on; needs mujoco",
-    )
+    weight: bool = Field(default=True, description="the arm has weight, and a person holds it until all torque is on")
 
 
 class So101FollowerEmulator(FeetechEmulator):

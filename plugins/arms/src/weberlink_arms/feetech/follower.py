@@ -11,7 +11,6 @@ newton metres by a calibration only.
 from collections.abc import Callable
 from contextlib import suppress
 from enum import StrEnum
-from importlib.util import find_spec
 from math import copysign, expm1, pi
 from time import monotonic, sleep
 from typing import Annotated, ClassVar, Final
@@ -88,9 +87,7 @@ class So101FollowerOptions(So101Options):
     torque_per_amp_nm: SixPositive | None = Field(
         default=None, description="torque of a current of 1 A, by a calibration; then the current counts, not the load"
     )
-    gravity: bool = Field(
-        default=True, description="subtract the weight of the arm, by its model; needs the extra mujoco"
-    )
+    gravity: bool = Field(default=True, description="subtract the weight of the arm, by its model")
     friction_nm: tuple[Friction, Friction, Friction, Friction, Friction, Friction] = Field(
         default=(0.15, 0.15, 0.15, 0.15, 0.15, 0.15), description="of the gears: torques below it count as none"
     )
@@ -133,7 +130,7 @@ class So101Follower(ThreadedArm[Joints | None]):
             path = options.port or only(self.plugged(), NAME, "slave.robot.port").path
             return SerialPort(path, options.baud, guardian)
 
-        gravity = _model() if options.gravity and find_spec("mujoco") is not None else no_gravity
+        gravity = _model() if options.gravity else no_gravity
         super().__init__(
             _spec(options, gravity is not no_gravity),
             FollowerExchange(options, connect, gravity, guardian=guardian),
@@ -152,7 +149,7 @@ def no_gravity(angles: Joints) -> Joints:
 
 
 def _model() -> Gravity:
-    from weberlink.arms.models import load  # noqa: PLC0415 - MuJoCo takes its time
+    from weberlink_mujoco.arms.models import load  # noqa: PLC0415 - MuJoCo takes its time
 
     return load("so101").gravity
 
@@ -163,7 +160,7 @@ def _spec(options: So101FollowerOptions, modelled: bool) -> ArmSpec:
     source = "currents" if options.torque_per_amp_nm else "loads"
     by = "by a calibration" if options.calibrated else "not calibrated, by the data sheet"
     lag = 1e3 / (2.0 * pi * options.torque_cutoff_hz)
-    weight = "" if modelled else "; the arm's own weight is not subtracted (needs `gravity: true` and the extra mujoco)"
+    weight = "" if modelled else "; the arm's own weight is not subtracted (needs `gravity: true`)"
     stall = tuple(FULL_LOAD * each for each in options.per_load)
     return ArmSpec(
         name=NAME,

@@ -1,7 +1,7 @@
 """Emulated Koch and OMX arms on their bus: motors, the joints that they turn, a person's hand and walls.
 
 Joints are independent: rotor and link are one inertia, with dry and viscous friction and stops. The weight is that of
-the arm's model (option `gravity`, extra mujoco) or none. The hand holds every axis by a spring and a damper, and moves
+the arm's model (option `gravity`) or none. The hand holds every axis by a spring and a damper, and moves
 it to and fro slowly. Each step is linearly implicit Euler, stable for any stiffness.
 """
 
@@ -64,7 +64,7 @@ class JointArmOptions(BaseModel):
     )
     hand_s: tuple[Positive, ...] = Field(default=HAND_S, description="periods of that motion")
     walls: tuple[Wall, ...] = Field(default=(), description="what the axes meet")
-    gravity: bool = Field(default=False, description="the arm has the weight of its model (extra mujoco)")
+    gravity: bool = Field(default=False, description="the arm has the weight of its model")
     current_law: Literal["motor", "supply"] | None = Field(
         default=None, description="what the current registers mean; that of each motor if not given"
     )
@@ -105,11 +105,7 @@ class JointArmOptions(BaseModel):
 
 
 class JointArmEmulator(ArmEmulator):
-    """See `weberlink_arms.emulators.dynamixel.arm`.
-
-    Raises:
-        ValueError: `gravity` is asked for and MuJoCo is not installed.
-    """
+    """See `weberlink_arms.emulators.dynamixel.arm`."""
 
     def __init__(self, options: JointArmOptions) -> None:
         self._options, self._layout = options, options.LAYOUT
@@ -118,7 +114,7 @@ class JointArmEmulator(ArmEmulator):
         self.angles, self.velocities = list(self._start), [0.0 for _ in axes]
         self._walls = [[wall for wall in options.walls if wall.joint == self._layout.axes[axis]] for axis in axes]
         self._gravity = (
-            import_module("weberlink.arms.models").load(self._layout.name).gravity if options.gravity else None
+            import_module("weberlink_mujoco.arms.models").load(self._layout.name).gravity if options.gravity else None
         )
         self._elapsed = 0.0
         self.outside_nm = [0.0 for _ in axes]
