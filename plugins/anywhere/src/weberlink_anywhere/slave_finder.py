@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from weberlink.protocol.aio.hand_over import ENGAGED, GONE, SessionState
 from weberlink_anywhere import ice
-from weberlink_anywhere.calling import CALL_S, CONNECT_S, SILENCE_S
+from weberlink_anywhere.master_finder import CALL_S, CONNECT_S, SILENCE_S
 from weberlink_anywhere.networks import Watch
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths
@@ -17,7 +17,7 @@ RENEWAL_GROWTH, LONGEST_RENEWAL_S = 5.0, 10.0
 """While there is no session after one, the mailbox is connected anew after 0.2, 1, 5 and 25 s."""
 
 
-class Answering:
+class SlaveFinder:
     """Answers the calls of known masters; one of them is served."""
 
     def __init__(self, order: FinderOrder, peers: Sequence[Peer], paths: Paths) -> None:

@@ -41,7 +41,7 @@ class Refused(Exception):  # noqa: N818 - the condition is the name
     """The slave serves another master; the message is one line for a person."""
 
 
-class Calling:
+class MasterFinder:
     """Calls a slave until there is a path, and again when the session is silent or the networks have changed."""
 
     def __init__(self, order: FinderOrder, peer: Peer, caller: Caller, paths: Paths) -> None:
