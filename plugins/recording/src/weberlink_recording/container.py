@@ -48,8 +48,9 @@ HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
 @cache
 def rows_of(body: int) -> np.dtype[np.void]:
     """The frame of a message whose record has `body` bytes, the record itself as raw bytes."""
-    names = ("opcode", "length", "channel", "sequence", "log_time", "publish_time", "encapsulation", "body")
-    return np.dtype([*zip(names, ("u1", "<u8", "<u2", "<u4", "<u8", "<u8", f"V{len(ENCAPSULATION)}", f"V{body}"))])
+    kinds = {"opcode": "u1", "length": "<u8", "channel": "<u2", "sequence": "<u4", "log_time": "<u8"}
+    kinds |= {"publish_time": "<u8", "encapsulation": f"V{len(ENCAPSULATION)}", "body": f"V{body}"}
+    return np.dtype([*kinds.items()])
 
 
 def framed(channel: int, first: int, times_ns: NDArray[np.uint64] | int, bodies: Rows) -> Rows:
@@ -112,7 +113,7 @@ class McapFile:
 
     @classmethod
     def create(cls, path: Path, first: Metadata) -> Self:
-        """Begin a file with a record of metadata. Raises OSError if it is there, or cannot be made; then it is not there."""
+        """Begin a file; OSError if it is there, or cannot be made, and then it is not there."""
         file = cls(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
         try:
             file._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
