@@ -10,13 +10,10 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
-from typer import Context
-from typer.main import get_command
 
-from tests.program import Program, document
-from weberlink.cli import app
+from tests.program import COMMANDS, Program, document
 from weberlink.protocol.states import State
-from weberlink.system import journal
+from weberlink.system import wording
 from weberlink.system.launcher import STOP_LIMIT_S
 from weberlink.system.order import MISCONFIGURED
 from weberlink.system.recorder import FINISH_LIMIT_S
@@ -47,12 +44,7 @@ def unit(name: str) -> Unit:
 
 def commands() -> dict[str, set[str]]:
     """Every command with its options."""
-    program = get_command(app)
-    with Context(program) as context:
-        found = {name: program.get_command(context, name) for name in program.list_commands(context)}  # type: ignore[attr-defined]
-    return {
-        name: {option for parameter in command.params for option in parameter.opts} for name, command in found.items()
-    }
+    return {name: {option for parameter in each.params for option in parameter.opts} for name, each in COMMANDS.items()}
 
 
 @pytest.mark.parametrize("name", [*SIDES, MONITOR])
@@ -147,8 +139,8 @@ def test_every_event_of_the_log_and_every_fault_has_its_line() -> None:
         assert f"`{state.name.lower()}`" in rows
     for fault in list(Fault)[1:]:
         assert re.search(rf"^\| `{fault.name.lower()}` \|", rows, re.M), fault
-    for event in re.findall(r"^\| (`.+?`) \|", journal.__doc__ or "", re.M):
-        assert f"| {event} |" in rows, event
+    for event in wording.EVENTS:
+        assert f"`{event}`" in rows, event
 
 
 def test_the_units_are_shipped() -> None:
