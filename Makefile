@@ -8,16 +8,18 @@ LEROBOT := $(VENV)/lerobot
 ISAACLAB := $(VENV)/isaaclab
 FOXGLOVE := $(VENV)/foxglove
 FRANKA := $(VENV)/franka
+KERNEL := $(VENV)/kernel
 PAGE := src/weberlink/apps/monitor/page
 PAGE_TOOLS := build/page
 
-GUESTS := anywhere arms devices foxglove franka mujoco ros2 studies
+GUESTS := anywhere arms devices foxglove franka mujoco recording ros2 studies
+DEMO := recording
 
 MINUTES ?= 60
 TIMES ?= 10
 COUNT ?= 20
 
-.PHONY: system demo test compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test test-kernel compiled test-compiled hunt mutants lerobot isaaclab foxglove franka anywhere lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices, in a browser, of views and behind NAT, which skip without them; needs root
 	command -v node >/dev/null || apt-get install -y -q --no-install-recommends nodejs
@@ -40,6 +42,11 @@ demo: $(RUN)  ## feel a remote scene in a browser, until Ctrl-C or DURATION=20 (
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV) $(PAGE_TOOLS)  ## the whole test suite, on all processors; live sessions last
 	$(BIN)/python -m pytest -n auto
+
+test-kernel: export PYTHONDONTWRITEBYTECODE :=
+test-kernel: $(KERNEL)/.made  ## the kernel's tests in an environment without any guest or extra
+	! $(KERNEL)/bin/python -m pip list --disable-pip-version-check | grep "^weberlink[-_]"
+	$(KERNEL)/bin/python -m pytest -n auto tests
 
 compiled: $(DEV)  ## what runs in a tick, compiled with mypyc and a C compiler, in build/compiled: minutes
 	rm -rf build
@@ -129,15 +136,15 @@ vendor: $(PAGE_TOOLS)  ## the libraries of the live page, of the versions and ch
 		$(PAGE_TOOLS)/node_modules/three/examples/jsm/controls/OrbitControls.js >$(PAGE)/vendor/orbit_controls.js
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
-	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--extra monitor --extra recording --output-file requirements.lock pyproject.toml
 	mkdir -p build
-	cp requirements-dev.lock build/dev.lock
-	echo "-e .[dev,recording,parquet,mujoco,monitor,camera,docs]" >build/dev.in
-	for guest in $(GUESTS) "studies[dask]"; do echo "-e plugins/$$guest" >>build/dev.in; done
-	$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
-		--output-file build/dev.lock build/dev.in
-	awk '/^-e /{ours=1; next} ours && /^ /{next} {ours=0; print}' build/dev.lock >requirements-dev.lock  # paths of this machine
+	printf -- '%s\n' setuptools "-e .[monitor]" $(DEMO:%="-e plugins/%") >build/requirements.in
+	printf -- '%s\n' "-e .[dev,monitor,camera,docs]" $(GUESTS:%="-e plugins/%") "-e plugins/recording[parquet]" \
+		"-e plugins/studies[dask]" >build/requirements-dev.in
+	for each in requirements requirements-dev; do \
+		cp $$each.lock build/; \
+		$(BIN)/pip-compile -q --upgrade --allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links \
+			--no-emit-options --output-file build/$$each.lock build/$$each.in || exit 1; \
+		awk '/^-e /{ours=1; next} ours && /^ /{next} {ours=0; print}' build/$$each.lock >$$each.lock; done  # paths of this machine
 	sed -i -e '/^\(forcedimension-core\|pylibfranka\)==/s/$$/ ; python_version < "3.13"/' \
 		-e '/^pylibfranka==/s/$$/ and platform_machine == "x86_64"/' \
 		-e '/^backports-zstd==/s/$$/ ; python_version < "3.14"/' requirements-dev.lock  # pip-compile drops them
@@ -145,16 +152,23 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 clean:
 	rm -rf $(VENV) build *.egg-info
 
-$(RUN): requirements.lock pyproject.toml
+$(RUN): requirements.lock pyproject.toml $(DEMO:%=plugins/%/pyproject.toml)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . $(DEMO:%=-e plugins/%)
 	touch $@
 
 $(DEV): requirements-dev.lock $(RUN) $(GUESTS:%=plugins/%/pyproject.toml)  # what is imported is compiled then; most of these packages never are
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile \
 		-r requirements-dev.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation $(GUESTS:%=-e plugins/%)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+		$(patsubst %,-e plugins/%,$(filter-out $(DEMO),$(GUESTS)))
+	touch $@
+
+$(KERNEL)/.made: requirements-dev.lock pyproject.toml
+	$(PYTHON) -m venv $(KERNEL)
+	$(KERNEL)/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.lock \
+		pytest pytest-xdist hypothesis noiseprotocol -e .
 	touch $@
 
 $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
@@ -165,7 +179,8 @@ $(FRANKA)/.made: $(RUN)  # franka-sim wants its own numpy and MuJoCo
 
 $(LEROBOT)/.made: $(RUN) $(wildcard plugins/lerobot_*/pyproject.toml)
 	$(PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest -e ".[mujoco]" \
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile "lerobot==0.4.4" pytest \
+		-e . -e plugins/mujoco -e plugins/arms \
 		-e plugins/lerobot_teleoperator_weberlink -e plugins/lerobot_robot_weberlink
 	touch $@
 

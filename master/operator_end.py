@@ -1,10 +1,12 @@
 """What the ports of the operator's end share, of a haptic device or of a leader arm: the button and the gate."""
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from weberlink.arms.contract import LeaderArm
 from weberlink.master.devices.contract import Device, ReportsTrouble
 from weberlink.master.safety import ForceGate
+
+if TYPE_CHECKING:
+    from weberlink.arms.contract import LeaderArm
 
 
 class OperatorEnd:
@@ -23,7 +25,7 @@ class OperatorEnd:
     leads: Final = True
     tripped: Final = False
 
-    def __init__(self, source: Device | LeaderArm, gate: ForceGate, button: int | None) -> None:
+    def __init__(self, source: "Device | LeaderArm", gate: ForceGate, button: int | None) -> None:
         self._source = source
         self.name: str = source.spec.name
         self.gate = gate

@@ -5,7 +5,6 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from errno import ENOENT
-from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -13,7 +12,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.installation import install_line
 from weberlink.protocol.states import State
 
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
@@ -90,7 +88,7 @@ def read_trace(path: Path | str, units: Units = SI) -> Trace:
     """Read what the teleoperator was commanded and felt.
 
     The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), an npz file
-    with an array of each of these names, or an MCAP recording that has the slave's side (extra: recording).
+    with an array of each of these names, or a recording that has the slave's side.
 
     Args:
         path: of the file.
@@ -154,8 +152,6 @@ def _read(path: Path, sides: Sequence[Side], units: Units = SI) -> Trace:
     if _is_recording(path):
         if not path.exists():
             raise TraceError(f"{path}: cannot be read: {os.strerror(ENOENT)}; expected a recording")
-        if find_spec("mcap") is None:
-            raise TraceError(f"{path}: reading it needs mcap; install it with: {install_line('recording')}")
         return as_trace(_recorded(path, sides))
     is_npz = path.suffix.lower() == ".npz"
     if is_npz:
@@ -193,11 +189,11 @@ def _is_recording(path: Path) -> bool:
 
 def _recorded(path: Path, sides: Sequence[Side]) -> Array:
     """Rows of one side while it was engaged, shape (n, 7), the time from 0; of the first of `sides` that is there."""
-    from weberlink.telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415 - optional library
+    from weberlink.telemetry.recorders import format_of  # noqa: PLC0415 - for recordings alone
 
     try:
-        recording = read_recording(path)
-    except RecordingError as error:
+        recording = format_of(path, f"{path}: reading recordings").read(path)
+    except ValueError as error:
         raise TraceError(str(error)) from None
     side = next((side for side in sides if len(recording.records.get(side, ()))), None)
     if side is None:

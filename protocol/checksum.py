@@ -22,64 +22,54 @@ class Checksum:
     overhead: ClassVar[int] = _NONCE + _TAG
     private_size: ClassVar[int] = _NONCE
 
-    def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
-        return OutgoingExchange(prologue, private)
+    def call(self, prologue: bytes, private: bytes) -> "Exchange":
+        return Exchange(prologue, private, b"")
 
-    def hear(self, prologue: bytes, message: bytes) -> "IncomingExchange | None":
-        payload = _unwrap(prologue, message)
-        return None if payload is None else IncomingExchange(prologue + message, payload)
+    def hear(self, prologue: bytes, message: bytes) -> "Exchange | None":
+        payload = _opened(prologue, message)
+        return None if payload is None else Exchange(prologue + message, b"", payload)
 
 
-class OutgoingExchange:
-    """The initiator's part in one handshake."""
+class Exchange:
+    """Either end's part in one handshake. A message is a nonce, the payload and a checksum."""
 
-    def __init__(self, prologue: bytes, nonce: bytes) -> None:
-        self._transcript = prologue
+    def __init__(self, transcript: bytes, nonce: bytes, payload: bytes) -> None:
+        self.payload = payload
+        self._transcript = transcript
         self._nonce = nonce
 
     def hello(self, payload: bytes) -> bytes:
-        message = _wrap(self._transcript, self._nonce + payload)
+        message = _sealed(self._transcript, self._nonce + payload)
         self._transcript += message
         return message
 
     def open(self, message: bytes) -> tuple[bytes, Protection] | None:
-        payload = _unwrap(self._transcript, message)
-        if payload is None:
-            return None
-        forward, backward = _ciphers(self._transcript + message)
-        return payload, Protection(forward, backward)
-
-
-class IncomingExchange:
-    """The responder's part in one handshake."""
-
-    def __init__(self, transcript: bytes, payload: bytes) -> None:
-        self._transcript = transcript
-        self.payload = payload
+        payload = _opened(self._transcript, message)
+        return None if payload is None else (payload, Protection(*_ciphers(self._transcript + message)))
 
     def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection]:
-        message = _wrap(self._transcript, private + payload)
+        message = _sealed(self._transcript, private + payload)
         forward, backward = _ciphers(self._transcript + message)
         return message, Protection(backward, forward)
 
 
-def _wrap(before: bytes, content: bytes) -> bytes:
-    """Content and its checksum, which starts from a hash of the transcript."""
-    start = int.from_bytes(sha256(before).digest()[:4], "little")
+def _sealed(before: bytes, content: bytes) -> bytes:
+    """Content and its checksum, which starts from a hash of all that came before."""
+    start = int.from_bytes(sha256(before).digest()[:_TAG], "little")
     return content + crc32(content, start).to_bytes(_TAG, "little")
 
 
-def _unwrap(before: bytes, message: bytes) -> bytes | None:
-    """The payload of a message (nonce, payload, checksum); None if the checksum is wrong."""
+def _opened(before: bytes, message: bytes) -> bytes | None:
+    """The payload of a message; None if the checksum is wrong."""
     content = message[:-_TAG]
-    return content[_NONCE:] if len(content) >= _NONCE and _wrap(before, content) == message else None
+    return content[_NONCE:] if len(content) >= _NONCE and _sealed(before, content) == message else None
 
 
 def _ciphers(transcript: bytes) -> "tuple[ChecksumCipher, ChecksumCipher]":
-    """The cipher of the direction from the initiator, and that of the other direction."""
+    """Of the direction from the initiator, and of the other direction."""
     session = sha256(transcript).digest()
-    forward, backward = (ChecksumCipher(int.from_bytes(session[at : at + 4], "little")) for at in (0, 4))
-    return forward, backward
+    first, second = (int.from_bytes(session[at : at + 4], "little") for at in (0, 4))
+    return ChecksumCipher(first), ChecksumCipher(second)
 
 
 class ChecksumCipher:

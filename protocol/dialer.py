@@ -19,7 +19,6 @@ from weberlink.protocol.handshake import (
     identity_of,
     pack_hello,
     read_answered,
-    read_integer,
     read_map,
     read_welcome,
     unexpected_slave,
@@ -39,30 +38,20 @@ Only before the first session: a link that was short enough once may be so again
 
 
 class Answer(NamedTuple):
-    """An accepting WELCOME.
-
-    Args:
-        protection: keys of the session.
-        peer_clock: departure of the WELCOME on the peer's clock [s].
-        outward_delay: raw delay of the HELLO that it answers, as the peer measured it [s].
-        longest_round_trip: largest one that both ends allow [s].
-    """
+    """An accepting WELCOME."""
 
     protection: Protection
     peer_clock: float
+    """Departure of the WELCOME on the peer's clock [s]."""
     outward_delay: float
+    """Raw delay of the HELLO that it answers, as the peer measured it [s]."""
     longest_round_trip: float
+    """The largest one that both ends allow [s]."""
 
 
 class Dialer:
-    """Calls the slave, again and again until it answers.
-
-    Attributes:
-        due: when the next HELLO is to be sent [s]; infinity when not calling.
-        expects: name of the slave that is called; "" until it is known. The first slave that answers sets it.
-        takes_over: whether to replace a master that the slave serves; cleared by `confirm`, so that two masters do not
-            take the slave from each other for ever. A slave that has served this run ignores it in any case.
-    """
+    """Calls the slave, again and again until it answers. The next HELLO is `due` then [s], infinity when not calling.
+    `expects` is the name of the slave that is called; the first one that answers sets it."""
 
     def __init__(
         self,
@@ -79,7 +68,8 @@ class Dialer:
             end: the caller.
             instance: random bytes of this run of it.
             stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
-            takes_over: as of the attribute.
+            takes_over: whether to replace a master that the slave serves, until `confirm`: otherwise two masters would
+                take the slave from each other for ever. A slave that has served this run ignores it in any case.
             patience: largest loop age of a session [s]. Pauses between HELLOs grow from a twentieth to a fifth of it,
                 at least from `FIRST_INTERVAL` to `LONGEST_INTERVAL`, so that the listener still holds the pending
                 session of a HELLO when its answer arrives.
@@ -95,7 +85,7 @@ class Dialer:
         self._too_long_answers = 0
         self._has_served = False
         self.expects = end.expects
-        self.takes_over = takes_over
+        self._takes_over = takes_over
         self.due = inf
 
     def start(self, now: float) -> None:
@@ -111,7 +101,7 @@ class Dialer:
 
     def confirm(self) -> None:
         """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
-        self.takes_over = False
+        self._takes_over = False
         self._has_served = True
         self._too_long_answers = 0
 
@@ -124,26 +114,22 @@ class Dialer:
         self._too_long_answers += 1
         self._too_long = min(self._too_long, round_trip)
 
-    def _told_too_long(self, now: float) -> float:
-        """The round trip that the slave is told to be too long [s]; 0 if it is not, or not yet."""
-        is_sure = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
-        return self._too_long if is_sure else 0.0
-
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
         self.due = now + self._interval
         self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 4.0 * self._first_interval))
         self._newest = max(self._stamp(now), self._newest + 1)
         end, security = self._end, self._end.security
+        is_too_long = self._too_long_answers >= TOO_LONG_ANSWERS and now - self._too_long_since >= TOO_LONG_AFTER
         hello = Hello(
             end.agreement,
             round((now - end.epoch) * 1e6),
             end.name,
             self._instance,
             expects=self.expects,
-            takes_over=self.takes_over,
+            takes_over=self._takes_over,
             longest_round_trip_us=round(end.longest_round_trip * 1e6),
-            round_trip_us=round(self._told_too_long(now) * 1e6),
+            round_trip_us=round(self._too_long * 1e6) if is_too_long else 0,
         )
         header = HelloHeader(end.version, identity_of(end.name), self._newest).pack()
         exchange = security.call(header, end.entropy(security.private_size))
@@ -153,12 +139,8 @@ class Dialer:
         return header + exchange.hello(pack_hello(hello, security.overhead))
 
     def on_welcome(self, data: bytes) -> Answer | str | DropReason | None:
-        """Take a WELCOME.
-
-        Returns:
-            The session that it opens, the text of a refusal, the reason to drop it, or None if it only makes the next
-            HELLO due at once.
-        """
+        """Take a WELCOME: the session that it opens, the text of a refusal, the reason to drop it, or None if it only
+        makes the next HELLO due at once."""
         answered = read_answered(data)
         exchange = None if answered is None else self._open.get(answered)
         if exchange is None:
@@ -167,25 +149,12 @@ class Dialer:
         if opened is None:
             return DropReason.UNPROVEN
         packed, protection = opened
-        body = read_map(packed)
-        if body is None:
-            return DropReason.MALFORMED
-        if isinstance(body.get("refusal"), str):
-            return str(body["refusal"])
+        body = read_map(packed) or {}
+        if isinstance(refusal := body.get("refusal"), str):
+            return refusal
         if "newest" in body:
-            return self._catch_up(body)
+            return self._catch_up(body["newest"])
         return self._agree(body, protection)
-
-    def _catch_up(self, body: dict[str, object]) -> DropReason | None:
-        """The slave knows a later stamp of this master, because our clock went back: continue from there."""
-        newest = read_integer(body, "newest", LARGEST_STAMP - 1)
-        if newest is None:
-            return DropReason.MALFORMED
-        if newest <= self._newest:  # it answers an older HELLO
-            return DropReason.SUPERSEDED
-        self._newest = newest
-        self.due = -inf
-        return None
 
     def _agree(self, body: dict[str, object], protection: Protection) -> Answer | str | DropReason:
         welcome = read_welcome(body)
@@ -196,3 +165,13 @@ class Dialer:
         self.expects = welcome.name
         longest = min(self._end.longest_round_trip, welcome.longest_round_trip_us * 1e-6)
         return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6, longest)
+
+    def _catch_up(self, newest: object) -> DropReason | None:
+        """The slave knows a later stamp of this master, because our clock went back: continue from there."""
+        if type(newest) is not int or abs(newest) >= LARGEST_STAMP:
+            return DropReason.MALFORMED
+        if newest <= self._newest:  # it answers an older HELLO
+            return DropReason.SUPERSEDED
+        self._newest = newest
+        self.due = -inf
+        return None

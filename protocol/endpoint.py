@@ -33,7 +33,7 @@ from weberlink.protocol.events import (
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     PROTOCOL_VERSION,
-    Caller,
+    Hello,
     LocalEnd,
     check_name,
     pack_agreement,
@@ -178,7 +178,7 @@ class Endpoint:
         self._session: Session | None = None
         self._former: Session | None = None
         self._path: Path | None = None
-        self._served: Caller | None = None  # the master of the present session
+        self._served: Hello | None = None  # the master of the present session
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
         self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
@@ -350,7 +350,7 @@ class Endpoint:
                 due = min(
                     due,
                     session.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding),
-                    session.silent_at if is_engaged else session.expires_at,
+                    session.liveness.silent_at if is_engaged else session.expires_at,
                     self._deaf_at,
                 )
             self._due = due
@@ -445,13 +445,14 @@ class Endpoint:
         if isinstance(reply, DropReason):
             self._drop(reply)
             return
-        self._post_to(reply.welcome, address)
-        if reply.refusal is None:
+        welcome, refusal = reply
+        self._post_to(welcome, address)
+        if refusal is None:
             self._count(data)
             return
         self._drop(DropReason.REFUSED)
         if self._session is None:
-            self._tell(Refused(reply.refusal))
+            self._tell(Refused(refusal))
 
     def _on_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.on_welcome(data)
@@ -510,7 +511,7 @@ class Endpoint:
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
             self._count(data)
-        if not session.is_fresh or now >= session.silent_at:
+        if not session.is_fresh or now >= session.liveness.silent_at:
             self._drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
         # The master has received the WELCOME at the address that it called from, and so has proved that address.
@@ -531,7 +532,7 @@ class Endpoint:
             self.peer = path.address
             if (challenge := path.challenge(now)) is not None:
                 self._post_to(session.send_path(now, challenge[0], is_answer=False), challenge[1])
-        if self.state is _SILENT and session.is_fresh and now < session.silent_at:
+        if self.state is _SILENT and session.is_fresh and now < session.liveness.silent_at:
             self.state = moved(self.state, _ENGAGED)
             session.silent_since = inf
             self._is_peer_heard = False

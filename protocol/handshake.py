@@ -18,7 +18,7 @@ already map the clocks.
 from collections.abc import Callable, Mapping
 from hashlib import sha256
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgpack
 
@@ -41,18 +41,7 @@ _NOTHING = object()
 
 
 class LocalEnd(NamedTuple):
-    """This end, for the handshake.
-
-    Args:
-        security: the suite, with its key.
-        entropy: returns that many random bytes.
-        agreement: packed, from `pack_agreement`.
-        version: of the protocol.
-        epoch: when our clock was at 0 [s].
-        name: of this end.
-        expects: name of the only peer that is accepted; "" for any with the key.
-        longest_round_trip: largest one that this end allows [s].
-    """
+    """This end, for the handshake: the agreement is packed, the longest round trip that it allows is in s."""
 
     security: Security
     entropy: Callable[[int], bytes]
@@ -64,20 +53,10 @@ class LocalEnd(NamedTuple):
     longest_round_trip: float
 
 
-class Caller(NamedTuple):
-    """A master: its name, and random bytes of this run of it."""
-
-    name: str
-    instance: bytes
-
-
 class Hello(NamedTuple):
-    """The first message.
+    """The first message, which stands for its sender from then on.
 
     Args:
-        agreement: packed.
-        clock_us: departure on the sender's clock.
-        name, instance: of the sender.
         expects: name of the slave that it wants; "" for any.
         takes_over: whether a master that the slave serves now is to be replaced.
         longest_round_trip_us: largest one that the sender allows.
@@ -111,7 +90,7 @@ class HelloHeader(NamedTuple):
     stamp: int
 
     def pack(self) -> bytes:
-        return _HELLO.pack(Kind.HELLO, self.version, self.identity, self.stamp)
+        return _HELLO.pack(Kind.HELLO, *self)
 
     def pack_answer(self) -> bytes:
         """The header of a WELCOME to this."""
@@ -185,42 +164,48 @@ def read_map(packed: bytes) -> dict[str, object] | None:
     return body
 
 
+def read_fields(body: Mapping[str, object], checks: Mapping[str, Callable[[object], bool]]) -> list[Any] | None:
+    """The fields of a message in the order of their checks, or None if one of them fails."""
+    values = [body.get(name) for name in checks]
+    return values if all(check(value) for check, value in zip(checks.values(), values, strict=True)) else None
+
+
 def read_hello(body: Mapping[str, object]) -> Hello | None:
     """The fields of a HELLO, each of its type and size, or None."""
-    agreement, instance = body.get("agreement"), body.get("instance")
-    name, expects, takes_over = body.get("name"), body.get("expects"), body.get("takes_over")
-    clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
-    longest, measured = _read_duration(body, "longest_round_trip_us"), _read_duration(body, "round_trip_us")
-    if not (isinstance(agreement, bytes) and isinstance(instance, bytes) and len(instance) == INSTANCE_BYTES):
-        return None
-    if not (isinstance(name, str) and isinstance(expects, str) and isinstance(takes_over, bool)):
-        return None
-    if clock_us is None or longest is None or measured is None:
-        return None
-    if not _is_name(name) or not (expects == "" or _is_name(expects)):
-        return None
-    return Hello(agreement, clock_us, name, instance, expects, takes_over, longest, measured)
+    found = read_fields(body, _HELLO_FIELDS)
+    return None if found is None else Hello(*found)
 
 
 def read_welcome(body: Mapping[str, object]) -> Welcome | None:
     """The fields of a WELCOME that agrees, each of its type and size, or None."""
-    clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
-    delta_us = read_integer(body, "delta_us", _LONGEST_CLOCK_US)
-    longest, name = _read_duration(body, "longest_round_trip_us"), body.get("name")
-    if clock_us is None or delta_us is None or longest is None or not isinstance(name, str) or not _is_name(name):
-        return None
-    return Welcome(clock_us, delta_us, name, longest)
+    found = read_fields(body, _WELCOME_FIELDS)
+    return None if found is None else Welcome(*found)
 
 
-def _read_duration(body: Mapping[str, object], name: str) -> int | None:
-    """A number of us, not negative, or None."""
-    duration = read_integer(body, name, _LONGEST_CLOCK_US)
-    return None if duration is None or duration < 0 else duration
+def _is_clock(value: object) -> bool:
+    return type(value) is int and abs(value) <= _LONGEST_CLOCK_US
 
 
-def read_integer(body: Mapping[str, object], name: str, largest: int) -> int | None:
-    value = body.get(name)
-    return value if type(value) is int and abs(value) <= largest else None
+def _is_duration(value: object) -> bool:
+    return type(value) is int and 0 <= value <= _LONGEST_CLOCK_US
+
+
+_HELLO_FIELDS: dict[str, Callable[[object], bool]] = {
+    "agreement": lambda value: isinstance(value, bytes),
+    "clock_us": _is_clock,
+    "name": _is_name,
+    "instance": lambda value: isinstance(value, bytes) and len(value) == INSTANCE_BYTES,
+    "expects": lambda value: value == "" or _is_name(value),
+    "takes_over": lambda value: isinstance(value, bool),
+    "longest_round_trip_us": _is_duration,
+    "round_trip_us": _is_duration,
+}
+_WELCOME_FIELDS: dict[str, Callable[[object], bool]] = {
+    "clock_us": _is_clock,
+    "delta_us": _is_clock,
+    "name": _is_name,
+    "longest_round_trip_us": _is_duration,
+}
 
 
 def pack_agreement(agreement: Mapping[str, object]) -> bytes:
@@ -234,7 +219,7 @@ def pack_agreement(agreement: Mapping[str, object]) -> bytes:
             msgpack.packb({key: value})
         except (TypeError, ValueError, OverflowError) as problem:
             raise ValueError(f"agreement {key!r}: {value!r} cannot be sent to the peer ({problem})") from None
-    packed: bytes = msgpack.packb(dict(agreement))
+    packed = pack_map(agreement)
     if len(packed) > LONGEST_DATAGRAM - PADDED_HELLO:
         raise ValueError(f"the agreement takes {len(packed)} bytes, more than {LONGEST_DATAGRAM - PADDED_HELLO}")
     return packed
@@ -245,26 +230,17 @@ def unexpected_slave(expected: str, name: str) -> str:
     return f"the master expects slave {expected!r}, and {name!r} answered"
 
 
-def too_long(round_trip: float, longest: float) -> str:
-    """Message to the user: the link is longer than what one of the two ends allows; both in s."""
-    return f"the round trip is {round_trip * 1e3:.0f} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
-
-
-def version_mismatch(master: int, slave: int) -> str:
-    """Message to the user: the two ends speak different versions of the protocol."""
-    return _difference("protocol version", Role.INITIATOR, master, slave)
-
-
 def differences(role: Role, mine: Mapping[str, object], theirs: Mapping[str, object]) -> str:
     """Every key on which two agreements differ, with both values; "" if they are the same."""
     return "; ".join(
-        _difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
+        difference(key, role, mine.get(key, _NOTHING), theirs.get(key, _NOTHING))
         for key in sorted(mine.keys() | theirs.keys())
         if mine.get(key, _NOTHING) != theirs.get(key, _NOTHING)
     )
 
 
-def _difference(key: str, role: Role, mine: object, theirs: object) -> str:
+def difference(key: str, role: Role, mine: object, theirs: object) -> str:
+    """Message to the user: what each end has for a key."""
     held = {role: mine, role.other: theirs}
     said = {side: "nothing" if value is _NOTHING else repr(value) for side, value in held.items()}
     master, slave = Role.INITIATOR, Role.RESPONDER

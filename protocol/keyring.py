@@ -27,11 +27,6 @@ class Keyring:
         self._suites = {identity_of(name): PresharedKey(key) for name, key in keys.items()}
 
     def call(self, prologue: bytes, private: bytes) -> Outgoing:  # noqa: ARG002 - of the contract
-        """A responder calls nobody.
-
-        Raises:
-            TypeError: always.
-        """
         raise TypeError("a keyring is for the end that is called")
 
     def hear(self, prologue: bytes, message: bytes) -> Incoming | None:

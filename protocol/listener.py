@@ -18,17 +18,16 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple
 
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
     WELCOME_HEADER,
-    Caller,
     Hello,
     HelloHeader,
     LocalEnd,
     Welcome,
+    difference,
     differences,
     identity_of,
     pack_map,
@@ -36,9 +35,7 @@ from weberlink.protocol.handshake import (
     read_hello,
     read_hello_header,
     read_map,
-    too_long,
     unexpected_slave,
-    version_mismatch,
 )
 from weberlink.protocol.security import Incoming, Protection
 from weberlink.protocol.session import Session
@@ -58,17 +55,8 @@ STALE_PACE = 0.25
 """Least time between two answers to a stamp that is too old [s]."""
 
 
-class Reply(NamedTuple):
-    """A WELCOME to send to where the HELLO came from; `refusal` is its text if it refuses."""
-
-    welcome: bytes
-    refusal: str | None
-
-
-class _Pending(NamedTuple):
-    session: Session
-    caller: Caller
-    address: Address
+Reply = tuple[bytes, str | None]
+"""A WELCOME to send to where the HELLO came from, and its text if it refuses."""
 
 
 @dataclass(slots=True)
@@ -78,19 +66,14 @@ class _Master:
     stamp: int
     exchanged_at: float = -inf
     served: bytes = b""
-    pending: deque[_Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
+    pending: deque[tuple[Session, Hello, Address]] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
 class Listener:
     """Answers HELLOs and keeps the sessions that they may become."""
 
     def __init__(self, end: LocalEnd, open_session: Callable[[Protection, float, float, float], Session]) -> None:
-        """Prepare to be called.
-
-        Args:
-            end: the slave.
-            open_session: makes a session of its keys, the longest round trip [s], the peer's clock [s] and now [s].
-        """
+        """Prepare to be called; `open_session` takes keys, longest round trip, the peer's clock and now [s]."""
         self._end = end
         self._agreement = read_map(end.agreement) or {}
         self._open_session = open_session
@@ -101,19 +84,19 @@ class Listener:
     @property
     def pending(self) -> tuple[Session, ...]:
         """Sessions that no datagram has confirmed yet."""
-        return tuple(pending.session for master in self._masters.values() for pending in master.pending)
+        return tuple(session for master in self._masters.values() for session, _, _ in master.pending)
 
-    def confirm(self, session: Session) -> tuple[Caller, Address]:
-        """Serve the caller of a pending session, and discard all pending ones; returns caller and address."""
-        master, caller, address = next(
-            (master, each.caller, each.address)
+    def confirm(self, session: Session) -> tuple[Hello, Address]:
+        """Serve the caller of a pending session, and discard all pending ones; returns its HELLO and address."""
+        master, hello, address = next(
+            (master, hello, address)
             for master in self._masters.values()
-            for each in master.pending
-            if each.session is session
+            for pending, hello, address in master.pending
+            if pending is session
         )
-        master.served = caller.instance
+        master.served = hello.instance
         self.settle()
-        return caller, address
+        return hello, address
 
     def settle(self) -> None:
         """Discard all pending sessions."""
@@ -121,17 +104,11 @@ class Listener:
             master.pending.clear()
 
     def on_hello(
-        self, data: bytes, address: Address, now: float, *, serving: Caller | None = None, is_engaged: bool = False
+        self, data: bytes, address: Address, now: float, *, serving: Hello | None = None, is_engaged: bool = False
     ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or the reason to drop it.
 
-        Args:
-            data: the datagram.
-            address: where it came from.
-            now: [s].
-            serving: the master of the present session; None without one.
-            is_engaged: whether there is a session whose peer is heard.
-        """
+        `serving` is the master of the present session, `is_engaged` whether it is heard."""
         header = read_hello_header(data)
         if header is None:
             return DropReason.TRUNCATED
@@ -175,14 +152,14 @@ class Listener:
         return self._masters[header.identity]
 
     def _read(
-        self, header: HelloHeader, exchange: Incoming, serving: Caller | None, *, is_engaged: bool
+        self, header: HelloHeader, exchange: Incoming, serving: Hello | None, *, is_engaged: bool
     ) -> Hello | str | DropReason:
         """The content of a HELLO, the text of a refusal, or the reason to drop it."""
         body = read_map(exchange.payload)
         if body is None:
             return DropReason.MALFORMED
         if header.version != self._end.version:
-            return version_mismatch(header.version, self._end.version)
+            return difference("protocol version", Role.INITIATOR, header.version, self._end.version)
         hello = read_hello(body)
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None or header.identity != identity_of(hello.name):
@@ -191,7 +168,7 @@ class Listener:
             serving = None  # a restarted master calls in the silence of its former run
         return self._objection(hello, agreement, serving) or hello
 
-    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:
+    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Hello | None) -> str:
         """Message to the user: why this master gets no session; "" if it does."""
         if hello.expects and hello.expects != self._end.name:
             return unexpected_slave(hello.expects, self._end.name)
@@ -201,7 +178,8 @@ class Listener:
             return message
         longest = min(self._end.longest_round_trip, hello.longest_round_trip_us * 1e-6)
         if hello.round_trip_us * 1e-6 > longest:
-            return too_long(hello.round_trip_us * 1e-6, longest)
+            measured = f"{hello.round_trip_us * 1e-3:.0f}"
+            return f"the round trip is {measured} ms, link.longest_round_trip_ms allows {longest * 1e3:g}"
         was_served = hello.instance == self._masters[identity_of(hello.name)].served
         if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
             return ""
@@ -220,8 +198,8 @@ class Listener:
             return DropReason.MALFORMED
         message, protection = answered
         session = self._open_session(protection, min(own, peers), departure, now)
-        master.pending.append(_Pending(session, Caller(hello.name, hello.instance), address))
-        return Reply(header.pack_answer() + message, None)
+        master.pending.append((session, hello, address))
+        return header.pack_answer() + message, None
 
     def _refuse(
         self, header: HelloHeader, exchange: Incoming, refusal: str, size: int, now: float
@@ -237,4 +215,4 @@ class Listener:
     ) -> Reply | DropReason:
         """An answer without a session."""
         answered = exchange.answer(payload, self._end.entropy(self._end.security.private_size))
-        return DropReason.MALFORMED if answered is None else Reply(header.pack_answer() + answered[0], refusal)
+        return DropReason.MALFORMED if answered is None else (header.pack_answer() + answered[0], refusal)

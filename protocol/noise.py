@@ -11,9 +11,10 @@ must never be used for two messages: the payload is encrypted under a key derive
 """
 
 from collections.abc import Callable
+from copy import copy
 from hashlib import sha256
 from hmac import digest
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
@@ -27,9 +28,6 @@ PRIVATE_BYTES = 32
 PUBLIC_BYTES = 32
 OVERHEAD = PUBLIC_BYTES + 16
 """Bytes that each message adds to its payload: the public key and the tag."""
-
-
-T = TypeVar("T")
 
 
 class Secrets(NamedTuple):
@@ -60,7 +58,7 @@ class SharedKey:
 
 
 class SymmetricState:
-    """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`."""
+    """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`. It may be copied."""
 
     def __init__(self, shared: SharedKey, prologue: bytes) -> None:
         self._chaining_key = shared.chaining_key
@@ -68,13 +66,6 @@ class SymmetricState:
         self.mix_hash(shared.mixed)
         self._key = b""  # until the token `e`
         self._nonce = 0
-
-    def copy(self) -> "SymmetricState":
-        """The same state, so that a message that fails changes nothing."""
-        other = object.__new__(SymmetricState)
-        other._chaining_key, other._hash = self._chaining_key, self._hash
-        other._key, other._nonce = self._key, self._nonce
-        return other
 
     def mix_key(self, material: bytes) -> None:
         self._chaining_key, self._key = hkdf(self._chaining_key, material, 2)
@@ -113,18 +104,12 @@ class SymmetricState:
         return Secrets(forward, backward, self._hash)
 
 
-class Initiator(Generic[T]):
+class Initiator:
     """Writes the first message and reads the second."""
 
-    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes, finish: Callable[[Secrets], T]) -> None:
-        """Prepare.
-
-        Args:
-            shared: made of `PSK_BYTES`.
-            prologue: data that both ends must have alike; it is not part of the messages.
-            private: `PRIVATE_BYTES` random bytes that serve for this message alone.
-            finish: makes the result of the exchange from its secrets.
-        """
+    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes, finish: Callable[[Secrets], Any]) -> None:
+        """Prepare. Both ends must have the same prologue, which is not part of the messages; `private` are
+        `PRIVATE_BYTES` random bytes that serve for this message alone; `finish` makes the keys of the session."""
         self._private = X25519PrivateKey.from_private_bytes(private)
         self._state = SymmetricState(shared, prologue)
         self._finish = finish
@@ -135,9 +120,9 @@ class Initiator(Generic[T]):
         self._state.mix_ephemeral(public)
         return public + self._state.encrypt_and_hash(payload)
 
-    def open(self, message: bytes) -> tuple[bytes, T] | None:
-        """Payload of the message `e, ee`, and the result; None if it is not authentic. May be tried again."""
-        state, public = self._state.copy(), message[:PUBLIC_BYTES]
+    def open(self, message: bytes) -> tuple[bytes, Any] | None:
+        """Payload of the message `e, ee`, and the keys; None if it is not authentic. May be tried again."""
+        state, public = copy(self._state), message[:PUBLIC_BYTES]
         state.mix_ephemeral(public)
         shared = _exchange(self._private, public)
         if shared is None:
@@ -147,14 +132,10 @@ class Initiator(Generic[T]):
         return None if payload is None else (payload, self._finish(state.split()))
 
 
-class Responder(Generic[T]):
-    """Has read the first message, and writes the second.
+class Responder:
+    """Has read the first message, with this payload, and writes the second."""
 
-    Attributes:
-        payload: of the first message.
-    """
-
-    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes, finish: Callable[[Secrets], T]) -> None:
+    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes, finish: Callable[[Secrets], Any]) -> None:
         self.payload = payload
         self._state = state
         self._peer = peer
@@ -162,21 +143,16 @@ class Responder(Generic[T]):
 
     @classmethod
     def read(
-        cls, shared: SharedKey, prologue: bytes, message: bytes, finish: Callable[[Secrets], T]
-    ) -> "Responder[T] | None":
+        cls, shared: SharedKey, prologue: bytes, message: bytes, finish: Callable[[Secrets], Any]
+    ) -> "Responder | None":
         """Read the message `psk, e`; None if it is not authentic. Needs no X25519."""
         state, public = SymmetricState(shared, prologue), message[:PUBLIC_BYTES]
         state.mix_ephemeral(public)
         payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
         return None if payload is None else cls(state, public, payload, finish)
 
-    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, T] | None:
-        """The message `e, ee` and the result; only once. None if the peer's public key is invalid.
-
-        Args:
-            payload: to be sent.
-            private: `PRIVATE_BYTES` random bytes that serve for this message alone.
-        """
+    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Any] | None:
+        """The message `e, ee` and the keys; only once. None if the peer's public key is invalid."""
         ours = X25519PrivateKey.from_private_bytes(private)
         shared = _exchange(ours, self._peer)
         if shared is None:

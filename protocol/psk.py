@@ -45,28 +45,24 @@ class PresharedKey:
             raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
         self._key = SharedKey(key)
 
-    def call(self, prologue: bytes, private: bytes) -> Initiator[Protection]:
+    def call(self, prologue: bytes, private: bytes) -> Initiator:
         return Initiator(self._key, prologue, private, _initiator_keys)
 
-    def hear(self, prologue: bytes, message: bytes) -> Responder[Protection] | None:
+    def hear(self, prologue: bytes, message: bytes) -> Responder | None:
         return Responder.read(self._key, prologue, message, _responder_keys)
 
 
 def _initiator_keys(secrets: Secrets) -> Protection:
-    return Protection(_first_cipher(secrets, secrets.forward), _first_cipher(secrets, secrets.backward))
+    salt, forward, backward = secrets.handshake_hash, secrets.forward, secrets.backward
+    return Protection(CcmCipher(digest(salt, forward, "sha256")), CcmCipher(digest(salt, backward, "sha256")))
 
 
 def _responder_keys(secrets: Secrets) -> Protection:
-    return Protection(_first_cipher(secrets, secrets.backward), _first_cipher(secrets, secrets.forward))
-
-
-def _first_cipher(secrets: Secrets, key: bytes) -> "CcmCipher":
-    """Of the direction with this key."""
-    return CcmCipher(digest(secrets.handshake_hash, key, "sha256"))
+    return _initiator_keys(secrets._replace(forward=secrets.backward, backward=secrets.forward))
 
 
 class CcmCipher:
-    """AES-128-CCM under the key and nonce salt of one secret, of `SECRET_BYTES`."""
+    """AES-128-CCM under the key and nonce salt of the secret of one direction, of `SECRET_BYTES`."""
 
     def __init__(self, secret: bytes) -> None:
         material = _expand(secret, b"weberlink key", _CCM_KEY + _SALT)

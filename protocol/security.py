@@ -1,4 +1,4 @@
-"""What a security suite provides, the key exchange of the handshake, and the protection of a session.
+"""What a security suite provides: the key exchange of the handshake, and the protection of a session.
 
 There are two suites: `weberlink.protocol.psk` (default between hosts) and `weberlink.protocol.checksum` (for loopback).
 This file imports neither, so that a side without a key never loads a crypto library.
@@ -35,7 +35,6 @@ class Protection:
         self.seal, self.open = outgoing.seal, incoming.open
 
     def rekey_outgoing(self) -> None:
-        """Replace the outgoing keys by the next ones."""
         self._outgoing = self._outgoing.next()
         self.seal = self._outgoing.seal
 
@@ -69,20 +68,14 @@ class Outgoing(Protocol):
 
 
 class Incoming(Protocol):
-    """The responder's part in one key exchange, after the first message.
-
-    Attributes:
-        payload: of the first message, whose sender holds or once held the secret.
-    """
+    """The responder's part in one key exchange, after the first message, whose sender holds or held the secret."""
 
     payload: bytes
 
     def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
         """The second message and the keys of the session; only once. None if the first held no valid public key.
 
-        Args:
-            payload: to be sent.
-            private: `Security.private_size` random bytes, for this answer alone.
+        `private` are `Security.private_size` random bytes, for this answer alone.
         """
 
 
@@ -99,7 +92,7 @@ class Security(Protocol):
 
     @property
     def private_size(self) -> int:
-        """Random bytes in an ephemeral private key; may be 0."""
+        """Random bytes in an ephemeral private key."""
 
     def call(self, prologue: bytes, private: bytes) -> Outgoing:
         """Begin a key exchange.

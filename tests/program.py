@@ -197,10 +197,6 @@ class Program:
         """Its child processes, without the one that watches the host."""
         return [pid for pid, command in self.children().items() if WATCHER not in command]
 
-    def recorder(self) -> int:
-        """The process that writes the recording."""
-        return until(lambda: self._running(b"weberlink.telemetry.recording.recorder"), "the recorder to start")
-
     def watcher(self) -> int:
         """The process that watches the host; 0 while there is none."""
         return self._running(WATCHER)

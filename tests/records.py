@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import FIELDS
 
 TICK = 1e-3
 
@@ -28,3 +29,12 @@ def phases(*parts: tuple[int, dict[str, ArrayLike]], **columns: ArrayLike) -> ND
             made[name][begin : begin + count] = values
         begin += count
     return made
+
+
+def assert_whole(records: NDArray[Any]) -> None:
+    """Every value of every record of the writer process is that of its own tick; but for its deadline."""
+    tick = records["tick"]
+    for field in FIELDS[1:]:
+        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
+        values = records[field.name]
+        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], field.axes, axis=1))

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PRINTING = "import sys; from weberlink.installation import install_line; print(install_line(sys.argv[1]))"
 
 
-def line(folder: Path, package: Path, path: str | None = None, extra: str = "recording") -> list[str]:
+def line(folder: Path, package: Path, path: str | None = None, extra: str = "docs") -> list[str]:
     """The words of the line that a program in a folder prints, where `weberlink` is imported from `package`."""
     environment = {"PYTHONPATH": str(package), "PATH": os.environ["PATH"] if path is None else path}
     ended = subprocess.run(
@@ -41,9 +41,9 @@ def wheel(tmp_path: Path) -> Path:
 
 
 def test_clone_is_installed_anew_and_a_wheel_by_its_name(wheel: Path, tmp_path: Path) -> None:
-    assert line(ROOT, ROOT / "src")[-3:] == ["install", "-e", ".[recording]"]
-    assert line(tmp_path, ROOT / "src")[-3:] == ["install", "-e", f"{ROOT}[recording]"]
-    assert line(tmp_path, wheel)[-2:] == ["install", "weberlink[recording]"]
+    assert line(ROOT, ROOT / "src")[-3:] == ["install", "-e", ".[docs]"]
+    assert line(tmp_path, ROOT / "src")[-3:] == ["install", "-e", f"{ROOT}[docs]"]
+    assert line(tmp_path, wheel)[-2:] == ["install", "weberlink[docs]"]
 
 
 def test_a_guest_has_a_folder_of_its_own_in_a_clone_and_a_wheel_of_its_own(wheel: Path, tmp_path: Path) -> None:

@@ -6,11 +6,8 @@ To add one for forces, write a file in this folder and a line here, or an entry 
 
 from typing import Any
 
-from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, Reference
 from weberlink.codec.deadband.isotropic import ForceDeadband, PositionDeadband
-from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
-from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.registry import Registry, check_overrides
 
 
@@ -38,13 +35,10 @@ DEADBANDS: Registry[type[Deadband]] = Registry(
 __all__ = [
     "DEADBANDS",
     "ISOTROPIC",
-    "ConeDeadband",
     "Deadband",
     "DeadbandSetup",
     "ForceDeadband",
-    "LevelCrossingDeadband",
     "Option",
     "PositionDeadband",
     "Reference",
-    "VelocityDeadband",
 ]

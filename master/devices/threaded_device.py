@@ -5,7 +5,7 @@ from hashlib import sha256
 from math import inf
 from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.geometry.vector import ZERO, Vector, is_finite, scale, within
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
@@ -16,6 +16,7 @@ RAMP_S = 0.05
 """Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
 
 Command = TypeVar("Command")
+Sample = TypeVar("Sample")
 
 
 class Wrench(NamedTuple):
@@ -40,16 +41,69 @@ class SessionExchange(Protocol):
         ...
 
 
-class BlockingDevice(Generic[Command]):
-    """A device on a `Worker`; a subclass makes commands of what is to be displayed. Times are of `time.monotonic` [s].
+class WorkedDevice(Generic[Command, Sample]):
+    """A device whose exchange a `Worker` runs; times are of `time.monotonic` [s]. A subclass makes readings of samples.
+
+    Args:
+        spec: of the device.
+        exchange: see `weberlink.hardware.worker.Exchange` for its exceptions.
+        worker: of the exchange.
+    """
+
+    def __init__(self, spec: DeviceSpec, exchange: Exchange[Command, Sample], worker: Worker[Command, Sample]) -> None:
+        self.spec = spec
+        self._exchange = exchange
+        self._worker = worker
+        self._is_open = False
+
+    @property
+    def guarded(self) -> bool:
+        """Whether a guardian process takes the force off when this process stops."""
+        return self._worker.guarded
+
+    @property
+    def trouble(self) -> str | None:
+        return self._worker.trouble
+
+    def open(self, now: float) -> None:  # noqa: ARG002
+        self.close()
+        if isinstance(self._exchange, SessionExchange):
+            self._exchange.start_afresh()
+        try:
+            self._worker.start()
+        except HardwareFault as fault:
+            raise self._fault(str(fault)) from None
+        self._is_open = True
+
+    def close(self) -> None:
+        self._is_open = False
+        self._worker.stop()
+
+    def _check(self) -> None:
+        """Raise DeviceFault for a device that is not open, or that cannot go on."""
+        if not self._is_open:
+            raise self._fault("not open")
+        self._worker.check(self._fault)
+
+    def _check_finite(self, vector: Vector, what: str) -> None:
+        if not is_finite(vector):
+            raise ValueError(f"{self.spec.name}: commanded a {what} that is not finite: {vector}")
+
+    def _fault(self, why: str) -> DeviceFault:
+        """The fault with the driver's name in front, once."""
+        name = f"{self.spec.name}: "
+        return DeviceFault(name + why.removeprefix(name))
+
+
+class BlockingDevice(WorkedDevice[Command, DeviceReading]):
+    """A device of which each exchange gives a reading; a subclass makes commands of what is to be displayed.
 
     A command starts an exchange at once. Without commands the exchange continues with `rest`, which feeds the
     device's own watchdog. After every interruption commands ramp up from zero over `RAMP_S`.
 
     Args:
         spec: of the device.
-        exchange: takes a command within the limits of the spec, and gives a reading; see
-            `weberlink.hardware.worker.Exchange` for its exceptions.
+        exchange: takes a command within the limits of the spec, and gives a reading.
         tick_period: [s].
         rest: the command that displays nothing.
         share: gives a share of a command, 0 to 1.
@@ -68,10 +122,8 @@ class BlockingDevice(Generic[Command]):
         bad_replies: int = 10,
         reconnect: float = 0.0,
     ) -> None:
-        self.spec = spec
-        self._exchange = exchange
         self._stale = max(STALE_S, 3.0 * tick_period)
-        self._worker = Worker(
+        worker = Worker(
             exchange,
             rest=rest,
             period=2.0 * tick_period,  # else the pause could end just before the command comes
@@ -82,59 +134,31 @@ class BlockingDevice(Generic[Command]):
             scale=share,
             ramp=RAMP_S,
         )
+        super().__init__(spec, exchange, worker)
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
         self._mask: Vector = (x, y, z)
-        self._is_open = False
         self._answer: tuple[float, DeviceReading] | None = None
-
-    @property
-    def guarded(self) -> bool:
-        """Whether a guardian process takes the force off when this process stops."""
-        return self._worker.guarded
 
     @property
     def round_trip_s(self) -> float:
         """Time that the last exchange took [s]."""
         return self._worker.round_trip
 
-    @property
-    def trouble(self) -> str | None:
-        return self._worker.trouble
-
-    def open(self, now: float) -> None:  # noqa: ARG002
-        self.close()
-        if isinstance(self._exchange, SessionExchange):
-            self._exchange.start_afresh()
-        try:
-            self._worker.start()
-        except HardwareFault as fault:
-            raise self._fault(str(fault)) from None
-        self._is_open = True
-
     def latest(self, now: float) -> DeviceReading:
-        if not self._is_open:
-            raise self._fault("not open")
-        self._worker.check(self._fault)
+        self._check()
         if self._answer is None or self._answer[0] != now:
             self._answer = (now, self._worker.newest[0])
         return self._answer[1]
 
+    def close(self) -> None:
+        self._answer = None
+        super().close()
+
     def _displayable(self, force: Vector) -> Vector:
         """The force along the axes of the device, cut to its limit; raises ValueError for one that is not finite."""
-        if not is_finite(force):
-            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
+        self._check_finite(force, "force")
         x, y, z = self._mask
-        return _within((x * force[0], y * force[1], z * force[2]), self.spec.force_n)
-
-    def close(self) -> None:
-        self._is_open = False
-        self._answer = None
-        self._worker.stop()
-
-    def _fault(self, why: str) -> DeviceFault:
-        """The fault with the driver's name in front, once."""
-        name = f"{self.spec.name}: "
-        return DeviceFault(name + why.removeprefix(name))
+        return within((x * force[0], y * force[1], z * force[2]), self.spec.force_n)
 
 
 class ThreadedDevice(BlockingDevice[Vector]):
@@ -197,15 +221,8 @@ class ThreadedTorqueDevice(BlockingDevice[Wrench]):
         self._worker.command(Wrench(self._displayable(force), torque if now - at <= self._stale else ZERO), now)
 
     def turn(self, torque: Vector, now: float) -> None:
-        if not is_finite(torque):
-            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
-        self._torque = (_within(torque, self.spec.torque_n_m), now)
-
-
-def _within(vector: Vector, limit: float) -> Vector:
-    """The vector, shortened to the limit where it is longer."""
-    length = norm(vector)
-    return vector if length <= limit else scale(vector, limit / length)
+        self._check_finite(torque, "torque")
+        self._torque = (within(torque, self.spec.torque_n_m), now)
 
 
 def fingerprint(settings: str) -> str:

@@ -102,30 +102,6 @@ class SessionState(NamedTuple):
 Message = PathFound | PathLost | PathNews | StunReceived | SessionState | PathSilent
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str) and len(value) <= LONGEST_TEXT and value.isprintable()
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int) and 0 <= value < 1 << 32
-
-
-def _is_uint16(value: object) -> bool:
-    return isinstance(value, int) and 0 <= value < 1 << 16
-
-
-def _is_channel(value: object) -> bool:
-    return value is None or _is_uint16(value)
-
-
-def _is_flag(value: object) -> bool:
-    return isinstance(value, bool)
-
-
-def _is_data(value: object) -> bool:
-    return isinstance(value, bytes)
-
-
 def _is_address(value: object) -> bool:
     """Whether a value is a numeric address: a name would be resolved where it is used, which blocks."""
     if not isinstance(value, tuple) or len(value) != 2 or not isinstance(value[0], str):
@@ -134,20 +110,25 @@ def _is_address(value: object) -> bool:
         ip_address(value[0])
     except ValueError:
         return False
-    return _is_uint16(value[1])
+    return _CHECKS["port"](value[1])
 
 
-_Check = Callable[[object], bool]
-_FIELDS: tuple[tuple[type[Any], tuple[_Check, ...]], ...] = (
-    (
-        PathFound,
-        (_is_number, _is_number, _is_text, _is_address, _is_channel, _is_text, _is_text, _is_text),
-    ),
-    (PathLost, (_is_number,)),
-    (PathNews, (_is_text, _is_text, _is_flag)),
-    (StunReceived, (_is_number, _is_address, _is_data)),
-    (SessionState, (_is_text, _is_text)),
-    (PathSilent, (_is_number,)),
+_CHECKS: dict[str, Callable[[Any], bool]] = {
+    "number": lambda value: isinstance(value, int) and 0 <= value < 1 << 32,
+    "port": lambda value: isinstance(value, int) and 0 <= value < 1 << 16,
+    "channel": lambda value: value is None or _CHECKS["port"](value),
+    "text": lambda value: isinstance(value, str) and len(value) <= LONGEST_TEXT and value.isprintable(),
+    "flag": lambda value: isinstance(value, bool),
+    "data": lambda value: isinstance(value, bytes),
+    "address": _is_address,
+}
+_FIELDS: tuple[tuple[type[Any], str], ...] = (
+    (PathFound, "number number text address channel text text text"),
+    (PathLost, "number"),
+    (PathNews, "text text flag"),
+    (StunReceived, "number address data"),
+    (SessionState, "text text"),
+    (PathSilent, "number"),
 )
 """Each kind of message, by the number that stands for it, and what its fields may be."""
 _KINDS = [kind for kind, _ in _FIELDS]
@@ -228,14 +209,15 @@ def _read(data: bytes, *, is_whole: bool) -> Message:
     found = msgpack.unpackb(data, use_list=False) if is_whole else None
     if not isinstance(found, tuple) or not found or not isinstance(found[0], int) or not 0 <= found[0] < len(_FIELDS):
         raise ValueError("a message of no known kind")
-    kind, checks = _FIELDS[found[0]]
-    if not _fits(checks, found[1:]):
+    kind, fields = _FIELDS[found[0]]
+    if not _fits(fields, found[1:]):
         raise ValueError(f"no {kind.__name__}")
     message: Message = kind(*found[1:])
     return message
 
 
-def _fits(checks: tuple[_Check, ...], values: tuple[Any, ...]) -> bool:
+def _fits(fields: str, values: tuple[Any, ...]) -> bool:
+    checks = [_CHECKS[name] for name in fields.split()]
     return len(values) == len(checks) and all(check(value) for check, value in zip(checks, values, strict=True))
 
 

@@ -1,203 +1,150 @@
-"""The UDP sockets below an endpoint: what carries its datagrams, and how a socket is kept open to its peer in a flood.
+"""UDP sockets: their addresses and options, as the system takes them.
 
-Once a peer has proved itself, a second socket on the same port is connected to its address. The kernel puts the peer's
-datagrams into the buffer of that socket and all others into the first one, so a flood from elsewhere cannot push out
-the peer's datagrams, and gets only a small share of the processor. Everything is sent from the first socket, whose own
-address may change meanwhile.
+An address of an endpoint is a host and a port. The host of a link-local IPv6 address has its zone behind it, as a
+number: "fe80::1%2" (RFC 4007 section 11). The same address may be there in every zone, one for each network interface,
+and the system takes it with its zone only.
 """
 
 import asyncio
 import socket
-from collections.abc import Callable
 from contextlib import suppress
+from errno import EADDRINUSE
+from typing import Any, Final
 
-from weberlink.protocol.aio.address import address_of, name_of
-from weberlink.protocol.aio.hand_over import PathFacts
-from weberlink.protocol.aio.queue import ReceiveQueue, Take, called_address
-from weberlink.protocol.endpoint import Endpoint
+from weberlink.compiled import mypyc_attr
 from weberlink.protocol.events import Address
 
-PEER_SHARE = 0.3
-"""Share of a processor for datagrams from the peer's address, or from anywhere while there is no peer."""
-STRANGER_SHARE = 0.05
-"""Share of a processor for other datagrams while there is a peer: it may have moved or restarted."""
-ECN_BITS = 2
+Ancillary = list[tuple[int, int, bytes]]
+"""Level, kind and data of what the system gives or takes beside a datagram."""
+ANCILLARY_BYTES: Final = socket.CMSG_SPACE(20)
+"""Enough for a class of service or a called address."""
+ECN_BITS: Final = 2
 """Lowest bits of the type-of-service octet (RFC 3168); the class of service is above them (RFC 2474)."""
+_PKTINFO: Final = 8
+"""IP_PKTINFO of <netinet/in.h>, which Python 3.11 does not name."""
 
 
-class Wake:
-    """What reading needs of the shell that drives an endpoint.
+@mypyc_attr(native_class=False)
+class AddressInUseError(OSError):
+    """Another program holds the UDP port."""
 
-    Args:
-        loop: wakes for datagrams.
-        now: the clock of the endpoint [s].
-        on_datagrams: called after datagrams were taken because the loop was woken.
+
+def address_of(name: Any) -> Address:
+    """The address of a socket's name, as the system gives it: (host, port), or (host, port, flow, zone) for IPv6."""
+    if len(name) == 4 and name[3]:
+        return f"{name[0].partition('%')[0]}%{name[3]}", name[1]
+    return name[0], name[1]
+
+
+def name_of(address: Address) -> Any:
+    """The name of a socket at an address, as the system takes it."""
+    host, percent, zone = address[0].partition("%")
+    return (host, address[1], 0, int(zone)) if percent else address
+
+
+def numeric(address: Address) -> str:
+    """An address for people: host:port."""
+    host, port = address
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+async def resolve(
+    loop: asyncio.AbstractEventLoop, address: Address, family: int, *, passive: bool
+) -> tuple[socket.AddressFamily, Address]:
+    """The family and the numeric address of a name; `passive` to listen there.
+
+    Raises:
+        OSError: if it does not resolve.
     """
+    host, port = address
+    flags = socket.AI_PASSIVE if passive else 0
+    try:
+        if "%" in host:  # an address with its zone, which uvloop would drop; there is nothing to look up
+            flags |= socket.AI_NUMERICHOST
+            found = socket.getaddrinfo(host, port, family, socket.SOCK_DGRAM, flags=flags)
+        else:
+            found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
+    except socket.gaierror as problem:
+        raise OSError(f"{host}:{port} cannot be resolved: {problem.strerror}") from None
+    # IPv4 first: a wildcard must take callers of the kind that most configurations name.
+    chosen = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+    return chosen[0], address_of(chosen[4])
 
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, now: Callable[[], float], on_datagrams: Callable[[], None]
-    ) -> None:
-        self.loop = loop
-        self.now = now
-        self.on_datagrams = on_datagrams
 
+def bind(family: socket.AddressFamily, local: Address) -> socket.socket:
+    """A socket at this address of this host.
 
-class Carrier:
-    """Carries the datagrams of one endpoint.
-
-    Attributes:
-        paths: in use, in words; replaced when there is news.
-        address: own address, once open; of use if there is only one.
+    Raises:
+        AddressInUseError: if another program has the port.
+        OSError: if it is no address of this host.
     """
-
-    def __init__(self, endpoint: Endpoint, dscp: int) -> None:
-        """Prepare; `open` claims what is needed.
-
-        Args:
-            endpoint: takes what is received.
-            dscp: class of service of what is sent, 0 to 63.
-        """
-        self.paths: tuple[PathFacts, ...] = ()
-        self.address: Address = ("", 0)
-        self._endpoint = endpoint
-        self._dscp = dscp
-
-    async def open(self, wake: Wake) -> None:
-        """Listen.
-
-        Raises:
-            OSError: there is no such address, or it is in use.
-        """
-        raise NotImplementedError
-
-    def read(self) -> bool:
-        """Hand what the peer has sent to the endpoint, within the budget; returns whether there was anything."""
-        raise NotImplementedError
-
-    def follow(self) -> None:
-        """Take note of the endpoint's state and of its peer's address, one of which may have changed."""
-        raise NotImplementedError
-
-    def send(self, data: bytes, address: Address) -> None:
-        """Send a datagram; one that the system refuses is lost."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """Release all sockets; may be repeated."""
-        raise NotImplementedError
+    bound = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        bound.bind(name_of(local))
+    except OSError as problem:
+        bound.close()
+        host, port = local
+        if problem.errno != EADDRINUSE:
+            raise OSError(problem.errno, f"UDP {host}:{port} cannot be listened on: {problem.strerror}") from None
+        raise AddressInUseError(
+            EADDRINUSE,
+            f"UDP {host}:{port} is in use: stop the program that holds it (ss -lunp shows which), "
+            "or choose another port to listen on",
+        ) from None
+    return bound
 
 
-class GuardedSocket:
-    """A bound socket, and a second one that is connected to the peer.
+def connected_twin(bound: socket.socket, own_host: str, peer: Address) -> socket.socket:
+    """A second socket on the port and the network interface of a bound one, connected to a peer.
 
-    Attributes:
-        dscp: class of service of the peer's datagrams as they arrive; None while unknown.
+    `own_host` is the address of this host that the peer knows, or "" for the one at which the first socket is bound.
+
+    Raises:
+        OSError: if the system refuses it.
     """
-
-    def __init__(self, bound: socket.socket, take: Take, wake: Wake, dscp: int, on_news: Callable[[], None]) -> None:
-        """Listen.
-
-        Args:
-            bound: does not block; closed with this object.
-            take: receives each datagram, its sender and the time.
-            wake: of the shell.
-            dscp: class of service of what is sent.
-            on_news: called when the attribute `dscp` has changed.
-        """
-        self.dscp: int | None = None
-        self._bound = bound
-        self._take = take
-        self._wake = wake
-        self._on_news = on_news
-        _mark(bound, dscp)
-        # Set only now, so that the port had to be free. Only sockets that set the option too can share it from here on.
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        self._open = self._queue(bound, None)
-        self._peer: ReceiveQueue | None = None
-        self._own: tuple[Address, list[tuple[int, int, bytes]]] | None = None
-
-    def guard(self, peer: Address) -> Address | None:
-        """Receive from this address in a socket of its own; None if that fails, which leaves less protection.
-
-        Returns:
-            The address as it will be named as a source of datagrams.
-        """
-        self.unguard()
-        called = self._open.called
-        self._own = called if called is not None and called[0] == peer else None
-        connected = socket.socket(self._bound.family, socket.SOCK_DGRAM)
-        try:
-            connected.setblocking(False)
-            connected.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-            _stay_on_interface(connected, self._bound)
-            own = self._bound.getsockname()
-            # A socket on all addresses would take one of the system's choice, at which nothing of the peer arrives.
-            if self._own is not None and "%" not in peer[0]:  # a link-local address needs its zone, which is not told
-                own = called_address(self._own[1]), *own[1:]
-            connected.bind(own)
-            connected.connect(name_of(peer))
-            reached = address_of(connected.getpeername())
-        except OSError:
-            connected.close()
-            return None
-        self._peer = self._queue(connected, self._found_dscp)
-        self._open.limit(STRANGER_SHARE)
-        return reached
-
-    def unguard(self) -> None:
-        """Receive everything in one socket again."""
-        if self._peer is not None:
-            self._peer.close()
-            self._peer = None
-            self._open.limit(PEER_SHARE)
-
-    def read(self) -> bool:
-        """Take what the peer has sent; the loop wakes by itself for other datagrams."""
-        return (self._peer or self._open).read()
-
-    def send(self, data: bytes, address: Address) -> None:
-        name = name_of(address) if "%" in address[0] else address
-        for called in (self._open.called, self._own):
-            if called is not None and called[0] == address:  # a peer knows the address that it called alone
-                with suppress(OSError):  # the host may have lost it since
-                    self._bound.sendmsg((data,), called[1], 0, name)
-                    return
-        with suppress(OSError):  # refused by the system (peer not there, buffer full, no route): a lost datagram
-            self._bound.sendto(data, name)
-
-    def close(self) -> None:
-        """Release both sockets; may be repeated, also from within `take`."""
-        self.unguard()
-        self._open.close()
-
-    def _queue(self, bound: socket.socket, on_dscp: Callable[[int], None] | None) -> ReceiveQueue:
-        wake = self._wake
-        return ReceiveQueue(
-            bound,
-            loop=wake.loop,
-            now=wake.now,
-            take=self._take,
-            on_datagrams=wake.on_datagrams,
-            share=PEER_SHARE,
-            on_dscp=on_dscp,
-        )
-
-    def _found_dscp(self, dscp: int) -> None:
-        if dscp != self.dscp:
-            self.dscp = dscp
-            self._on_news()
+    twin = socket.socket(bound.family, socket.SOCK_DGRAM)
+    try:
+        twin.setblocking(False)
+        twin.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        interface = bound.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
+        if interface.strip(b"\0"):
+            twin.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface)
+        own = bound.getsockname()
+        twin.bind((own_host, *own[1:]) if own_host else own)
+        twin.connect(name_of(peer))
+    except OSError:
+        twin.close()
+        raise
+    return twin
 
 
-def _mark(bound: socket.socket, dscp: int) -> None:
-    """Ask for a class of service; a system that refuses it carries the datagrams all the same."""
-    is_ipv6 = bound.family == socket.AF_INET6
-    level, option = (socket.IPPROTO_IPV6, socket.IPV6_TCLASS) if is_ipv6 else (socket.IPPROTO_IP, socket.IP_TOS)
+def set_option(of: socket.socket, ipv4: int, ipv6: int, value: int) -> None:
+    """Set an option of IP; a system that refuses it carries the datagrams all the same."""
+    level, option = (socket.IPPROTO_IPV6, ipv6) if of.family == socket.AF_INET6 else (socket.IPPROTO_IP, ipv4)
     with suppress(OSError):
-        bound.setsockopt(level, option, dscp << ECN_BITS)
+        of.setsockopt(level, option, value)
 
 
-def _stay_on_interface(connected: socket.socket, bound: socket.socket) -> None:
-    """Bind to the network interface to which the other socket is bound, if it is."""
-    name = bound.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
-    if name.strip(b"\0"):
-        connected.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, name)
+def mark(bound: socket.socket, dscp: int) -> None:
+    """Ask for a class of service."""
+    set_option(bound, socket.IP_TOS, socket.IPV6_TCLASS, dscp << ECN_BITS)
+
+
+def ask_for_class(connected: socket.socket) -> None:
+    """Have the class of service delivered with each datagram."""
+    set_option(connected, socket.IP_RECVTOS, socket.IPV6_RECVTCLASS, 1)
+
+
+def ask_for_destination(bound: socket.socket) -> None:
+    """Have the called address delivered with each datagram, if the socket is bound to all addresses."""
+    if bound.getsockname()[0] in ("0.0.0.0", "::"):  # noqa: S104 - asks
+        set_option(bound, _PKTINFO, socket.IPV6_RECVPKTINFO, 1)
+
+
+def answering(ancillary: Ancillary) -> tuple[str, Ancillary]:
+    """The address of this host that was called, and what is sent beside an answer so that it leaves from there."""
+    ((level, kind, value),) = ancillary
+    # The interface is left to the system: 4 bytes before the address, behind it in IPv6.
+    if level == socket.IPPROTO_IPV6:
+        return socket.inet_ntop(socket.AF_INET6, value[:16]), [(level, kind, value[:16] + bytes(4))]
+    return socket.inet_ntop(socket.AF_INET, value[8:12]), [(level, kind, bytes(4) + value[4:])]

@@ -11,10 +11,8 @@ from collections.abc import Callable
 from math import inf
 from typing import Final
 
-from weberlink.protocol.aio.direct import DirectPort
 from weberlink.protocol.aio.hand_over import PathFacts
-from weberlink.protocol.aio.paths import FoundPaths, ignore
-from weberlink.protocol.aio.sockets import Carrier, Wake
+from weberlink.protocol.aio.paths import FoundPaths, Paths
 from weberlink.protocol.emulation import EmulatedLink
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -37,7 +35,7 @@ class UdpShell:
         link: EmulatedLink[Address] | None = None,
         dscp: int = 0,
         finder: socket.socket | None = None,
-        on_no_path: Callable[[str], None] = ignore,
+        on_no_path: Callable[[str], None] = lambda _why: None,
     ) -> None:
         """Prepare; `open` claims the port.
 
@@ -54,8 +52,11 @@ class UdpShell:
         self._endpoint = endpoint
         self._now = now
         self._link = link
-        self._carrier: Carrier = (
-            DirectPort(endpoint, dscp, listen) if finder is None else FoundPaths(endpoint, dscp, finder, on_no_path)
+        self._listen = listen
+        self._paths: Paths = (
+            Paths(endpoint, dscp, now, self._on_datagrams)
+            if finder is None
+            else FoundPaths(endpoint, dscp, now, self._on_datagrams, finder, on_no_path)
         )
         self._loop: asyncio.AbstractEventLoop | None = None
         self._state: State | None = None
@@ -66,12 +67,12 @@ class UdpShell:
     @property
     def address(self) -> Address:
         """Own address, once open."""
-        return self._carrier.address
+        return self._paths.address
 
     @property
     def paths(self) -> tuple[PathFacts, ...]:
         """The paths in use, in words; another tuple when there is news."""
-        return self._carrier.paths
+        return self._paths.facts
 
     async def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Resolve names, claim the port and listen.
@@ -80,7 +81,7 @@ class UdpShell:
             AddressInUseError: if another program has the port.
             OSError: if a name does not resolve or is not an address of this host.
         """
-        await self._carrier.open(Wake(loop, self._now, self._on_datagrams))
+        await self._paths.open(loop, self._listen)
         self._loop = loop
         self.flush(self._now())
 
@@ -91,11 +92,11 @@ class UdpShell:
             self._timer, self._timer_at = None, inf
         if self._loop is not None:
             for data, address in self._endpoint.datagrams_to_send():
-                self._carrier.send(data, address)
+                self._paths.send(data, address)
             for data, address in self._link.receive(inf) if self._link is not None else ():
-                self._carrier.send(data, address)  # sooner than the emulated delay, which ends with this process
+                self._paths.send(data, address)  # sooner than the emulated delay, which ends with this process
             self._loop = None
-        self._carrier.close()
+        self._paths.close()
 
     def service(self, now: float) -> None:
         """Receive datagrams, and run expired timers."""
@@ -110,12 +111,12 @@ class UdpShell:
         datagrams = self._endpoint.datagrams_to_send()
         if self._link is None:
             for data, address in datagrams:
-                self._carrier.send(data, address)
+                self._paths.send(data, address)
         else:
             for data, address in datagrams:
                 self._link.send(data, address, now)
             for data, address in self._link.receive(now):
-                self._carrier.send(data, address)
+                self._paths.send(data, address)
         self._arm(now)
 
     def _arm(self, now: float) -> None:
@@ -145,7 +146,7 @@ class UdpShell:
         Reads one slice; if the peer would count as silent, as much as the budget allows. After a stall of this process
         the oldest datagrams come first, and are too old to count.
         """
-        while self._carrier.read():
+        while self._paths.read():
             self._follow()
             if self._now() < self._endpoint.silent_at:
                 break
@@ -155,4 +156,4 @@ class UdpShell:
         endpoint = self._endpoint
         if endpoint.state is not self._state or endpoint.peer is not self._peer:
             self._state, self._peer = endpoint.state, endpoint.peer
-            self._carrier.follow()
+            self._paths.follow()

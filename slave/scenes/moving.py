@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi, sin
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from weberlink.geometry.vector import Vector, add, norm, subtract
 from weberlink.slave.scenes.contact import ObjectContact, SceneObject, Touch
 from weberlink.slave.scenes.derived import DisplacedShape
 from weberlink.slave.scenes.proxy import along, traced
-from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState
-
-Wave = Literal["sine", "triangle"]
+from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState, Wave
 
 
 @dataclass(frozen=True, slots=True)

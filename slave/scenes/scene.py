@@ -1,12 +1,14 @@
 """All objects that the probe can touch, and the force that it feels."""
 
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
 from weberlink.slave.scenes.proxy import Proxy, ShapePress
 
+Wave = Literal["sine", "triangle"]
+"""How a moving object oscillates."""
 NOTHING: frozenset[int] = frozenset()
 FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a contact
 

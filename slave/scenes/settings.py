@@ -1,21 +1,35 @@
 """The scene of a configuration file: its settings, and the `Scene` that they describe."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, Union, cast
 
-from pydantic import Field, SerializeAsAny, ValidatorFunctionWrapHandler, WrapValidator, create_model, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core.core_schema import CoreSchema, no_info_plain_validator_function
 
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.derived import CarvedShape
-from weberlink.slave.scenes.moving import MovingScene, Sway, Wave
-from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.scene import Scene, Wave
 from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, SceneModel, SceneShapeSettings, UnitVector
+
+if TYPE_CHECKING:
+    from weberlink.slave.scenes.moving import Sway
 
 FASTEST_M_S = 10.0
 """Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
 
-ShapeModel = TypeVar("ShapeModel", bound=SceneShapeSettings)
+M = TypeVar("M", bound=BaseModel)
 
 
 class FrictionSettings(SceneModel):
@@ -54,22 +68,57 @@ class MotionSettings(SceneModel):
             )
         return self
 
-    def sway(self) -> Sway:
+    def sway(self) -> "Sway":
+        from weberlink.slave.scenes.moving import Sway  # noqa: PLC0415 - where something moves
+
         return Sway(self.direction, self.amplitude_m, self.frequency_hz, self.phase_deg / 360.0, self.wave)
 
 
-def by_shape(built_in: Mapping[str, type[ShapeModel]], find: Callable[[str], type[ShapeModel]]) -> Any:
-    """The type of a field: one of the built-in settings, told apart by `shape`, or those that `find` gives."""
+class ByShape:
+    """Validates settings by the model of their `shape`; only shapes that are named are imported.
 
-    def validate(value: object, validate_built_in: ValidatorFunctionWrapHandler) -> object:
+    Args:
+        find: the model of a shape; raises ValueError where there is none.
+    """
+
+    def __init__(self, find: Callable[[str], type[SceneShapeSettings]]) -> None:
+        self._find = find
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        union: Any = Union[tuple(built_in(self._find))]  # noqa: UP007 - of a table
+        return handler(TypeAdapter(Annotated[union, Field(discriminator="shape")]).core_schema)
+
+    def _validate(self, value: object) -> SceneShapeSettings:
         name = value.get("shape") if isinstance(value, Mapping) else getattr(value, "shape", None)
-        if not isinstance(name, str) or name in SHAPES.built_in:
-            return validate_built_in(value)
-        return find(name).model_validate(value)
+        if name is None and not isinstance(value, Mapping):
+            raise PydanticCustomError("model_attributes_type", "should be a mapping of keys")
+        if name is None:
+            raise PydanticCustomError("union_tag_not_found", "shape is missing")
+        return validated(str(name) if name in SHAPES.built_in else None, self._find(str(name)), value)
 
-    union: Any = Union[tuple(built_in.values())]  # noqa: UP007 - of a table
-    serialized: Any = SerializeAsAny
-    return Annotated[union, Field(discriminator="shape"), WrapValidator(validate), serialized()]
+
+def validated(tag: str | None, model: type[M], value: object) -> M:
+    """Settings of a model; errors have the tag, if any, in their location, as those of a tagged union have."""
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        if tag is None:
+            raise
+        details = [
+            InitErrorDetails(type=each["type"], loc=(tag, *each["loc"]), input=each["input"], ctx=each.get("ctx", {}))
+            for each in error.errors(include_url=False)
+        ]
+        raise ValidationError.from_exception_data(error.title, details) from None
+
+
+def built_in(find: Callable[[str], type[SceneShapeSettings]]) -> Iterator[type[SceneShapeSettings]]:
+    """The models of the shapes of the kernel, without those that `find` refuses."""
+    for name in SHAPES.built_in:
+        with suppress(ValueError):
+            yield find(name)
 
 
 def carvable(name: str) -> type[CarvableSettings]:
@@ -79,12 +128,16 @@ def carvable(name: str) -> type[CarvableSettings]:
     return settings
 
 
-BUILT_IN = {name: SHAPES.load(name) for name in SHAPES.built_in}
+class CutSettings(CarvableSettings):
+    """A shape that is cut out of another one."""
 
-if TYPE_CHECKING:
-    Cavity = CarvableSettings
-else:
-    Cavity = by_shape({name: each for name, each in BUILT_IN.items() if issubclass(each, CarvableSettings)}, carvable)
+    @classmethod
+    def variants(cls) -> list[type[SceneShapeSettings]]:
+        """For messages."""
+        return list(built_in(carvable))
+
+
+Cut = Annotated[CutSettings, ByShape(carvable)]
 
 
 class ObjectSettings(SceneShapeSettings):
@@ -94,7 +147,14 @@ class ObjectSettings(SceneShapeSettings):
     friction: FrictionSettings | None = None
     damping_n_s_m: float | None = Field(default=None, ge=0.0, le=1e6, description="along the normal; never pulls")
     motion: MotionSettings | None = None
-    carve: tuple[Cavity, ...] = Field(default=(), description="shapes cut out of this one")
+    carve: tuple[Annotated[CutSettings, ByShape(carvable)], ...] = Field(
+        default=(), description="shapes cut out of this one"
+    )
+
+    @classmethod
+    def variants(cls) -> list[type[SceneShapeSettings]]:
+        """For messages."""
+        return list(built_in(object_model))
 
 
 @lru_cache
@@ -116,11 +176,7 @@ def object_settings(**keys: object) -> ObjectSettings:
     return object_model(str(keys["shape"])).model_validate(keys)
 
 
-if TYPE_CHECKING:
-    AnyObject = ObjectSettings
-else:
-    AnyObject = by_shape({name: object_model(name) for name in BUILT_IN}, object_model)
-SceneSettings = tuple[AnyObject, ...]
+SceneSettings = tuple[Annotated[ObjectSettings, ByShape(object_model)], ...]
 """The `scene:` list of a configuration file."""
 
 
@@ -133,12 +189,16 @@ def build(objects: Sequence[ObjectSettings]) -> Scene:
     things = [scene_object(settings) for settings in objects]
     if all(settings.motion is None for settings in objects):
         return Scene(things)
+    from weberlink.slave.scenes.moving import MovingScene  # noqa: PLC0415 - where something moves
+
     return MovingScene(things, [None if settings.motion is None else settings.motion.sway() for settings in objects])
 
 
 def scene_object(settings: ObjectSettings) -> SceneObject:
     shape = settings.solid()
     if settings.carve:
+        from weberlink.slave.scenes.derived import CarvedShape  # noqa: PLC0415 - where something is cut out
+
         shape = CarvedShape(shape, [cut.hollow() for cut in settings.carve])
     cone = settings.friction
     friction = None if cone is None else FrictionCone(cone.static, cone.dynamic)

@@ -1,7 +1,5 @@
 """A session of two arms, made by formulas: what its daemons would record."""
 
-from pathlib import Path
-
 import numpy as np
 import yaml
 
@@ -9,10 +7,8 @@ from tests.system.systems import CONFIGS
 from weberlink.protocol.states import State
 from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
-from weberlink.telemetry.message import Origin
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import JOINTS, RECORD
-from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.row import Row
 
 RATE = 1000.0
@@ -41,7 +37,6 @@ FACTS = {
     "configuration": yaml.safe_dump(SYSTEM),
     "clock": "real",
 }
-PIECE = 500
 SENT_EVERY, GRIPPER_SENT_EVERY = 25, 50
 
 
@@ -81,15 +76,3 @@ def record(side: str, tick: int, *, began: float = 10.0, lead_from: int = 0) -> 
 
 def records(side: str, ticks: int, **other: float) -> Records:
     return np.concatenate([record(side, tick, **other) for tick in range(ticks)])  # type: ignore[arg-type]
-
-
-def recording(path: Path, sides: dict[str, Records], facts: dict[str, str] | None = None) -> Path:
-    """A file of these records, which come in pieces from both sides in turn."""
-    with RecordingWriter.create(path, FACTS if facts is None else facts) as writer:
-        for side in sides:
-            writer.add_side(Origin(side, RATE, 1e9 + 10.0, 10.0))
-        for first in range(0, max(map(len, sides.values())), PIECE):
-            for side, of in sides.items():
-                writer.write(side, of[first : first + PIECE])
-            writer.flush()
-    return path

@@ -81,10 +81,8 @@ WRONG = {
     "check .": "is a folder",
     "doctor --link robot": "--link",
     f"simulate {ARM}": "polhem_serial",
-    "record info none.mcap": "none.mcap",
     # What is to be written has no place; standard output is for --json and --log.
     f"simulate {LOOPBACK} --json /sys/out.json": "--json: /sys",
-    "loopback --record none/a.mcap": "none",
     f"simulate {LOOPBACK} --trace .": "--trace",
     f"simulate {FIG6} --duration 0 --trace -": "--trace",
     f"{EVALUATE} --plots -": "--plots",
@@ -157,7 +155,7 @@ def test_a_host_that_does_not_permit_it_is_one_line(
         ),
         *(
             (command, "mcap", content, "")
-            for command in ("record info", "study evaluate")
+            for command in ("study evaluate",)
             for content in (b"", b"\x89MCAP0\r\n", b"\x89PNG\r\n\x1a\n" + bytes(100))
         ),
     ],

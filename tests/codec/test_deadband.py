@@ -8,18 +8,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from weberlink.codec import Encoder, force_channel, position_channel
-from weberlink.codec.deadband import (
-    DEADBANDS,
-    ConeDeadband,
-    Deadband,
-    DeadbandSetup,
-    ForceDeadband,
-    LevelCrossingDeadband,
-    PositionDeadband,
-    VelocityDeadband,
-)
-from weberlink.codec.deadband.level_crossing import POWERS, level_after, level_below, past_level
+from weberlink.codec.deadband import DEADBANDS, Deadband, DeadbandSetup, ForceDeadband, PositionDeadband
+from weberlink.codec.deadband.cone import ConeDeadband
+from weberlink.codec.deadband.level_crossing import POWERS, LevelCrossingDeadband, level_after, level_below, past_level
 from weberlink.codec.deadband.per_axis import PerAxisDeadband
+from weberlink.codec.deadband.velocity import VelocityDeadband
 from weberlink.codec.replay import code
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 

@@ -8,8 +8,8 @@ import pytest
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, STRANGER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
+from weberlink.protocol.aio.paths import PEER_SHARE
 from weberlink.protocol.aio.queue import MOST_S
-from weberlink.protocol.aio.sockets import PEER_SHARE
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,

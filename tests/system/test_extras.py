@@ -15,26 +15,15 @@ from weberlink.system.configuration.extras import need
 
 PACKAGES = {
     "monitor": ("aiohttp", "prometheus_client"),
-    "recording": ("mcap", "zstandard"),
-    "mujoco": ("mujoco",),
-    "lerobot": ("pyarrow",),
     "guests": (
-        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "pandas", "pylibfranka", "rosbags", "scipy"),
-        *("segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh"),
+        *("aioice", "distributed", "evdev", "foxglove", "matplotlib", "mcap", "mujoco", "pandas", "pyarrow"),
+        *("pylibfranka", "rosbags", "scipy", "segno", "statsmodels", "twisted", "websockets", "wormhole", "zenoh"),
+        "zstandard",
     ),
 }
 """Import names of what an extra, or a guest, installs."""
 PLACES = {
     "monitor": ("apps.monitor",),
-    "recording": (
-        "telemetry.recording",
-        "system.scoring.recorded",
-        "apps.ros_export",
-        "apps.lerobot_frames",
-        "apps.lerobot_export",
-    ),
-    "mujoco": ("arms.simulation",),
-    "lerobot": ("apps.lerobot_export",),
 }
 """Where each extra may be imported at the top of a module."""
 IMPORT = dedent("""

@@ -1,9 +1,6 @@
-"""A bounded rate of updates in a session: every channel keeps it, and report and recording hold by how much it cost."""
-
-from pathlib import Path
+"""A bounded rate of updates in a session: every channel keeps it, and the report holds by how much it cost."""
 
 from tests.system.systems import configuration
-from weberlink.apps.recordings import describe
 from weberlink.codec.rate import LEAST_BURST
 from weberlink.system.simulate import simulate
 
@@ -27,11 +24,9 @@ BOUNDED = tuple(
 )
 
 
-def test_every_channel_keeps_its_rate(tmp_path: Path) -> None:
+def test_every_channel_keeps_its_rate() -> None:
     free, _ = simulate(configuration(*NARROW, file=FILE), SECONDS)
-    path = tmp_path / "r.mcap"
-    bounded, _ = simulate(configuration(*NARROW, *BOUNDED, file=FILE), SECONDS, path)
-    recorded = describe([path]).document
+    bounded, _ = simulate(configuration(*NARROW, *BOUNDED, file=FILE), SECONDS)
     assert bounded["outcome"] == "completed"
     for name in CHANNELS:
         assert free[name]["packets"] > 2 * (MOST * SECONDS + LEAST_BURST)
@@ -40,6 +35,4 @@ def test_every_channel_keeps_its_rate(tmp_path: Path) -> None:
         assert bounded[name]["packets"] <= MOST * SECONDS + LEAST_BURST + 2, "and one forced at the beginning"
         assert 0.2 < bounded[name]["widened_fraction"] <= 1.0
         assert bounded[name]["widened_max"] > 0.0
-        for figure in ("widened_fraction", "widened_max"):
-            assert recorded[name][figure] == bounded[name][figure]
     assert bounded["force"]["coding"]["violation_fraction"] == 0.0

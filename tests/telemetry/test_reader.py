@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.telemetry.recording.records import assert_whole
+from tests.records import assert_whole
 from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.record import COLUMNS, FIELDS
 from weberlink.telemetry.ring import RECORDS_AT, RingFormatError, RingWriter

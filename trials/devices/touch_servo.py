@@ -29,7 +29,7 @@ from weberlink_devices.touch.device import TouchDevice
 from weberlink_devices.touch.exchange import MEMORY_SIZE, ServoMemory
 from weberlink_devices.touch.hdapi import Hdapi
 from weberlink_devices.touch.options import TouchOptions
-from weberlink_devices.touch.servo import ServoArguments, TouchServo
+from weberlink_devices.touch.servo import ServoOrder, TouchServo
 
 TICK = 0.001
 MODES = ("none", "here", "process")
@@ -48,7 +48,7 @@ def no_device() -> Iterator[Exchange]:
 def servo_here() -> Iterator[Exchange]:
     """The servo loop in this interpreter, called by the library's thread; the same slots, without shared memory."""
     memory = ServoMemory(bytearray(MEMORY_SIZE))
-    servo = TouchServo(ServoArguments(str(library()), None, True, 0.01, 0.05, 1.0), Hdapi(str(library())), memory)
+    servo = TouchServo(ServoOrder(str(library()), None, True, 0.01, 0.05, 1.0), Hdapi(str(library())), memory)
     servo.start()
 
     def exchange(now: float) -> object:

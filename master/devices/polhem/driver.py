@@ -5,12 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import ClassVar, TypeVar
 
+from weberlink.geometry.cube import cube
 from weberlink.geometry.vector import ZERO, Vector, add
 from weberlink.hardware.discovery import DeviceLocator, PluggedDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.force_device import force_spec, limited_force
 from weberlink.master.devices.polhem.homing import PositionValidator
-from weberlink.master.devices.polhem.options import PolhemOptions, notes_of, permitted_force
+from weberlink.master.devices.polhem.options import PolhemOptions, reminder
 from weberlink.master.devices.polhem.parameters import MechanismParameters
 from weberlink.master.devices.threaded_device import ThreadedDevice
 
@@ -173,23 +175,22 @@ class PolhemDevice(ThreadedDevice):
         named: bool = True,
         buttons: int = 0,
     ) -> None:
-        force_n = permitted_force(options, parameters, checked=signs, named=named)
-        reach = parameters.reach_m
-        spec = DeviceSpec(
-            name=name,
+        spec = force_spec(
+            name,
+            options,
+            signs if named else None,
+            force_n=limited_force(options.force_n, parameters.force_n, parameters.name),
             axes="xyz",
-            force_n=force_n,
             stiffness_n_m=parameters.stiffness_n_m,
-            workspace_m=((-reach, -reach, -reach), (reach, reach, reach)),
+            workspace_m=cube(parameters.reach_m),
             rate_hz=1.0 / tick_period,
-            force_feedback=force_n > 0.0,
             buttons=buttons,
             orientation=0 not in parameters.mechanism.drive.gimbal_counts_per_turn,
             watchdog_s=watchdog_s,
-            note="; ".join(notes_of(name, options, parameters, force_n, named=named)),
+            reminder=reminder(options, parameters, named=named),
         )
-        self._polhem_exchange = polhem = exchange(force_n)
-        self._carries = options.gravity_compensation and force_n > 0.0
+        self._polhem_exchange = polhem = exchange(spec.force_n)
+        self._carries = options.gravity_compensation and spec.force_feedback
         super().__init__(spec, polhem, tick_period, bad_replies=BAD_REPLIES, reconnect=options.reconnect_s)
 
     @property

@@ -1,10 +1,11 @@
 """Options of the Polhem drivers, and the force that they permit."""
 
 from dataclasses import replace
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from weberlink.master.devices.force_device import ForceOptions, PortOptions
 from weberlink.master.devices.polhem.hid_protocol import LONG
 from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters, Wiring
 from weberlink.master.devices.polhem.serial_protocol import CURRENT_LIMIT_MA, MODELS
@@ -31,13 +32,9 @@ HID_CURRENT_LIMIT_MA = 3000
 """The HID firmware has no limit; beyond this its amplifiers usually saturate."""
 
 
-class PolhemOptions(BaseModel):
+class PolhemOptions(ForceOptions, PortOptions):
     """Options that both drivers have."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    port: str | None = Field(default=None, description="path of the device; the only one plugged in if not given")
-    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
     encoder_directions: Signs | None = Field(
         default=None,
         description="+1 or -1 per encoder A, B, C: which way its body turns as it counts up; published if not given",
@@ -72,9 +69,6 @@ class PolhemOptions(BaseModel):
     )
     max_current_ma: float = Field(
         default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"
-    )
-    signs_checked: Annotated[str, Field(pattern="^[0-9a-f]{8}$")] | None = Field(
-        default=None, description="what `weberlink device test` printed; without it there is no force"
     )
 
     def wire(self, name: str, board: Board) -> MechanismParameters:
@@ -163,44 +157,13 @@ class PolhemHidOptions(PolhemOptions):
         return self
 
 
-def permitted_force(options: PolhemOptions, parameters: MechanismParameters, *, checked: str, named: bool) -> float:
-    """The largest force of the device [N]; 0 unless its signs were checked with these settings.
-
-    Args:
-        options: of the driver.
-        parameters: of its mechanism.
-        checked: fingerprint of the settings.
-        named: whether the options say which device it is.
-
-    Raises:
-        ValueError: the options ask for more force than the makers publish.
-    """
-    published = parameters.force_n
-    if options.force_n is not None and options.force_n > published:
-        raise ValueError(
-            f"force_n: expected at most {published:g} N, which is published for {parameters.name}, "
-            f"got {options.force_n:g}"
-        )
-    if not named or options.signs_checked != checked:
-        return 0.0
-    return published if options.force_n is None else options.force_n
-
-
-def notes_of(
-    name: str, options: PolhemOptions, parameters: MechanismParameters, force_n: float, *, named: bool
-) -> tuple[str, ...]:
-    """What to say before a run: why there is no force, where the handle has to be, what is uncertain."""
-    notes = []
-    if not named:
-        notes.append("no force: the file does not say which device it is; set master.device.model")
-    elif force_n == 0.0:
-        stale = "" if options.signs_checked is None else " with these settings"
-        notes.append(f"no force: signs not checked{stale}; run: weberlink device test {name}")
-    if options.homing == "at_open":
-        notes.append("hold the handle in its home pose while the run starts")
-    elif options.homing == "button":
-        notes.append("press the calibration button in the home pose when the run starts")
-    return (*notes, *(parameters.warnings if named else ()))
+def reminder(options: PolhemOptions, parameters: MechanismParameters, *, named: bool) -> str:
+    """What to say before a run: where the handle has to be, and what is uncertain of a device that is named."""
+    where = {
+        "at_open": ("hold the handle in its home pose while the run starts",),
+        "button": ("press the calibration button in the home pose when the run starts",),
+    }
+    return "; ".join((*where.get(options.homing, ()), *(parameters.warnings if named else ())))
 
 
 def signs_fingerprint(driver: str, parameters: MechanismParameters) -> str:

@@ -1,6 +1,5 @@
 """The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from math import sin, tau
@@ -9,7 +8,7 @@ from typing import ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector, subtract
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.polhem.options import SetName, Signs
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.emulators.handle import Handle, HandleOptions
@@ -21,7 +20,7 @@ Counts6 = tuple[int, int, int, int, int, int]
 OFF: Currents = (0.0, 0.0, 0.0)
 WRIST_RAD = 0.3
 WRIST_HZ = (0.21, 0.13, 0.08)
-FARTHEST_MM = 200
+FARTHEST_MM = 200.0
 
 FAULTS: Mapping[str, str] = {
     "stuck_encoder": "encoder 1 to 6 keeps its count from now on; 0: all are free again",
@@ -52,7 +51,7 @@ class BoardOptions(BaseModel):
     processing_s: float = Field(default=0.0002, ge=0.0, le=0.1, description="from a message to what it causes")
 
 
-class PolhemBoard:
+class PolhemBoard(FaultyDevice):
     """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
     Args:
@@ -66,9 +65,15 @@ class PolhemBoard:
     """
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
+    fault_values: Mapping[str, range | float] = {
+        "stuck_encoder": range(7),
+        "gimbal_error": range(8),
+        "wrong_model": range(4),
+        **dict.fromkeys(("x_mm", "y_mm", "z_mm"), FARTHEST_MM),
+    }
 
     def __init__(self, options: BoardOptions, name: str, wiring: HostWiring, watchdog_s: float) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.messages = 0
         """Messages that came, right or wrong."""
         self.errors = 0
@@ -97,7 +102,6 @@ class PolhemBoard:
         """Whether the calibration button was pressed since the board last looked."""
         self._weight = options.weight
         self._processing = options.processing_s
-        self._injected: deque[tuple[str, float]] = deque()
         self._motor_signs = options.motor_signs
         self._watchdog = watchdog_s
         self._fed = True
@@ -108,21 +112,6 @@ class PolhemBoard:
         self._truth = self._true_counts(0.0)
         if not options.homed:
             self._zero = self._truth
-
-    def inject(self, name: str, value: float = 1.0) -> None:
-        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread.
-
-        Raises:
-            ValueError: there is none of that name, or not with that value.
-        """
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        highest = {"stuck_encoder": 6, "gimbal_error": 7, "wrong_model": 3}.get(name)
-        if highest is not None and value not in range(highest + 1):
-            raise ValueError(f"{name}: expected a whole number from 0 to {highest}, got {value:g}")
-        if name.endswith("_mm") and not abs(value) <= FARTHEST_MM:
-            raise ValueError(f"{name}: expected a distance within +-{FARTHEST_MM} mm, got {value:g}")
-        self._injected.append((name, value))
 
     @property
     def counts(self) -> Counts6:
@@ -168,12 +157,7 @@ class PolhemBoard:
         a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
         self._zero = (a, b, c, d, e, f)
 
-    def _take_faults(self) -> None:
-        while self._injected:
-            self._suffer(*self._injected.popleft())
-
-    def _suffer(self, name: str, value: float) -> None:
-        """Apply one of `OWN_FAULTS`."""
+    def apply_fault(self, name: str, value: float) -> None:
         match name:
             case "stuck_encoder" if value == 0:
                 self._stuck.clear()

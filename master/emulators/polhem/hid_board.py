@@ -106,7 +106,7 @@ class PolhemHidEmulator(PolhemBoard):
             else:
                 self._step_freely(at, now)
         self._advance_to(now)
-        self._take_faults()
+        self.take_faults()
 
     def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - a report leaves when it is due
         leaving, self._leaving = self._leaving, []
@@ -165,14 +165,14 @@ class PolhemHidEmulator(PolhemBoard):
         a, b, c, d, e, f = counts
         return (a, b, c, f, e, d) if self._parameters.gimbal_reversed_over_hid else counts
 
-    def _suffer(self, name: str, value: float) -> None:
+    def apply_fault(self, name: str, value: float) -> None:
         if name == "stylus":
             self._stylus = value != 0
         elif name == "restart":
             self._started, self._step_at, self._ready = False, None, None
             self._arrived.clear()
             self._leaving.clear()
-        super()._suffer(name, value)
+        super().apply_fault(name, value)
 
 
 def descriptor(size: int) -> bytes:

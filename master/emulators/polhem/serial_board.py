@@ -96,7 +96,7 @@ class PolhemSerialEmulator(PolhemBoard):
             self._answer(message, at)
             self._begin(at)
         self._advance_to(now)
-        self._take_faults()
+        self.take_faults()
         self._calibrate()
 
     def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - an answer leaves when it is made
@@ -155,7 +155,7 @@ class PolhemSerialEmulator(PolhemBoard):
             self._set_counters(NO_COUNTS)
             self._counts = NO_COUNTS
 
-    def _suffer(self, name: str, value: float) -> None:
+    def apply_fault(self, name: str, value: float) -> None:
         match name:
             case "wrong_model":
                 self.model = int(value) or self._true_model
@@ -164,7 +164,7 @@ class PolhemSerialEmulator(PolhemBoard):
             case "restart":
                 self._waiting, self._buffer, self._work, self._counts = b"", b"", None, NO_COUNTS
                 self._answers.clear()
-        super()._suffer(name, value)
+        super().apply_fault(name, value)
 
 
 def _framing(text: bytes) -> int:

@@ -124,7 +124,7 @@ def test_the_torque_of_a_wall_is_measured_within_the_stated_error(
 
 def test_the_weight_of_an_so101_is_carried_and_not_taken_for_contact() -> None:
     pytest.importorskip("mujoco")
-    from weberlink.arms.models import load  # noqa: PLC0415
+    from weberlink_mujoco.arms.models import load  # noqa: PLC0415
 
     bench = opened("so101_follower", carried=load("so101").gravity, weight=True)
     stretched = (0.0, 1.2, -1.2, 0.0, 0.0, 0.96)

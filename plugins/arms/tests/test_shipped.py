@@ -8,11 +8,11 @@ import pytest
 from tests.program import weberlink
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import load
-from weberlink.system.scoring.recorded import put_together
 from weberlink.system.simulate import simulate
 from weberlink.system.tick_cost import measured_tick_s
 from weberlink.system.verdict import verdict
-from weberlink.telemetry.recording.reader import read_recording
+from weberlink_recording.reader import read_recording
+from weberlink_recording.session import put_together
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 

@@ -16,16 +16,17 @@ from plugins.devices.tests.pads.test_gamepad import Pad
 from plugins.devices.tests.touch import fake_hd
 from weberlink.geometry.vector import ZERO, distance
 from weberlink.hardware.umockdev_input import EVENT
+from weberlink.hardware.worker import LOST_S
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.testing.devices import DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
-from weberlink.testing.time import PATIENCE, TICK, real_time
+from weberlink.testing.devices import PUSH, DeviceBench, DeviceContract, ForceDeviceContract, StoppedHostContract, armed
+from weberlink.testing.time import PATIENCE, TICK, real_time, until
 from weberlink.testing.wires import HidWire, emulated, on_a_pty, on_a_wire
 from weberlink_devices.gamepad.device import GamepadExchange, GamepadOptions
 from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.rate_control import RateDevice
 from weberlink_devices.spacemouse.device import PuckExchange, SpaceMouseOptions
 
-SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart", "guardian")
+SERIAL_FAULTS = ("unplug", "silent", "garbled", "restart", "guardian")
 
 
 class ForceDimension:
@@ -71,6 +72,25 @@ class TestForceDimension(ForceDimension, ForceDeviceContract):
 class TestHostOfForceDimension(ForceDimension, StoppedHostContract): ...
 
 
+class LockStepContract(ForceDeviceContract):
+    """What a driver keeps besides that asks and waits for the answer."""
+
+    @pytest.mark.parametrize("late_s", [0.11, 0.15, 0.3])
+    def test_no_late_answer_is_taken_and_the_session_ends(self, late_s: float, tmp_path: Path) -> None:
+        """Answers that all come too late, the guardian's too; the driver waits longer than a force may stand."""
+        with self.make_bench(tmp_path, reply_ms=100.0) as bench:
+            bench.open()
+            bench.push(PUSH, lambda: bench.displayed > 0.5)
+            bench.faults["late"](late_s)
+            began = newest = monotonic()
+            with pytest.raises(DeviceFault):
+                while monotonic() < began + LOST_S + 8.0:
+                    for now in bench.hold(PUSH, 1):
+                        newest = max(newest, bench.device.latest(now).at)
+            assert newest < began + 0.1, "an answer that was on its way"
+            until(lambda: bench.displayed == 0.0, "the end of the force", pause=0.0)
+
+
 class Haply:
     NAME = "haply_2diy"
 
@@ -79,7 +99,7 @@ class Haply:
 
 
 @pytest.mark.realtime
-class TestHaply(Haply, ForceDeviceContract):
+class TestHaply(Haply, LockStepContract):
     FAULTS = SERIAL_FAULTS
     UNHEARD = ("unplug",)
     SIGNS = (
@@ -105,7 +125,7 @@ class Inverse3:
 
 
 @pytest.mark.realtime
-class TestInverse3(Inverse3, ForceDeviceContract):
+class TestInverse3(Inverse3, LockStepContract):
     FAULTS = SERIAL_FAULTS
     SIGNS = ({"preset": "led_front"}, {"preset": None})
     REFUSED = (({"port": "ws://host:1/path"}, "port"),)

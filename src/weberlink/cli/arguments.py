@@ -1,15 +1,15 @@
 """Arguments that commands share, and the command group: help by topic, one-line errors, the answer to Ctrl-C."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points
+from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from signal import SIG_DFL, SIGINT, SIGTERM, default_int_handler, getsignal, signal
 from threading import current_thread, main_thread
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 from typer.core import TyperGroup
@@ -17,8 +17,12 @@ from typer.main import get_command, get_group
 
 from weberlink.cli.output import errors, fail, failing, was_interrupted
 from weberlink.installation import absence, guests, install_line
+from weberlink.registry import resolve
 from weberlink.system.order import COMPLETED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT, TargetError, check_file, check_folder
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 # Robots share their host with other tools, whose ports this one avoids: 8765 of Foxglove's bridge, which LeRobot starts
 # too; 9090 of rosbridge and Prometheus; 9876 and 9877 of Rerun; 7000 of MeshCat; 5000, 5555, 8000, 8080, 8081 and 8888
@@ -68,7 +72,7 @@ Json = Annotated[
 ]
 Record = Annotated[
     Path | None,
-    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (extra: weberlink[recording])."),
+    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (weberlink-recording)."),
 ]
 Log = Annotated[
     Path | None,
@@ -110,7 +114,7 @@ def interruptible() -> Iterator[None]:
             signal(number, SIG_DFL)
 
 
-def _installed(entry: EntryPoint) -> Any:
+def _installed(entry: "EntryPoint") -> Any:
     """The command, or group of commands, of another distribution; one that says why, if it cannot be loaded."""
     try:
         found = entry.load()
@@ -125,36 +129,50 @@ def _installed(entry: EntryPoint) -> Any:
             fail(" ".join(text.split()), MISCONFIGURED)
 
         found = broken
+    return _command(entry.name, found, "Installed")
+
+
+def _command(name: str, found: Any, topic: str) -> Any:
+    """A command of a function, or a group of commands of a typer app."""
     alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     if isinstance(found, typer.Typer):
-        alone.add_typer(found, name=entry.name, rich_help_panel="Installed")
-        return get_group(alone).commands[entry.name]
-    alone.command(entry.name, rich_help_panel="Installed")(found)
+        alone.add_typer(found, name=name, rich_help_panel=topic)
+        return get_group(alone).commands[name]
+    alone.command(name, rich_help_panel=topic)(found)
     return get_command(alone)
 
 
 class CommandGroup(TyperGroup):
     """A group of commands: help by topic, errors in one line, Ctrl-C in one line with status 130."""
 
+    topics: ClassVar[Mapping[str, Mapping[str, str]]] = {}
+    """By topic: functions with typer annotations, or typer apps, as "module:attribute", each a command, or a group of
+    them, of its name. Only the one that is asked for is imported."""
     extended_by: str | None = None
-    """Group of entry points of other distributions: functions with typer annotations, or typer apps, each a command, or
-    a group of them, of its entry point's name. They are loaded when they are asked for."""
+    """Group of entry points of other distributions that add such commands."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._others = (
-            {} if self.extended_by is None else {each.name: each for each in entry_points(group=self.extended_by)}
-        )
+    @cached_property
+    def _others(self) -> Mapping[str, "EntryPoint"]:
+        if self.extended_by is None:
+            return {}
+        from importlib.metadata import entry_points  # noqa: PLC0415 - as long an import as all of ours
+
+        return {each.name: each for each in entry_points(group=self.extended_by)}
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            for topic, places in self.topics.items():
+                if cmd_name in places:
+                    self.commands[cmd_name] = _command(cmd_name, resolve(places[cmd_name]), topic)
         if cmd_name not in self.commands and cmd_name in self._others:
             self.commands[cmd_name] = _installed(self._others[cmd_name])
         return super().get_command(ctx, cmd_name)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        for name in self._others:
+        own = [name for places in self.topics.values() for name in places]
+        for name in (*own, *self._others):
             self.get_command(ctx, name)
-        return super().list_commands(ctx)
+        return [*dict.fromkeys((*own, *super().list_commands(ctx)))]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands by topic, which is their `rich_help_panel`; without rich, whose import takes longer."""
@@ -162,7 +180,8 @@ class CommandGroup(TyperGroup):
         names = self.list_commands(ctx)
         absent = {name: guest for name, guest in guests(self.extended_by).items() if name not in names}
         longest = max(map(len, (*names, *absent)))
-        for name, command in self.commands.items():
+        for name in names:
+            command = self.commands[name]
             topic = getattr(command, "rich_help_panel", None) or "Commands"
             text = command.get_short_help_str(formatter.width - longest - 6)
             topics.setdefault(topic, []).append((name.ljust(longest), text))

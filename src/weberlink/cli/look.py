@@ -1,4 +1,4 @@
-"""Commands that show a session, a file, a machine or a recording: monitor, check, doctor, record, bridge."""
+"""Commands that show a session, a file or a machine: monitor, check, doctor, bridge."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -19,12 +19,9 @@ from weberlink.cli.arguments import (
     SessionName,
     Set,
     check_public,
-    folder_target,
 )
 from weberlink.cli.output import fail, failing, tell, write
 from weberlink.system.order import COMPLETED, FAILED, MASTER, MISCONFIGURED, SIDES
-
-record = typer.Typer(name="record", cls=CommandGroup, help="Describe or convert recordings.", no_args_is_help=True)
 
 
 class Bridges(CommandGroup):
@@ -34,7 +31,6 @@ class Bridges(CommandGroup):
 
 
 bridge = typer.Typer(name="bridge", cls=Bridges, help="Carry a running session to other systems.", no_args_is_help=True)
-Recordings = Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")]
 
 # Each command imports what it needs when it runs.
 
@@ -136,40 +132,3 @@ def doctor(
             found = examine_link(configuration, overrides, seconds)
     write(found.document, json_out, found.show)
     raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
-
-
-@record.command()
-def info(recordings: Recordings, json_out: Json = None) -> None:
-    """Describe a recording: its sides, gaps and figures."""
-    from weberlink.apps.recordings import describe  # noqa: PLC0415
-
-    description = describe(recordings)
-    write(description.document, json_out, description.show)
-
-
-@record.command()
-def export(
-    recordings: Recordings,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="csv, parquet (extra: weberlink[parquet]), ros, or lerobot (extra: weberlink[lerobot]).",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", callback=folder_target, help="Where to; default: the folder of the recording."),
-    ] = None,
-    fps: Annotated[int, typer.Option(metavar="HZ", help="Frames per second of a LeRobot dataset.")] = 30,
-    task: Annotated[
-        str, typer.Option(metavar="TEXT", help="What was done, in words, for a LeRobot dataset.")
-    ] = "teleoperation",
-) -> None:
-    """Convert a recording to tables, for ROS tools, or for LeRobot."""
-    from weberlink.apps import recordings as records  # noqa: PLC0415
-
-    with failing(records.ExportError):
-        lines = records.export(recordings, to, out, records.DatasetOptions(fps, task))
-    typer.echo("\n".join(lines))

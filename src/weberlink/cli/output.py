@@ -13,7 +13,6 @@ import typer
 from weberlink.registry import fault_of
 from weberlink.system.order import COMPLETED, FAILED, INTERRUPTED, MISCONFIGURED
 from weberlink.system.targets import STANDARD_OUTPUT
-from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -49,13 +48,14 @@ def errors(log: Callable[[Sequence[str]], None] = lambda _: None) -> Iterator[No
     """
     try:
         yield
-    except RuntimeDirectoryError as error:
-        fail(str(error), FAILED)
     except Exception as error:
         if was_interrupted(error) or isinstance(error, typer.Exit) or hasattr(error, "format_message"):  # of typer
             raise
         from weberlink.system.configuration.errors import ConfigurationError, trace_of  # noqa: PLC0415 - not for help
+        from weberlink.telemetry.runtime_directory import RuntimeDirectoryError  # noqa: PLC0415
 
+        if isinstance(error, RuntimeDirectoryError):
+            fail(str(error), FAILED)
         is_wrong_file, fault = isinstance(error, ConfigurationError), fault_of(error)
         if not (is_wrong_file or (fault is not None and fault.is_foreign)):
             raise
@@ -151,11 +151,16 @@ def finish(
 ) -> None:
     """Print and write the figures of a session, report `problem`, and exit; `quiet` prints nothing."""
     from weberlink.system.environment import environment  # noqa: PLC0415
-    from weberlink.system.report import session_report  # noqa: PLC0415
+
+    def show(console: "Console") -> None:
+        from weberlink.system.report import session_report  # noqa: PLC0415 - not for JSON alone
+
+        if not quiet:
+            session_report(summary, title, console)
 
     status = summary.pop("status", COMPLETED)
     summary["environment"] = environment()
-    write(summary, json_out, lambda console: None if quiet else session_report(summary, title, console))
+    write(summary, json_out, show)
     if problem is not None:
         fail(problem, status or FAILED)
     raise typer.Exit(status)

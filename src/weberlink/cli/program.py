@@ -1,29 +1,28 @@
 """The program: its commands, put together."""
 
-from collections.abc import Callable, Sequence
-from importlib.metadata import version
+from collections.abc import Sequence
 from signal import SIG_DFL, SIGINT, default_int_handler, getsignal, signal
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
-from weberlink.cli import look, sessions, setup, try_session
 from weberlink.cli.arguments import CommandGroup
 from weberlink.compiled import is_compiled
 
-TOPICS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
-    "Run": (try_session.try_session, sessions.loopback, sessions.master, sessions.slave, sessions.simulate),
-    "Look": (look.monitor, look.check, look.doctor, look.record, look.bridge),
-    "Setup": (setup.device, setup.keygen, setup.configs),
-}
-"""The commands and groups of commands, as the help lists them."""
-NAMES: dict[Callable[..., None], str] = {try_session.try_session: "try"}
-"""Names that Python reserves; the other commands have those of their functions."""
+_HERE = "weberlink.cli"
 
 
 class Program(CommandGroup):
     """The commands of this program, and those of other distributions."""
 
+    topics: ClassVar = {
+        "Run": {
+            "try": f"{_HERE}.try_session:try_session",
+            **{name: f"{_HERE}.sessions:{name}" for name in ("loopback", "master", "slave", "simulate")},
+        },
+        "Look": {name: f"{_HERE}.look:{name}" for name in ("monitor", "check", "doctor", "bridge")},
+        "Setup": {name: f"{_HERE}.setup:{name}" for name in ("device", "keygen", "configs")},
+    }
     extended_by = "weberlink.commands"
 
 
@@ -36,12 +35,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for topic, commands in TOPICS.items():
-    for command in commands:
-        if isinstance(command, typer.Typer):
-            app.add_typer(command, rich_help_panel=topic)
-        else:
-            app.command(NAMES.get(command), rich_help_panel=topic)(command)
 
 
 @app.callback()
@@ -51,6 +44,8 @@ def program(
 ) -> None:
     """Bilateral haptic teleoperation over UDP with perceptual coding."""
     if show_version:
+        from importlib.metadata import version  # noqa: PLC0415 - as long an import as all of ours
+
         typer.echo(f"weberlink {version('weberlink')}{' (compiled)' if is_compiled() else ''}")
         raise typer.Exit
     if context.invoked_subcommand is None:

@@ -168,9 +168,9 @@ def _live(
             parts = try_out(configuration)
             directory()
             if record is not None:
-                from weberlink.system.recorder import check_target  # noqa: PLC0415
+                from weberlink.system.recorder import format_for  # noqa: PLC0415
 
-                check_target(record)
+                format_for(record)
         on_delay = say_advice(parts)
         journal = None if journal_at is None else journal_at(configuration.system.rate_hz)
         with Session(

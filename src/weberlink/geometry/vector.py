@@ -57,6 +57,12 @@ def distance(a: Vector, b: Vector) -> float:
     return sqrt(square) if _LEAST_SQUARE < square < inf else _scaled_length(x, y, z)
 
 
+def within(a: Vector, limit: float) -> Vector:
+    """The vector, shortened to the limit where it is longer."""
+    length = norm(a)
+    return a if length <= limit else scale(a, limit / length)
+
+
 def unit(a: Vector) -> Vector:
     """Direction of a vector that is not zero; also of a denormal length, whose reciprocal would be infinite."""
     length = norm(a)

@@ -71,6 +71,43 @@ class EmulatorClass(Protocol):
     __call__: Any
 
 
+class FaultyDevice(ABC):
+    """The faults of an emulator: those of its wire, and its own, which happen when it is advanced next."""
+
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {}
+    """What each of its own does."""
+    fault_values: Mapping[str, range | float] = {}
+    """The whole numbers that a fault takes, or the limit of its values either way; any number if there is none."""
+
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self._injected: deque[tuple[str, float]] = deque()
+
+    def inject(self, name: str, value: float = 1.0) -> None:
+        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread.
+
+        Raises:
+            ValueError: there is none of that name, or not with that value.
+        """
+        if name not in self.OWN_FAULTS:
+            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
+        values = self.fault_values.get(name)
+        if isinstance(values, range) and value not in values:
+            raise ValueError(f"{name}: expected a whole number from {values[0]} to {values[-1]}, got {value:g}")
+        if isinstance(values, float) and not abs(value) <= values:
+            raise ValueError(f"{name}: expected a number within +-{values:g}, got {value:g}")
+        self._injected.append((name, value))
+
+    def take_faults(self) -> None:
+        """Apply what was injected; to be called by `advance`."""
+        while self._injected:
+            self.apply_fault(*self._injected.popleft())
+
+    @abstractmethod
+    def apply_fault(self, name: str, value: float) -> None:
+        """Let one of `OWN_FAULTS` happen now."""
+
+
 def serve(
     emulator: Emulator,
     descriptor: int,

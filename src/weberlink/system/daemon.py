@@ -28,8 +28,9 @@ from weberlink.system.configuration import MASTER, Configuration, ConfigurationE
 from weberlink.system.configuration.errors import trace_of
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
+from weberlink.system.daemon_order import DaemonOrder, failure
 from weberlink.system.finders import PathFinder, finder_of, finding
-from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.order import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS
 from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 

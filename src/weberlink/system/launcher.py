@@ -24,7 +24,8 @@ from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS, DaemonOrder, failure
+from weberlink.system.daemon_order import DaemonOrder, failure
+from weberlink.system.order import MISCONFIGURED, NOTE, STOP_SIGNALS
 from weberlink.system.paths import notable, paths_of
 from weberlink.system.verdict import verdict
 from weberlink.telemetry.ring import default_path, process_started
@@ -33,9 +34,9 @@ from weberlink.telemetry.runtime_directory import directories, directory
 if TYPE_CHECKING:
     from weberlink.system.host_watch import HostWatch
     from weberlink.system.journal import Journal
-    from weberlink.system.recorder import Recorder
     from weberlink.system.scoring.session import Records, SessionScore
     from weberlink.telemetry.reader import RingReader
+    from weberlink.telemetry.recorders import Recorder
 
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
@@ -184,9 +185,9 @@ class Session:
         for ring in rings.values():  # left by an earlier process with this process id
             Path(ring).unlink(missing_ok=True)
         if self.record is not None:  # before the daemons, so that it sees their rings appear
-            from weberlink.system.recorder import Recorder, facts  # noqa: PLC0415
+            from weberlink.system.recorder import facts, format_for  # noqa: PLC0415
 
-            self._recorder = Recorder(facts(self.configuration), rings, self.record)
+            self._recorder = format_for(self.record).start(facts(self.configuration), rings, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))
             self.daemons[side] = daemon
@@ -356,8 +357,10 @@ class Session:
 
     def _recorded(self, recorder: "Recorder") -> dict[str, Any]:
         """The summary of the recorder; says that the recording failed, unless that was said at once."""
-        if not self._recording_ended and (failure := recorder.failure) is not None:
-            self.tell(failure)
+        from weberlink.system.recorder import failure  # noqa: PLC0415 - see above
+
+        if not self._recording_ended and (why := failure(recorder)) is not None:
+            self.tell(why)
         return recorder.finish()
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -1,33 +1,27 @@
-"""Run the recorder of a live session: a child process that reads the daemons' rings and writes an MCAP file.
-
-Daemons and launcher never wait for it during a session; if it dies or the disk is full, only the recording ends.
-"""
+"""Facts that a recording states of its session, and the check of its target before the start."""
 
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from signal import SIGTERM
-from subprocess import PIPE
-from time import monotonic
 from typing import Any
 
 import yaml
 
-from weberlink.child_process import Child, python
 from weberlink.protocol.states import State
 from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
-from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
 from weberlink.system.targets import TargetError, check_file
 from weberlink.telemetry.fault import Fault
-from weberlink.telemetry.message import BEGUN, COMPLETE, DURING, RANGE
+from weberlink.telemetry.recorders import COMPLETE, Recorder, RecordingFormat, format_of
 
 FINISH_LIMIT_S = 10.0
-"""Time to write remaining records and the index after the daemons have ended; then it is told to finish.
+"""Time to write remaining records and the index after the daemons have ended; then the recorder is told to finish.
 
 Ordinary work goes before the recorder, so that a busy host may leave it little time.
 """
+RANGE = ("lower_rad", "upper_rad")
+"""Facts of a session of arms: the range of the follower's commanded angles, axis by axis; where it was known."""
 
 
 def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:
@@ -72,19 +66,23 @@ def _facts(
     }
 
 
-def check_target(path: Path) -> None:
-    """Check the target of a recording before anything is started.
+def format_for(path: Path) -> RecordingFormat:
+    """The format of a recording to be made, with its target checked before anything is started.
 
     Raises:
-        ConfigurationError: it exists, cannot be written, or the library for recordings is missing.
+        ConfigurationError: it exists, cannot be written, or no format is installed.
     """
-    need("mcap", "recording", "--record")
+    try:
+        found = format_of(path, "--record")
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
     try:
         check_file(path)
     except TargetError as error:
         raise ConfigurationError(f"--record: {error}") from None
     if path.exists():
         raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
+    return found
 
 
 def recording_ended(path: Path | str, outcome: str) -> str:
@@ -92,66 +90,7 @@ def recording_ended(path: Path | str, outcome: str) -> str:
     return f"recording stopped: {outcome}; the session goes on, and {path} holds what was recorded until now"
 
 
-class Recorder:
-    """The child process.
-
-    Args:
-        facts: see `facts`.
-        rings: path of each side's ring; they need not exist yet.
-        out: the file to write.
-        since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
-    """
-
-    def __init__(
-        self, facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None
-    ) -> None:
-        from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
-
-        self.path = out
-        told = dict(facts) | ({} if since is None else {BEGUN: DURING})
-        order = RecordingOrder(dict(rings), str(out), told, since=since, takes_commands=True)
-        command = python("-m", "weberlink.telemetry.recording.recorder", order.to_json())
-        self._process = Child(command, stdin=PIPE, stdout=PIPE)  # ends when the rings end
-        self._summary: dict[str, Any] | None = None
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
-    @property
-    def running(self) -> bool:
-        """Whether the process runs; it ends early if it was killed or could not write."""
-        return self._process.running
-
-    def mark(self, text: str) -> None:
-        """Set a mark at this moment; without effect if the process has ended."""
-        self._process.write_line(json.dumps({"mark": text, "at": monotonic()}))
-
-    def stop(self) -> None:
-        """Tell it to finish the file; `running` then becomes false."""
-        self._process.write_line(json.dumps({"finish": True}))
-
-    def kill(self) -> None:
-        """End it at once, if it does not finish; what it has written stays readable."""
-        self._process.kill()
-
-    def finish(self) -> dict[str, Any]:
-        """Wait for a limited time until the file is complete; returns its summary. May be repeated."""
-        if self._summary is None:
-            self._summary = self._finish()
-        return self._summary
-
-    @property
-    def failure(self) -> str | None:
-        """The line that says why the recording is not whole; None if it is. Waits as `finish` does."""
-        outcome = self.finish()["outcome"]
-        return None if outcome == COMPLETE else f"the recording failed: {outcome}"
-
-    def _finish(self) -> dict[str, Any]:
-        output = self._process.end(FINISH_LIMIT_S, SIGTERM)
-        try:
-            summary: dict[str, Any] = json.loads(output)
-        except ValueError:
-            size = self.path.stat().st_size if self.path.exists() else 0
-            summary = {"path": str(self.path), "bytes": size, "outcome": f"recorder {self._process.how_it_ended}"}
-        return summary
+def failure(recorder: Recorder) -> str | None:
+    """The line that says why a recording is not whole; None if it is. Waits until it is finished."""
+    outcome = recorder.finish()["outcome"]
+    return None if outcome == COMPLETE else f"the recording failed: {outcome}"

@@ -4,22 +4,28 @@ from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from weberlink.protocol.states import State
 from weberlink.registry import fault_of, is_hardware
 from weberlink.system.composition.channels import lookahead_ms
 from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
-from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
 from weberlink.system.configuration.model import EmulationSettings
 from weberlink.system.interruption import Interruption
 from weberlink.system.order import COMPLETED, INTERRUPTED
-from weberlink.system.recorder import check_target, facts, recording_ended
-from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import Records, score_of
 from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
 from weberlink.system.verdict import verdict
+from weberlink.telemetry.record import DESCRIPTION
+
+if TYPE_CHECKING:
+    from weberlink.master.trace import Trace
+    from weberlink.telemetry.recorders import RecordingFormat
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -77,7 +83,7 @@ def simulate(
     record: Path | None = None,
     progress: Callable[[float, float, str], None] = lambda *_: None,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Any], TraceRecorder]:
+) -> tuple[dict[str, Any], "TraceRecorder"]:
     """Run to the end of the duration [s] or of the device's motion, or to Ctrl-C, which gives the figures so far.
 
     Args:
@@ -94,12 +100,15 @@ def simulate(
         ConfigurationError: if a part cannot be made as the file asks.
     """
     system = configuration.system
+    form = None
     if record is not None:
-        check_target(record)
+        from weberlink.system.recorder import format_for  # noqa: PLC0415 - where a session is recorded
+
+        form = format_for(record)
     simulation = build_simulation(configuration)
     score = score_of(system)
     recorder = TraceRecorder()
-    recording = None if record is None else VirtualRecording(configuration, record, tell)
+    recording = None if record is None or form is None else VirtualRecording(form, configuration, record, tell)
     length = DEFAULT_DURATION if duration is None else duration
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     observers.append(SimulatedTime(system.tick_period, length, progress))
@@ -137,6 +146,40 @@ def simulate(
     return summary | {"verdict": judged.document(), "status": status}, recorder
 
 
+class TraceRecorder:
+    """Collects the commanded position and the measured force of the robot while it is engaged, as a trace."""
+
+    def __init__(self) -> None:
+        self._pieces: list[Records] = []
+
+    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - an observer gets both
+        """Take the next records of both sides."""
+        self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
+
+    @property
+    def trace(self) -> "Trace":
+        """The unrounded trace; needs at least one engaged tick."""
+        from weberlink.master.trace import as_trace  # noqa: PLC0415 - where one is asked for
+
+        records = np.concatenate(self._pieces)
+        return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
+
+    def save(self, path: Path) -> int:
+        """Write the trace with all digits, so that the same numbers are read back; returns the number of rows.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        from weberlink.master.trace import COLUMNS  # noqa: PLC0415 - where one is asked for
+
+        records = np.concatenate([np.empty(0, np.dtype(DESCRIPTION)), *self._pieces])
+        time = records["at"] - (records["at"][0] if len(records) else 0.0)
+        rows = np.column_stack((time, records["output"], records["raw"])).tolist()
+        lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return len(records)
+
+
 class SimulatedTime:
     """Reports the simulated time of a run.
 
@@ -164,15 +207,16 @@ class VirtualRecording:
         ConfigurationError: from the constructor, if the file cannot be made.
     """
 
-    def __init__(self, configuration: Configuration, path: Path, tell: Callable[[str], None]) -> None:
-        from weberlink.telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
+    def __init__(
+        self, form: "RecordingFormat", configuration: Configuration, path: Path, tell: Callable[[str], None]
+    ) -> None:
+        from weberlink.system.recorder import facts, recording_ended  # noqa: PLC0415 - where a session is recorded
 
         self._outcome = "complete"
-        self._tell = tell
+        self._path = path
+        self._tell: Callable[[str], None] = lambda outcome: tell(recording_ended(path, outcome))
         try:
-            self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
-            for side in SIDES:
-                self._writer.add_side(Origin(side, configuration.system.rate_hz, 0.0, 0.0))
+            self._writer = form.create(path, facts(configuration, virtual=True), configuration.system.rate_hz)
         except OSError as error:
             raise ConfigurationError(f"--record: {path}: {error.strerror or error}") from None
 
@@ -185,7 +229,7 @@ class VirtualRecording:
                 self._writer.flush()
             except OSError as error:
                 self._outcome = error.strerror or str(error)
-                self._tell(recording_ended(self._writer.path, self._outcome))
+                self._tell(self._outcome)
 
     def finish(self) -> dict[str, Any]:
         """End the file; returns the summary that the recorder of a live session gives."""
@@ -195,7 +239,7 @@ class VirtualRecording:
             self._outcome = error.strerror or str(error)
         writer = self._writer
         return {
-            "path": str(writer.path),
+            "path": str(self._path),
             "bytes": writer.size,
             "records": writer.records,
             "lost": writer.lost,

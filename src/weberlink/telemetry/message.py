@@ -11,20 +11,11 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.telemetry.record import AXES, FIELDS, JOINTS, Field
+from weberlink.telemetry.record import AXES, FIELDS, Field
 
 SCHEMA_NAME = "weberlink_msgs/msg/Tick"
 SCHEMA_ENCODING = "ros2msg"
 MESSAGE_ENCODING = "cdr"
-
-FACTS, END = "weberlink", "end"
-"""Names of the records of metadata at the start and at the end of a recording."""
-BEGUN, DURING = "begun", "during the session"
-"""A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
-RANGE = ("lower_rad", "upper_rad")
-"""Facts of a session of arms: the range of the follower's commanded angles, axis by axis; where it was known."""
-COMPLETE = "complete"
-"""The outcome of a recording that nothing has cut short."""
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """What every message begins with: plain CDR, little endian, no options (DDSI-RTPS 2.x, section 10)."""
@@ -33,11 +24,6 @@ Rows = NDArray[np.void]
 
 _VECTOR = "geometry_msgs/Vector3"
 _TYPES = {"<f8": "float64", "<f4": "float32", "<u8": "uint64", "u1": "uint8"}
-_LAYOUTS: dict[str, tuple[str, int]] = {
-    **{name: (kind, 1) for kind, name in _TYPES.items()},
-    **dict.fromkeys((_VECTOR, "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
-    **{f"float32[{axes}]": ("<f4", axes) for axes in (len(AXES), len(JOINTS))},
-}
 _SEPARATOR = "=" * 80
 
 
@@ -59,52 +45,6 @@ SCHEMA_TEXT = "\n".join(
         "",
     ]
 )
-
-
-def dtype_of(schema_text: str) -> np.dtype[np.void]:
-    """The layout of the body of a message, each value on its own boundary as CDR has it.
-
-    Args:
-        schema_text: a message definition of numbers and vectors, of any release.
-
-    Raises:
-        ValueError: it has a field of another type, one name twice, or none at all.
-    """
-    names: list[str] = []
-    formats: list[tuple[str, tuple[int, ...]]] = []
-    offsets: list[int] = []
-    end = 0
-    for kind, name in _fields(schema_text):
-        if kind not in _LAYOUTS:
-            raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
-        if name in names:
-            raise ValueError(f"field {name} is defined twice")
-        code, axes = _LAYOUTS[kind]
-        size = np.dtype(code).itemsize
-        offset = -(-end // size) * size
-        names.append(name)
-        formats.append((code, () if axes == 1 else (axes,)))
-        offsets.append(offset)
-        end = offset + axes * size
-    if not names:
-        raise ValueError("no field is defined")
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
-
-
-def _fields(schema_text: str) -> list[tuple[str, str]]:
-    """Type and name of each field of the first definition; a constant is none."""
-    fields = []
-    for line in schema_text.splitlines():
-        if line.startswith("==="):
-            break
-        definition = line.partition("#")[0].strip()
-        if not definition or "=" in definition:
-            continue
-        kind, _, rest = definition.partition(" ")
-        if not rest:
-            raise ValueError(f"{definition!r} is no field")
-        fields.append((kind, rest.split()[0]))
-    return fields
 
 
 TOPICS = {"master": "/weberlink/master", "slave": "/weberlink/slave"}

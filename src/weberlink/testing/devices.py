@@ -76,15 +76,11 @@ def armed(name: str, /, *, checked: bool = True, **options: Any) -> Device:
     return device
 
 
-class DeviceContract:
-    """What every device driver keeps. A test class inherits from it, and overrides `make_bench`."""
+class BenchedDevice:
+    """A driver under test; a test class overrides `make_bench`."""
 
     NAME: ClassVar[str]
     """Of the driver, as its entry point."""
-    REFUSED: ClassVar[Sequence[tuple[Mapping[str, Any], str]]] = ()
-    """Options that no type alone refuses, and a pattern of the complaint or its place."""
-    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()
-    """Options at the limit."""
 
     def make_bench(self, folder: Path, /, **options: Any) -> AbstractContextManager[DeviceBench]:
         """A bench with a device that is not open; closes the device at the end.
@@ -94,6 +90,15 @@ class DeviceContract:
             options: of the driver, besides those that the bench needs.
         """
         raise NotImplementedError
+
+
+class DeviceContract(BenchedDevice):
+    """What every device driver keeps."""
+
+    REFUSED: ClassVar[Sequence[tuple[Mapping[str, Any], str]]] = ()
+    """Options that no type alone refuses, and a pattern of the complaint or its place."""
+    TAKEN: ClassVar[Sequence[Mapping[str, Any]]] = ()
+    """Options at the limit."""
 
     @pytest.fixture
     def bench(self, tmp_path: Path) -> Iterator[DeviceBench]:
@@ -290,7 +295,7 @@ class ForceDeviceContract(DeviceContract):
             assert any(0.05 < force < 0.7 for force in forces), "on the way up"
 
 
-class StoppedHostContract(DeviceContract):
+class StoppedHostContract(BenchedDevice):
     """The force ends while the process that pushes is stopped, stalled and killed in turn.
 
     Only processes can show it: what ends the force of a stopped one is the board, a guardian, or a process of the

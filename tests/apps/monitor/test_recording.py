@@ -15,7 +15,7 @@ from tests.watching.sources import description, records, write
 from weberlink.apps.monitor.recording import RecordingService, file_name
 from weberlink.apps.monitor.viewer import Viewer
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.telemetry.recording.reader import read_recording
+from weberlink.telemetry.recorders import format_of
 from weberlink.telemetry.ring import RingWriter
 from weberlink.watching.rings import RingSource
 from weberlink.watching.session import WatchedSession
@@ -106,7 +106,7 @@ def test_recording_is_marked_and_finished(rig: Rig, tmp_path: Path) -> None:
     assert rig.ask(do="mark", text="the first\ntouch")["accepted"]
     assert rig.until_state("on")["marks"] == 1
     assert rig.ask(do="stop")["accepted"]
-    done, recording = rig.until_state("done"), read_recording(path)
+    done, recording = rig.until_state("done"), format_of(path, "").read(path)
     assert (recording.complete, [mark.text for mark in recording.marks]) == (True, ["the first touch"])
     assert recording.facts["begun"] == "during the session"
     assert recording.records["slave"]["tick"][0] >= 50

@@ -22,7 +22,7 @@ def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     assert budget.wait() == pytest.approx(0.004)
     assert budget.left(10.004) == pytest.approx(0.0, abs=1e-12)
     assert budget.left(11.0) == 0.002, "no more is saved up than the limit"
-    budget.limit(0.5)
+    budget.share = 0.5
     budget.spend(0.003, 11.0)
     assert budget.wait() == pytest.approx(0.002)
     budget.spend(0.1, 11.0)
@@ -99,14 +99,14 @@ class Endless(socket.socket):
         self.setblocking(False)
         self.is_broken, self.reads = is_broken, 0
 
-    def recvfrom(self, *arguments: Any) -> Any:
+    def recvmsg(self, *arguments: Any) -> Any:
         self.reads += 1
         assert self.reads < 1000, "without end"
         if self.is_broken:
             raise OSError(ENETDOWN, "Network is down")
-        return b"x", ("127.0.0.1", 1)
+        return b"x", [], 0, ("127.0.0.1", 1)
 
-    recvmsg = None  # type: ignore[assignment]
+    recvfrom = None  # type: ignore[assignment]
 
     def now(self) -> float:
         return 50e-6 * self.reads

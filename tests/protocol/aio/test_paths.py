@@ -27,8 +27,16 @@ from tests.wait import soon
 from weberlink.protocol import Connected, PeerSilent, Role, State
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.aio.hand_over import PathFound, PathLost, PathNews, PathSilent, SessionState, StunReceived
-from weberlink.protocol.aio.paths import FINDER_ENDED, MOVED_PEERS, SILENT_S, STUN_BURST_S, STUN_S, FoundPaths
-from weberlink.protocol.aio.sockets import PEER_SHARE, STRANGER_SHARE
+from weberlink.protocol.aio.paths import (
+    FINDER_ENDED,
+    MOVED_PEERS,
+    PEER_SHARE,
+    SILENT_S,
+    STRANGER_SHARE,
+    STUN_BURST_S,
+    STUN_S,
+    FoundPaths,
+)
 from weberlink.protocol.events import Address, DropReason
 
 HANG_S = 10.0
@@ -198,7 +206,7 @@ def test_the_addresses_that_were_answered_last_are_remembered() -> None:
     path = SimpleNamespace(is_open=True, send_to=lambda data, address: sent.append(address))
     ours, theirs = hand_over.pair()
     with ours, theirs:
-        paths = FoundPaths(stand_in, 0, ours, print)  # type: ignore[arg-type]
+        paths = FoundPaths(stand_in, 0, monotonic, print, ours, print)  # type: ignore[arg-type]
         addresses = [("192.0.2.1", port) for port in range(1, MOVED_PEERS + 3)]
         for address in (*addresses[:MOVED_PEERS], addresses[0], *addresses[MOVED_PEERS:]):
             paths.take_from_elsewhere(b"call", address, 0.0, path)  # type: ignore[arg-type]

@@ -23,8 +23,6 @@ OFFER_LIMIT_S: Final = 10.0
 """From the slave's `ready` to the offer: three ways through the mailbox server, of seconds each on the worst links."""
 LARGEST_MEMORY: Final = 256
 """Calls that a slave remembers."""
-_CALL, _READY, _OFFER, _ANSWER, _BUSY = "call", "ready", "offer", "answer", "busy"
-
 Entropy = Callable[[int], bytes]
 
 
@@ -49,12 +47,7 @@ class Called(NamedTuple):
 
 
 class OutgoingCall:
-    """One call, of a master.
-
-    Args:
-        sealing: of the pair, as master.
-        entropy: random bytes.
-    """
+    """One call, of a master."""
 
     def __init__(self, sealing: Sealing, entropy: Entropy) -> None:
         self._sealing = sealing
@@ -63,12 +56,11 @@ class OutgoingCall:
 
     def first(self) -> Message:
         """What begins the call."""
-        return Message(_CALL, self._sealing.seal(_CALL, [self.attempt]))
+        return _sealed(self._sealing, "call", [self.attempt])
 
     def offer(self, paths: Sequence[Description], take_over: bool) -> Message:
         """What follows on `Ready`."""
-        content = [self.attempt, self._nonce, take_over, _content(paths)]
-        return Message(_OFFER, self._sealing.seal(_OFFER, content))
+        return _sealed(self._sealing, "offer", [self.attempt, self._nonce, take_over, _content(paths)])
 
     def receive(self, message: Message) -> Ready | Answer | Busy | None:
         """What a message tells of this call; None for nothing."""
@@ -85,12 +77,7 @@ class OutgoingCall:
 
 
 class IncomingCalls:
-    """All calls of one master to a slave.
-
-    Args:
-        sealing: of the pair, as slave.
-        entropy: random bytes.
-    """
+    """All calls of one master to a slave."""
 
     def __init__(self, sealing: Sealing, entropy: Entropy) -> None:
         self._sealing, self._entropy = sealing, entropy
@@ -98,13 +85,7 @@ class IncomingCalls:
         """By attempt: the nonce given, None once its offer came, and when."""
 
     def receive(self, message: Message, now: float, serves: str | None) -> Message | Called | None:
-        """What to send on a call, or an offer that is new; None for all else.
-
-        Args:
-            message: from the mailbox server.
-            now: [s].
-            serves: told to the caller.
-        """
+        """What to send on a call, which tells whom this slave serves, or an offer that is new; None for all else."""
         match message.phase, self._sealing.open(message.phase, message.body):
             case "call", [bytes(attempt)] if attempt not in self._given:
                 return self._ready(attempt, now, serves)
@@ -119,15 +100,19 @@ class IncomingCalls:
 
     def reply(self, called: Called, told: Answer | Busy) -> Message:
         """What ends a call."""
-        phase, content = (_BUSY, told.serves) if isinstance(told, Busy) else (_ANSWER, _content(told.paths))
-        return Message(phase, self._sealing.seal(phase, [called.offer.attempt, called.nonce, content]))
+        phase, content = ("busy", told.serves) if isinstance(told, Busy) else ("answer", _content(told.paths))
+        return _sealed(self._sealing, phase, [called.offer.attempt, called.nonce, content])
 
     def _ready(self, attempt: bytes, now: float, serves: str | None) -> Message:
         nonce = self._entropy(NONCE_BYTES)
         self._given[attempt] = (nonce, now)
         if len(self._given) > LARGEST_MEMORY:
             self._given.popitem(last=False)
-        return Message(_READY, self._sealing.seal(_READY, [attempt, nonce, serves]))
+        return _sealed(self._sealing, "ready", [attempt, nonce, serves])
+
+
+def _sealed(sealing: Sealing, phase: str, content: list[Any]) -> Message:
+    return Message(phase, sealing.seal(phase, content))
 
 
 def _content(paths: Sequence[Description]) -> list[Any]:

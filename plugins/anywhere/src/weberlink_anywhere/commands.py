@@ -34,7 +34,7 @@ def peer(
             known.rename(label, rename)
             typer.echo(f"{label} is now called {rename}")
         else:
-            from weberlink_anywhere.survey import acquaintances  # noqa: PLC0415 - not for the help
+            from weberlink_anywhere.survey import survey  # noqa: PLC0415 - not for the help
 
-            found = acquaintances(known, label, ask=not offline)
+            found = survey(known, label, ask=not offline)
             write(found.document, json_out, found.show)

@@ -17,16 +17,13 @@ SHORTEST_SECRET = 16
 
 
 def credentials(secret: str, name: str, now: float, lifetime_s: float) -> tuple[str, str]:
-    """User name and password for a relay.
+    """User name and password for a relay: `expiry:name`, and base64(HMAC-SHA1(secret, user name)).
 
     Args:
         secret: that of the relay.
         name: of the user; the relay counts its quotas by it.
         now: seconds since 1970.
         lifetime_s: how long the relay accepts them for a new allocation, > 0.
-
-    Returns:
-        `expiry:name` with the expiry in seconds since 1970, and base64(HMAC-SHA1(secret, user name)).
     """
     user = f"{int(now + lifetime_s)}:{name}"
     digest = hmac.digest(secret.encode(), user.encode(), hashlib.sha1)

@@ -17,12 +17,12 @@ from typing import Protocol
 
 from weberlink.protocol.aio import hand_over
 from weberlink.protocol.keys import KeyFileError
-from weberlink_anywhere.answering import Answering
-from weberlink_anywhere.calling import Calling
+from weberlink_anywhere.master_finder import MasterFinder
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.paths import Paths, ServerNames
-from weberlink_anywhere.peers import Peer, PeerError, PeerStore
-from weberlink_anywhere.rendezvous import Caller, Waiter
+from weberlink_anywhere.peers import PeerError, PeerStore
+from weberlink_anywhere.rendezvous import Caller
+from weberlink_anywhere.slave_finder import SlaveFinder
 from weberlink_anywhere.sockets import SocketLoop
 
 FAREWELL_S = 1.0
@@ -30,7 +30,7 @@ FAREWELL_S = 1.0
 
 
 class Policy(Protocol):
-    """What one side does: `Calling` or `Answering`."""
+    """What one side does: `MasterFinder` or `SlaveFinder`."""
 
     async def run(self) -> None: ...
 
@@ -38,11 +38,7 @@ class Policy(Protocol):
 
 
 class DaemonEnd:
-    """The socket to the daemon.
-
-    Args:
-        end: does not block.
-    """
+    """The socket to the daemon, which does not block."""
 
     def __init__(self, end: socket) -> None:
         self._end = end
@@ -56,38 +52,36 @@ class DaemonEnd:
         """Pass on what the daemon says."""
 
         def read() -> None:
-            with suppress(BlockingIOError):
-                while (received := self._receive()) is not None:
-                    if isinstance(received, hand_over.StunReceived):
-                        paths.deliver(received)
-                    elif isinstance(received, hand_over.PathSilent):
-                        paths.give_up(received.number)
-                    elif isinstance(received, hand_over.SessionState):
-                        policy.hear(received)
-                asyncio.get_running_loop().remove_reader(self._end)
-                self.closed.set()
+            with suppress(ConnectionError):
+                try:
+                    while (received := hand_over.receive(self._end)) is not None:
+                        match received[0]:
+                            case hand_over.StunReceived() as message:
+                                paths.deliver(message)
+                            case hand_over.PathSilent(number):
+                                paths.give_up(number)
+                            case hand_over.SessionState() as state:
+                                policy.hear(state)
+                except BlockingIOError:
+                    return
+            asyncio.get_running_loop().remove_reader(self._end)
+            self.closed.set()
 
         asyncio.get_running_loop().add_reader(self._end, read)
-
-    def _receive(self) -> hand_over.Message | None:
-        try:
-            received = hand_over.receive(self._end)
-        except ConnectionError:
-            return None
-        return None if received is None else received[0]
 
 
 async def find(order: FinderOrder, end: socket) -> None:
     """Find paths until the daemon closes its end."""
     daemon = DaemonEnd(end)
     try:
-        peers = _peers(order)
+        store = PeerStore(Path(order.store))
+        peers = [store.find(label) for label in order.peers]
         paths = Paths(order, ServerNames(order, peers[0].own), daemon.tell)
         policy: Policy
         if order.side == "master":
-            policy = Calling(order, peers[0], Caller(peers[0], order.mailbox), paths)
+            policy = MasterFinder(order, peers[0], Caller(peers[0], order.mailbox), paths)
         else:
-            policy = Answering(order, peers, lambda note: Waiter(peers, order.mailbox, note), paths)
+            policy = SlaveFinder(order, peers, paths)
     except (PeerError, KeyFileError) as problem:
         daemon.tell(hand_over.PathNews.of(order.peers[0] if order.peers else "", str(problem), True))
         return
@@ -103,11 +97,6 @@ async def find(order: FinderOrder, end: socket) -> None:
             await running  # its own fault ends this process, and is written to stderr
     with suppress(TimeoutError):
         await asyncio.wait_for(paths.close(), FAREWELL_S)
-
-
-def _peers(order: FinderOrder) -> Sequence[Peer]:
-    store = PeerStore(Path(order.store))
-    return [store.find(label) for label in order.peers]
 
 
 def main(arguments: Sequence[str]) -> None:

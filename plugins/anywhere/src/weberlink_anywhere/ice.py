@@ -30,12 +30,7 @@ class NoPath(Exception):  # noqa: N818 - the condition is the name
 
 
 class Servers(NamedTuple):
-    """Servers with their addresses resolved.
-
-    Args:
-        stun, turn: None for none.
-        user, password: of the relay.
-    """
+    """Servers with their addresses resolved, and the credentials for the relay."""
 
     stun: Address | None = None
     turn: Address | None = None
@@ -62,12 +57,7 @@ class Found(NamedTuple):
 
 
 class PathAttempt:
-    """An attempt to find a path, and the path that came of it.
-
-    Args:
-        binding: where the sockets go out.
-        controlling: whether this end chooses among the pairs that work.
-    """
+    """An attempt to find a path, and the path that came of it; `controlling` chooses among the pairs that work."""
 
     def __init__(self, binding: Binding, servers: Servers, *, controlling: bool) -> None:
         self._binding = binding
@@ -154,22 +144,8 @@ def is_mapped(description: Description) -> bool:
     return any(candidate.type == _OUTSIDE and candidate.host not in own for candidate in candidates)
 
 
-def reaches_server(description: Description) -> bool:
-    """Whether a server answered this end by UDP."""
-    return any(f"typ {kind}" in line for line in description.candidates for kind in (_OUTSIDE, _RELAY))
-
-
-def has_relay(description: Description) -> bool:
-    """Whether a relay gave this end an address."""
-    return any(f"typ {_RELAY}" in line for line in description.candidates)
-
-
 class _Connection(aioice.Connection):
-    """ICE with our choice of own addresses, no haste for relays, and none lost after a check that a NAT dropped.
-
-    Args:
-        addresses: own ones to use.
-    """
+    """ICE with our choice of own addresses, no haste for relays, and none lost after a check that a NAT dropped."""
 
     def __init__(self, addresses: dict[str, str], servers: Servers, *, controlling: bool) -> None:
         super().__init__(

@@ -8,12 +8,7 @@ _CODE = re.compile(r"[0-9]{1,6}(-[a-z]+){2,}")
 
 
 class Invitation(NamedTuple):
-    """A code, and the mailbox server at which it is valid.
-
-    Args:
-        code: a number and words, such as 7-confidence-ribcage.
-        mailbox: URL.
-    """
+    """A code, such as 7-confidence-ribcage, and the URL of the mailbox server at which it is valid."""
 
     code: str
     mailbox: str
@@ -27,7 +22,6 @@ def read(text: str, mailbox: str | None) -> Invitation:
     """Read what a user typed or scanned: a code, in either case and with spaces or dashes, or the text of a QR code.
 
     Args:
-        text: typed.
         mailbox: of the user's file; needed where the text names none.
 
     Raises:

@@ -40,17 +40,44 @@ class Received(NamedTuple):
     age: float
 
 
+class Connection:
+    """A connection to the server, as one side; the messages of both are JSON objects."""
+
+    def __init__(self, socket: ClientConnection, url: str) -> None:
+        self._socket, self._url = socket, url
+
+    async def send(self, **told: str) -> None:
+        """Raises MailboxUnreachable: the connection is lost."""
+        try:
+            await self._socket.send(json.dumps(told))
+        except WebSocketException as problem:
+            raise _unreachable(self._url, problem) from None
+
+    async def receive(self) -> dict[str, Any]:
+        """Raises MailboxUnreachable: the connection is lost, or the server refuses what it was asked for."""
+        try:
+            told = dict(json.loads(await self._socket.recv()))
+            with suppress(OSError):  # the connection is lost
+                # TCP acknowledges at once: the server holds its next packet until then, 40 ms on Linux (Nagle).
+                self._socket.transport.get_extra_info("socket").setsockopt(IPPROTO_TCP, TCP_QUICKACK, 1)
+            refused = {"error": told.get("error")} if told["type"] == "error" else told.get("welcome")
+        except WebSocketException as problem:
+            raise _unreachable(self._url, problem) from None
+        except (ValueError, TypeError, KeyError, RecursionError):
+            raise MailboxRefuses(f"{self._url} is not a magic-wormhole mailbox server") from None
+        if isinstance(refused, dict) and "error" in refused:
+            reason = one_line(str(refused["error"]))
+            if reason == "crowded":
+                reason = "a third party opened the mailbox of this pair; wait 20 minutes, or pair again"
+            raise MailboxRefuses(f"the mailbox server {self._url} refuses: {reason}")
+        return told
+
+
 class Mailbox:
-    """An open mailbox.
+    """An open mailbox: an iterator of the messages of the other side."""
 
-    Args:
-        socket: on which a mailbox was opened.
-        url: of the server.
-        sealing: of this end.
-    """
-
-    def __init__(self, socket: ClientConnection, url: str, sealing: Sealing) -> None:
-        self._socket, self._url, self._sealing = socket, url, sealing
+    def __init__(self, connection: Connection, sealing: Sealing) -> None:
+        self._connection, self._sealing = connection, sealing
         self.count = 0
         """Messages of both sides so far: as many as the server holds, or more."""
 
@@ -58,14 +85,9 @@ class Mailbox:
         return self
 
     async def __anext__(self) -> Received:
-        """The next message of the other side.
-
-        Raises:
-            MailboxUnreachable: the connection is lost.
-        """
+        """Raises MailboxUnreachable: the connection is lost."""
         while True:
-            received = self._read(await _receive(self._socket, self._url))
-            if received is not None:
+            if (received := self._read(await self._connection.receive())) is not None:
                 return received
 
     async def stored(self) -> list[Received]:
@@ -74,9 +96,9 @@ class Mailbox:
         Raises:
             MailboxUnreachable: the connection is lost, or the server refuses to open the mailbox.
         """
-        await _send(self._socket, self._url, type="ping", ping="stored")  # answered after what was asked before
+        await self._connection.send(type="ping", ping="stored")  # answered after what was asked before
         found = []
-        while (told := await _receive(self._socket, self._url))["type"] != "pong":
+        while (told := await self._connection.receive())["type"] != "pong":
             if (received := self._read(told)) is not None:
                 found.append(received)
         return found
@@ -87,16 +109,18 @@ class Mailbox:
         Raises:
             MailboxUnreachable: the connection is lost; the message may have arrived.
         """
-        await _send(self._socket, self._url, type="add", phase=message.phase, body=message.body)
+        await self._connection.send(type="add", phase=message.phase, body=message.body)
 
     def _read(self, told: dict[str, Any]) -> Received | None:
         if told["type"] != "message":
             return None
         self.count += 1
-        phase, body = told.get("phase"), told.get("body")
+        phase, body, age = told.get("phase"), told.get("body"), 0.0
         if told.get("side") == self._sealing.side or not isinstance(phase, str) or not isinstance(body, str):
             return None
-        return Received(Message(phase, body), _age(told))
+        with suppress(KeyError, TypeError, ValueError, OverflowError):
+            age = float(told["server_tx"]) - float(told["server_rx"])
+        return Received(Message(phase, body), age)
 
 
 @asynccontextmanager
@@ -106,9 +130,9 @@ async def open_mailbox(url: str, sealing: Sealing) -> AsyncIterator[Mailbox]:
     Raises:
         MailboxUnreachable: the server is not reached, or refuses.
     """
-    async with _bound(url, sealing.side) as socket:
-        await _send(socket, url, type="open", mailbox=sealing.mailbox)
-        yield Mailbox(socket, url, sealing)
+    async with _connected(url, sealing.side) as connection:
+        await connection.send(type="open", mailbox=sealing.mailbox)
+        yield Mailbox(connection, sealing)
 
 
 async def sweep(url: str, sealing: Sealing) -> None:
@@ -120,79 +144,32 @@ async def sweep(url: str, sealing: Sealing) -> None:
         MailboxUnreachable: the server is not reached, or refuses.
     """
     for side in (sealing.other_side, sealing.side):
-        async with _bound(url, side) as socket:
-            await _send(socket, url, type="close", mailbox=sealing.mailbox, mood="happy")
-            while (await _receive(socket, url))["type"] != "closed":
+        async with _connected(url, side) as connection:
+            await connection.send(type="close", mailbox=sealing.mailbox, mood="happy")
+            while (await connection.receive())["type"] != "closed":
                 pass
 
 
 @asynccontextmanager
-async def _bound(url: str, side: str) -> AsyncIterator[ClientConnection]:
+async def _connected(url: str, side: str) -> AsyncIterator[Connection]:
     try:
+        # Compression of what is encrypted saves nothing.
         socket = await connect(
-            url,
-            open_timeout=OPEN_LIMIT_S,
-            ping_interval=PING_S,
-            ping_timeout=PING_S,
-            compression=None,  # of what is encrypted saves nothing
+            url, open_timeout=OPEN_LIMIT_S, ping_interval=PING_S, ping_timeout=PING_S, compression=None
         )
     except (OSError, WebSocketException, ValueError) as problem:  # TimeoutError is an OSError
         raise _unreachable(url, problem) from None
     try:
-        welcome = (await _receive(socket, url)).get("welcome")
-        if isinstance(welcome, dict) and "error" in welcome:
-            raise MailboxRefuses(f"the mailbox server {url} refuses: {one_line(str(welcome['error']))}")
-        await _send(socket, url, type="bind", appid=APPLICATION, side=side)
-        yield socket
+        connection = Connection(socket, url)
+        await connection.receive()  # its welcome
+        await connection.send(type="bind", appid=APPLICATION, side=side)
+        yield connection
     finally:
         socket.transport.abort()  # nothing is under way, and a closing handshake costs a round trip, or a time-out
         await socket.wait_closed()
-
-
-async def _send(socket: ClientConnection, url: str, **told: str) -> None:
-    try:
-        await socket.send(json.dumps(told))
-    except WebSocketException as problem:
-        raise _unreachable(url, problem) from None
-
-
-async def _receive(socket: ClientConnection, url: str) -> dict[str, Any]:
-    try:
-        told = json.loads(await socket.recv())
-        _acknowledge(socket)
-        kind = told["type"]
-    except WebSocketException as problem:
-        raise _unreachable(url, problem) from None
-    except (ValueError, TypeError, KeyError, RecursionError):
-        raise MailboxRefuses(f"{url} is not a magic-wormhole mailbox server") from None
-    if kind == "error":
-        raise MailboxRefuses(_refusal(url, str(told.get("error"))))
-    return dict(told)
-
-
-def _acknowledge(socket: ClientConnection) -> None:
-    """Acknowledge to TCP at once: the server holds its next packet until then, 40 ms on Linux (Nagle's algorithm)."""
-    with suppress(OSError):  # the connection is lost
-        socket.transport.get_extra_info("socket").setsockopt(IPPROTO_TCP, TCP_QUICKACK, 1)
-
-
-def _refusal(url: str, error: str) -> str:
-    if error == "crowded":
-        return (
-            f"the mailbox server {url} refuses: a third party opened the mailbox of this pair; "
-            "wait 20 minutes, or pair again"
-        )
-    return f"the mailbox server {url} refuses: {one_line(error)}"
 
 
 def _unreachable(url: str, problem: Exception) -> MailboxUnreachable:
     code = getattr(problem, "errno", None) or 0
     reason = os.strerror(code) if code > 0 else getattr(problem, "strerror", None) or str(problem) or "no answer"
     return MailboxUnreachable(f"the mailbox server {url} cannot be reached: {one_line(reason)}")
-
-
-def _age(told: dict[str, Any]) -> float:
-    try:
-        return float(told["server_tx"]) - float(told["server_rx"])
-    except (KeyError, TypeError, ValueError, OverflowError):
-        return 0.0

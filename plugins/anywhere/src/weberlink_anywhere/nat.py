@@ -25,12 +25,7 @@ ANY = frozenset(Behaviour)
 
 
 class Question(NamedTuple):
-    """A Binding request, always from the same local socket.
-
-    Args:
-        server: where to.
-        from_other_address, from_other_port: whether the server is to answer from its other address or port.
-    """
+    """A Binding request, always from the same local socket; may ask for an answer from another address or port."""
 
     server: Address
     from_other_address: bool = False
@@ -38,13 +33,7 @@ class Question(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """A Binding response.
-
-    Args:
-        mapped: address of the local socket as the server saw it.
-        source: where the response came from.
-        other: the server's other address and port, if it has both; None otherwise.
-    """
+    """A Binding response from `source`: our address as the server saw it, and its own other address and port."""
 
     mapped: Address
     source: Address
@@ -52,14 +41,7 @@ class Reply(NamedTuple):
 
 
 class Nat(NamedTuple):
-    """What is known of the way out.
-
-    Args:
-        server: that answered first.
-        mapped: address of this host outside.
-        is_translated: whether that is another one than inside.
-        mapping, filtering: the behaviours that the answers leave possible.
-    """
+    """What is known of the way out; `mapping` and `filtering` are the behaviours that the answers leave possible."""
 
     server: Address
     mapped: Address
@@ -93,24 +75,14 @@ def examine(local: Address, servers: Sequence[Address]) -> Talk:
         if reply is not None:
             # Filtering comes first: a question to the other address would open the filter for its answers.
             filtering = yield from _filtering(server, reply)
-            others = [*_other_ends(server, reply), *servers[index + 1 :]]
+            # Ends of the server that differ from the first in the address, and in both.
+            ends = [] if reply.other is None else [(reply.other[0], server[1]), reply.other]
+            others = [*ends, *servers[index + 1 :]]
             mapping = yield from _mapping(server, reply, others)
             is_translated = reply.mapped != local
-            return Nat(
-                server,
-                reply.mapped,
-                is_translated,
-                mapping if is_translated else frozenset({Behaviour.INDEPENDENT}),
-                filtering,
-            )
+            mapping = mapping if is_translated else frozenset({Behaviour.INDEPENDENT})
+            return Nat(server, reply.mapped, is_translated, mapping, filtering)
     return None
-
-
-def _other_ends(server: Address, reply: Reply) -> list[Address]:
-    """The ends of a server that differ from one in the address, and in both."""
-    if reply.other is None:
-        return []
-    return [(reply.other[0], server[1]), reply.other]
 
 
 def _filtering(server: Address, first: Reply) -> Generator[Question, Reply | None, frozenset[Behaviour]]:

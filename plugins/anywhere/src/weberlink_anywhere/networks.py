@@ -34,11 +34,7 @@ class Networks(NamedTuple):
 
     def of(self, interfaces: Sequence[str]) -> dict[str, str]:
         """The addresses of some interfaces; of all if empty."""
-        return {
-            address: interface
-            for address, interface in self.addresses.items()
-            if not interfaces or interface in interfaces
-        }
+        return {address: name for address, name in self.addresses.items() if not interfaces or name in interfaces}
 
 
 def look() -> Networks:
@@ -72,23 +68,20 @@ def _default_routes() -> tuple[str, ...]:
     with suppress(OSError):
         for line in Path("/proc/self/net/route").read_text("ascii").splitlines()[1:]:
             name, target, _, flags, _, _, metric, mask, *_ = line.split()
-            if int(target, 16) == int(mask, 16) == 0 and int(flags, 16) & _ROUTE_UP:
-                found.append((int(metric), name))
+            found += [(int(metric), name)] if _is_default(target, mask, flags) else []
     with suppress(OSError):
         for line in Path("/proc/self/net/ipv6_route").read_text("ascii").splitlines():
             target, length, _, _, _, metric, _, _, flags, name = line.split()
-            if int(target, 16) == int(length, 16) == 0 and int(flags, 16) & _ROUTE_UP:
-                found.append((int(metric, 16), name))
+            found += [(int(metric, 16), name)] if _is_default(target, length, flags) else []
     return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
 
-class Watch:
-    """Calls back when the networks of this host have changed.
+def _is_default(target: str, length: str, flags: str) -> bool:
+    return int(target, 16) == int(length, 16) == 0 and bool(int(flags, 16) & _ROUTE_UP)
 
-    Args:
-        changed: called then, if there is a network.
-        interfaces: those that count; all if empty.
-    """
+
+class Watch:
+    """Calls back when the networks of this host have changed, if there is one; `interfaces` count, all if empty."""
 
     def __init__(self, changed: Callable[[], None], interfaces: Sequence[str] = ()) -> None:
         self._changed = changed

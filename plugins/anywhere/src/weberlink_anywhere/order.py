@@ -1,5 +1,6 @@
-"""What a daemon asks of the process that finds paths."""
+"""What a daemon asks of the process that finds paths, and a command of the process that pairs two hosts."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from weberlink.child_process import Order
@@ -13,13 +14,7 @@ class FinderOrder(Order):
         side: "master" calls, "slave" waits to be called.
         peers: labels of the known peers: the one to call, or those to wait for. Keys are read from the store.
         store: folder of the known peers.
-        mailbox: URL of the mailbox server.
-        stun: host:port; None for none.
-        turn: host:port; None for none.
-        turn_name: what people call the relay.
-        turn_secret_file, turn_credentials_file: one of them with `turn`.
-        paths: how many, over different interfaces.
-        interfaces: those to use, in order; empty for all.
+        mailbox, stun, turn, paths, interfaces: as in the file (`AnywhereOptions`).
         dscp: class of service of every datagram.
         take_over: whether to replace a master that the slave serves.
     """
@@ -29,11 +24,37 @@ class FinderOrder(Order):
     store: str
     mailbox: str
     stun: str | None = None
-    turn: str | None = None
-    turn_name: str = ""
-    turn_secret_file: str | None = None
-    turn_credentials_file: str | None = None
+    turn: Mapping[str, str | None] | None = None
     paths: int = 1
     interfaces: tuple[str, ...] = ()
     dscp: int = 46
     take_over: bool = False
+
+
+@dataclass(frozen=True)
+class PairingOrder(Order):
+    """Whom to pair with.
+
+    The process reads the order from its standard input, and ends when that is closed. It writes one JSON object per
+    line: `code`, which it made, to be shown; `note`, for the user; at last `paired`, the label of the new peer, or
+    `refused`, why there is none.
+
+    Args:
+        side: of this host, "master" or "slave".
+        name: of this host.
+        store: folder of the known peers.
+        mailbox: URL of the mailbox server.
+        code: that the other host shows; "" to make one.
+        label: what to call the peer; "" for its own name.
+        lifetime_s: how long a code that is made here waits for the other host.
+        patience_s: how long the mailbox, or a host that is there, may take for an answer.
+    """
+
+    side: str
+    name: str
+    store: str
+    mailbox: str
+    code: str = ""
+    label: str = ""
+    lifetime_s: float = 600.0
+    patience_s: float = 20.0

@@ -1,39 +1,30 @@
-"""Pair two hosts by a code: `pair` for the commands `slave --invite` and `master --join`."""
+"""Pair two hosts by a code: `weberlink slave --invite` and `weberlink master --join`."""
 
 import json
 import shlex
-import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from subprocess import PIPE
 
 from rich.console import Console
 from rich.text import Text
 
+from weberlink.child_process import Child, python
 from weberlink.system.configuration import SLAVE, Configuration, ConfigurationError
 from weberlink.system.description import default_name
 from weberlink_anywhere.invitation import Invitation, read
 from weberlink_anywhere.options import AnywhereOptions
-from weberlink_anywhere.pairing_order import PairingOrder, start_pairing
+from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.peers import PeerError, PeerStore
 from weberlink_anywhere.qr import drawing
 
 FAREWELL_S = 5.0
 """How long the pairing process may take to tell the other host that it ends."""
+LOOK_S = 1.0
 LINES_BELOW = 5
 """Rows of the terminal under the QR code: what to do, and the cursor."""
 
 
 def pair(configuration: Configuration, side: str, code: str, label: str | None) -> str:
-    """Pair this host with another one, and keep the peer.
-
-    Args:
-        configuration: of this side; names the mailbox server.
-        side: master or slave.
-        code: that the other host shows; "" to make one and show it.
-        label: what to call the peer; None for its own name.
-
-    Returns:
-        The label of the new peer.
+    """Pair this host with another one, and keep the peer; see `weberlink.system.finders.PathFinder`.
 
     Raises:
         ConfigurationError: there is no mailbox in the file, or the two did not pair; says why.
@@ -41,40 +32,47 @@ def pair(configuration: Configuration, side: str, code: str, label: str | None) 
     asked = "--join" if code else "--invite"
     order = _order(configuration, side, code, label, asked)
     screen = Screen(str(configuration.path), order)
-    screen.begin()
-    with _running(order) as process:
-        assert process.stdout is not None
-        for line in process.stdout:
-            event = json.loads(line)
-            if "refused" in event:
-                raise ConfigurationError(f"{asked}: {event['refused']}")
-            if "paired" in event:
-                screen.note(f"paired with {event['paired']}; no code is needed from now on")
-                return str(event["paired"])
-            screen.show(event)
-    raise ConfigurationError(f"{asked}: the pairing process ended early (exit status {process.returncode})")
+    child = start(order)
+    try:
+        while True:
+            is_over = not child.running  # seen before its last words are read
+            for line in child.lines(LOOK_S):
+                event = json.loads(line)
+                if "refused" in event:
+                    raise ConfigurationError(f"{asked}: {event['refused']}")
+                if "paired" in event:
+                    screen.note(f"paired with {event['paired']}; no code is needed from now on")
+                    return str(event["paired"])
+                screen.show(event)
+            if is_over:
+                raise ConfigurationError(f"{asked}: the pairing process {child.how_it_ended}")
+    finally:
+        child.end(FAREWELL_S)
+
+
+def start(order: PairingOrder) -> Child:
+    """The process, which ends with its standard input, and then tells the other host."""
+    child = Child(python("-m", "weberlink_anywhere.pairing"), stdin=PIPE, stdout=PIPE)
+    child.write_line(order.to_json())
+    return child
 
 
 def _order(configuration: Configuration, side: str, code: str, label: str | None, asked: str) -> PairingOrder:
     assert configuration.finder is not None
     link, options = configuration.system.link, configuration.finder.options
     assert isinstance(options, AnywhereOptions)
-    mailbox = options.mailbox
-    if code:
-        try:
+    mailbox, store = options.mailbox, PeerStore(options.peer_store)
+    name = getattr(link.names, side) or default_name(side, link.listen)
+    try:
+        if code:
             code, mailbox = read(code, mailbox)
-        except ValueError as error:
-            raise ConfigurationError(f"{asked}: {error}") from None
+        known = list(store)
+    except (ValueError, PeerError) as error:
+        raise ConfigurationError(f"{asked}: {error}") from None
     if mailbox is None:
         raise ConfigurationError(
             f"{asked}: needs link.finder.mailbox, a mailbox server that both hosts reach (docs/relay.md)"
         )
-    name = getattr(link.names, side) or default_name(side, link.listen)
-    store = PeerStore(options.peer_store)
-    try:
-        known = list(store)
-    except PeerError as error:
-        raise ConfigurationError(f"{asked}: {error}") from None
     for peer in known:
         if peer.label == label:
             raise ConfigurationError(f"--peer: {label} is known already; leave {asked} out, or choose another name")
@@ -84,25 +82,6 @@ def _order(configuration: Configuration, side: str, code: str, label: str | None
                 f"add --set link.names.slave={json.dumps(peer.own)}"
             )
     return PairingOrder(side, name, str(store.folder), mailbox, code, label or "")
-
-
-@contextmanager
-def _running(order: PairingOrder) -> Iterator[subprocess.Popen[str]]:
-    """The pairing process, which has ended at the end; the other host hears of it if it was early."""
-    process = start_pairing(order)
-    try:
-        yield process
-    finally:
-        assert process.stdin is not None
-        with suppress(OSError):
-            process.stdin.close()
-        try:
-            process.wait(FAREWELL_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
 
 
 class Screen:
@@ -116,28 +95,22 @@ class Screen:
     def __init__(self, file: str, order: PairingOrder) -> None:
         self._file, self._order = file, order
         self._console = Console(stderr=True)
-
-    def begin(self) -> None:
-        """Say what happens first."""
-        verb = "joining by" if self._order.code else "asking for a code at"
-        self.note(f"{verb} the mailbox {self._order.mailbox}")
+        self.note(f"{'joining by' if order.code else 'asking for a code at'} the mailbox {order.mailbox}")
 
     def show(self, event: dict[str, str]) -> None:
         """Show an event of the pairing process."""
-        if "code" in event:
-            self._invite(event["code"])
-        else:
+        if "note" in event:
             self.note(event["note"])
-
-    def note(self, text: str) -> None:
-        self._write(f"weberlink: {text}")
-
-    def _invite(self, code: str) -> None:
+            return
+        code = event["code"]
         self._draw(str(Invitation(code, self._order.mailbox)))
         self._write(f"Code: {code}")
         self._write("On the operator's host, with the same mailbox in its file:")
         self._write(f"  weberlink master {shlex.quote(self._file)} --join {code}")
         self.note(f"waiting for the operator, for {self._order.lifetime_s / 60:g} min; Ctrl-C ends it")
+
+    def note(self, text: str) -> None:
+        self._write(f"weberlink: {text}")
 
     def _draw(self, text: str) -> None:
         """The QR code, above the text so that a small screen keeps the text."""

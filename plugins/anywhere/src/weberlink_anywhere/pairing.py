@@ -1,8 +1,8 @@
 """The process that pairs two hosts by a code, through a magic-wormhole mailbox server.
 
 The code is the password of a SPAKE2 exchange: whoever does not know it has one guess among 65,536 pairs of words, and
-that guess ends the invitation. The mailbox sees sealed messages, addresses and times. `introduction` tells what the two
-hosts say to each other, and `pairing_order` how a command talks to this process.
+that guess ends the invitation. The mailbox sees sealed messages, addresses and times. `key_confirmation` tells what the
+two hosts say to each other, and `PairingOrder` how a command talks to this process.
 """
 
 import json
@@ -26,23 +26,9 @@ from wormhole._wordlist import even_words_lowercase, odd_words_lowercase
 
 from weberlink.protocol.keys import KEY_BYTES
 from weberlink.text import one_line
-from weberlink_anywhere.introduction import (
-    CONFIRM,
-    HELLO,
-    KEPT,
-    REFUSED,
-    Names,
-    PairingError,
-    RefusedThereError,
-    confirmation,
-    hello,
-    is_confirmed,
-    message,
-    name_in,
-    pair_key,
-    read,
-)
-from weberlink_anywhere.pairing_order import PairingOrder
+from weberlink_anywhere import key_confirmation
+from weberlink_anywhere.key_confirmation import CONFIRM, HELLO, KEPT, REFUSED, Names, PairingError, RefusedThereError
+from weberlink_anywhere.order import PairingOrder
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore, default_folder
 
 reactor: Any = _reactor
@@ -51,18 +37,12 @@ APP = "weberlink/pairing/1"
 PURPOSE = "weberlink pairing"
 FAREWELL_S = 3.0
 """How long the mailbox server may take to let us go."""
-NOTHING_KEPT = "nothing is kept"
 Tell = Callable[[str, str], None]
-"""Takes a key of `pairing_order`, and its text."""
+"""Takes a key of `PairingOrder`, and its text."""
 
 
-class Meeting:
-    """One pairing, by magic-wormhole.
-
-    Args:
-        order: whom to pair with.
-        tell: takes what the user is to see.
-    """
+class PairingSession:
+    """One pairing, by magic-wormhole; `tell` takes what the user is to see."""
 
     def __init__(self, order: PairingOrder, tell: Tell) -> None:
         self._order, self._tell = order, tell
@@ -71,14 +51,10 @@ class Meeting:
         self._is_connected = False
 
     async def run(self) -> Peer:
-        """Pair.
-
-        Returns:
-            The peer, which is in the store.
+        """Pair; returns the peer, which is in the store.
 
         Raises:
-            PairingError: they did not; nothing is kept.
-            CancelledError: somebody cancelled it; nothing is kept.
+            PairingError, CancelledError: they did not; nothing is kept.
         """
         self._check_words()
         self._wormhole: Any = create(APP, self._order.mailbox, reactor, on_status_update=self._on_status)
@@ -108,35 +84,28 @@ class Meeting:
         except RefusedThereError:
             raise
         except (PairingError, CancelledError) as error:
-            hole.send_message(message(REFUSED, str(error) or "the pairing was ended there"))
+            hole.send_message(key_confirmation.message(REFUSED, str(error) or "the pairing was ended there"))
             raise
 
     async def _introduce(self, secret: bytes) -> Peer:
         order, send = self._order, self._wormhole.send_message
         other = "slave" if order.side == "master" else "master"
-        send(hello(order.side, order.name))
-        name = name_in(await self._next(HELLO), order.side)
+        send(key_confirmation.hello(order.side, order.name))
+        name = key_confirmation.name_in(await self._next(HELLO), order.side)
         label = order.label or name.replace("/", "-").lstrip(".") or other  # it names a file
         names = Names(order.name, name) if order.side == "master" else Names(name, order.name)
         self._refuse_known(label, name, other)
-        send(message(CONFIRM, confirmation(secret, names, order.side)))
-        if not is_confirmed(await self._next(CONFIRM), secret, names, other):
+        send(key_confirmation.message(CONFIRM, key_confirmation.confirmation(secret, names, order.side)))
+        if not key_confirmation.is_confirmed(await self._next(CONFIRM), secret, names, other):
             raise PairingError("the other host confirmed other names than these two")
-        peer = Peer(
-            label=label,
-            name=name,
-            own=order.name,
-            role=other,  # type: ignore[arg-type]
-            key=pair_key(secret, names),
-            mailbox=order.mailbox,
-            paired_at=time.time(),
-        )
+        key = key_confirmation.pair_key(secret, names)
+        peer = Peer(label, name, order.name, other, key, order.mailbox, time.time())  # type: ignore[arg-type]
         try:
             self._store.add(peer)
         except PeerError as error:
             raise PairingError(str(error)) from None
         try:
-            send(message(KEPT, True))
+            send(key_confirmation.message(KEPT, True))
             await self._next(KEPT)
         except BaseException:
             self._store.remove(peer.label)
@@ -159,7 +128,7 @@ class Meeting:
         late = f"the other host stopped answering before its {kind!r}"
         if kind == KEPT:
             late += "; if it says that it paired, remove this host there (weberlink peer) before you pair again"
-        return read(await self._soon(self._wormhole.get_message(), late), kind)
+        return key_confirmation.read(await self._soon(self._wormhole.get_message(), late), kind)
 
     async def _soon(self, result: Any, late: str) -> Any:
         return await self._in_time(result, self._order.patience_s, late)
@@ -210,18 +179,6 @@ def _one_line(error: Exception) -> str:
     return one_line(str(error)).rstrip(".")
 
 
-async def answer(order: PairingOrder, tell: Tell) -> None:
-    """Pair, and tell the end."""
-    try:
-        peer = await Meeting(order, tell).run()
-    except PairingError as error:
-        tell("refused", f"{error}; {NOTHING_KEPT}")
-    except CancelledError:
-        tell("refused", f"ended; {NOTHING_KEPT}")
-    else:
-        tell("paired", peer.label)
-
-
 class _End:
     """Standard input, whose end ends the work (`twisted.internet.interfaces.IReadDescriptor`)."""
 
@@ -265,15 +222,22 @@ def events_out() -> TextIO:
 
 
 def main() -> None:
-    order = PairingOrder.from_json(sys.stdin.readline())
-    out = events_out()
+    order, out = PairingOrder.from_json(sys.stdin.readline()), events_out()
 
     def tell(key: str, text: str) -> None:
         with suppress(BrokenPipeError):  # the command is gone; the end of standard input says so
             out.write(json.dumps({key: text}) + "\n")
             out.flush()
 
-    run(lambda: answer(order, tell))
+    async def pair() -> None:
+        try:
+            peer = await PairingSession(order, tell).run()
+        except (PairingError, CancelledError) as error:
+            tell("refused", f"{str(error) or 'ended'}; nothing is kept")
+        else:
+            tell("paired", peer.label)
+
+    run(pair)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from weberlink.protocol.keyring import Keyring
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Security
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError
-from weberlink.system.configuration.model import split_address
 from weberlink_anywhere.options import AnywhereOptions
 from weberlink_anywhere.order import FinderOrder
 from weberlink_anywhere.peers import Peer, PeerError, PeerStore
@@ -59,23 +58,10 @@ class Anywhere:
 
     def order(self, *, take_over: bool) -> FinderOrder:
         """What the process that finds paths is to do."""
-        options = self._options
-        turn = options.turn
-        return FinderOrder(
-            side=self._side,
-            peers=tuple(peer.label for peer in self.peers),
-            store=str(self._store.folder),
-            mailbox=options.mailbox or "",
-            stun=options.stun,
-            turn=None if turn is None else turn.server,
-            turn_name="" if turn is None else turn.name or split_address(turn.server)[0],
-            turn_secret_file=None if turn is None or turn.secret_file is None else str(turn.secret_file),
-            turn_credentials_file=None if turn is None or turn.credentials_file is None else str(turn.credentials_file),
-            paths=options.paths,
-            interfaces=options.interfaces,
-            dscp=self._dscp,
-            take_over=take_over,
-        )
+        asked = self._options.model_dump(mode="json", exclude={"peer", "peer_store", "path"})
+        peers = tuple(peer.label for peer in self.peers)
+        asked |= {"mailbox": asked["mailbox"] or "", "interfaces": self._options.interfaces}
+        return FinderOrder(self._side, peers, str(self._store.folder), dscp=self._dscp, take_over=take_over, **asked)
 
     def process(self, *, take_over: bool) -> Sequence[str]:
         return "weberlink_anywhere.finder", self.order(take_over=take_over).to_json()

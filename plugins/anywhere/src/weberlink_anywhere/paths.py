@@ -6,6 +6,7 @@ import time
 from collections.abc import Awaitable, Callable
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from weberlink.protocol.aio.hand_over import ENGAGED, LONGEST_TEXT, PathFound, PathLost, PathNews, StunReceived
 from weberlink.protocol.events import Address
@@ -34,25 +35,22 @@ class ServerNames:
         order: of the daemon.
         own: name of this host towards the relay.
 
+    Attributes:
+        asked: the server that tells an address outside, host:port; "" if there is none.
+        relay: what people call the relay; "" if there is none.
+
     Raises:
         KeyFileError: the secret or the credentials of the relay cannot be read.
     """
 
     def __init__(self, order: FinderOrder, own: str) -> None:
-        self._order = order
-        self._own = own
-        self._secret = read_secret(Path(order.turn_secret_file)) if order.turn_secret_file else ""
-        self._fixed = read_credentials(Path(order.turn_credentials_file)) if order.turn_credentials_file else None
-
-    @property
-    def asked(self) -> str:
-        """The server that tells an address outside, host:port; "" if there is none."""
-        return self._order.stun or self._order.turn or ""
-
-    @property
-    def relay(self) -> str:
-        """What people call the relay; "" if there is none."""
-        return self._order.turn_name or (self._order.turn or "").rpartition(":")[0]
+        turn = order.turn or {}
+        self._own, self._turn = own, turn.get("server") or ""
+        self.asked = order.stun or self._turn
+        self.relay = turn.get("name") or self._turn.rpartition(":")[0]
+        secret, fixed = turn.get("secret_file"), turn.get("credentials_file")
+        self._secret = read_secret(Path(secret)) if secret else ""
+        self._fixed = read_credentials(Path(fixed)) if fixed else None
 
     async def answers_tcp(self) -> bool:
         """Whether the asked server takes a TCP connection; a relay does so at the same port (RFC 8656 section 3.1)."""
@@ -66,7 +64,7 @@ class ServerNames:
 
     async def resolve(self) -> ice.Servers:
         """Their addresses now; a name that does not resolve is left out, as a server that does not answer."""
-        stun, turn = await asyncio.gather(_resolve(self.asked), _resolve(self._order.turn or ""))
+        stun, turn = await asyncio.gather(_resolve(self.asked), _resolve(self._turn))
         user, password = self._fixed or credentials(self._secret, self._own, time.time(), CREDENTIALS_S)
         return ice.Servers(stun, turn, user, password)
 
@@ -87,8 +85,6 @@ class Paths:
     """All paths of a finder.
 
     Args:
-        order: of the daemon.
-        servers: of the file.
         tell: sends a message to the daemon, with a socket.
 
     Attributes:
@@ -97,9 +93,7 @@ class Paths:
     """
 
     def __init__(self, order: FinderOrder, servers: ServerNames, tell: Callable[..., None]) -> None:
-        self._order = order
-        self.servers = servers
-        self._tell = tell
+        self._order, self.servers, self._tell = order, servers, tell
         self._numbers = count(1)
         self._open: dict[int, _Open] = {}
         self._places: dict[tuple[str, int], int] = {}
@@ -144,14 +138,7 @@ class Paths:
         # An interface with a way outside must not be left by that of another one; others are for near hosts.
         return Binding(now.of(chosen), frozenset((*now.outside, *named)), self._order.dscp)
 
-    async def use(
-        self,
-        peer: str,
-        place: int,
-        attempt: ice.PathAttempt,
-        remote: Description,
-        timeout: float,
-    ) -> None:
+    async def use(self, peer: str, place: int, attempt: ice.PathAttempt, remote: Description, timeout: float) -> None:
         """Find the path of a place, and hand it over.
 
         Raises:
@@ -165,11 +152,10 @@ class Paths:
             await attempt.close()
             raise
         number = next(self._numbers)
-        via = found.foreign_relay or self.servers.relay if found.route == "relayed" else ""
+        via = one_line(found.foreign_relay or self.servers.relay if found.route == "relayed" else "", LONGEST_TEXT)
         self._open[number] = _Open(peer, attempt, found, asyncio.create_task(self._follow(number, attempt)))
         former = self._places.get((peer, place))
         self._places[peer, place] = number
-        via = one_line(via, LONGEST_TEXT)
         message = PathFound(number, place, peer, found.remote, found.channel, found.route, via, found.socket.interface)
         self._tell(message, found.socket.hand_over())
         if former is not None:
@@ -233,9 +219,8 @@ class Paths:
         task.add_done_callback(self._closing.discard)
 
 
-class _Open:
-    def __init__(self, peer: str, attempt: ice.PathAttempt, found: ice.Found, following: asyncio.Task[None]) -> None:
-        self.peer = peer
-        self.attempt = attempt
-        self.found = found
-        self.following = following
+class _Open(NamedTuple):
+    peer: str
+    attempt: ice.PathAttempt
+    found: ice.Found
+    following: asyncio.Task[None]

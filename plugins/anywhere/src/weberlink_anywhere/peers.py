@@ -25,13 +25,10 @@ class PeerError(ValueError):
 
 @dataclass(frozen=True)
 class Peer:
-    """A known peer.
+    """A known peer: what this user calls it, what it calls itself, and what this host calls itself towards it.
 
     Args:
-        label: what this user calls it.
-        name: what it calls itself.
-        own: what this host calls itself towards it.
-        role: of the peer, "master" or "slave".
+        role: of the peer.
         key: of the pair, `KEY_BYTES`.
         mailbox: address of the mailbox server by which the pair was made; "" for none.
         paired_at: seconds since 1970.
@@ -48,16 +45,11 @@ class Peer:
 
 def default_folder() -> Path:
     """`$XDG_DATA_HOME/weberlink/peers`, by default in `~/.local/share`."""
-    data = os.environ.get("XDG_DATA_HOME")
-    return Path(data or Path.home() / ".local" / "share") / "weberlink" / "peers"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "weberlink" / "peers"
 
 
 class PeerStore:
-    """The known peers in one folder, of mode 0700.
-
-    Args:
-        folder: `default_folder()` if None.
-    """
+    """The known peers in one folder, of mode 0700; None for `default_folder()`."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = default_folder() if folder is None else folder

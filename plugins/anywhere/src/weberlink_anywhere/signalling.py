@@ -19,15 +19,21 @@ class Description:
     password: str
     candidates: tuple[str, ...]
 
+    def has(self, *kinds: str) -> bool:
+        """Whether there is a candidate of one of these types."""
+        return any(f"typ {kind}" in line for line in self.candidates for kind in kinds)
+
+    @property
+    def reaches_server(self) -> bool:
+        """Whether a server answered this end by UDP."""
+        return self.has("srflx", "relay")
+
 
 @dataclass(frozen=True)
 class Offer:
-    """A master calls.
+    """A master calls, by a random `attempt`; with one description for each of several paths.
 
-    Args:
-        attempt: of this call, random; another call has another one.
-        paths: one for each of `link.finder.paths`.
-        take_over: whether to replace a master that the slave serves.
+    With `take_over`, it replaces a master that the slave serves.
     """
 
     attempt: bytes
@@ -44,11 +50,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Busy:
-    """A slave serves another master.
-
-    Args:
-        serves: its name.
-    """
+    """A slave serves another master, of this name."""
 
     serves: str
 

@@ -30,7 +30,6 @@ class OwnSocket(asyncio.DatagramTransport):
 
     Args:
         bound: does not block.
-        protocol: gets what arrives.
         remote: the only address to talk to; None for all. The socket itself is not connected, so that whoever takes it
             over may still choose.
         interface: by which it goes out, "" if unknown.
@@ -48,11 +47,7 @@ class OwnSocket(asyncio.DatagramTransport):
         interface: str,
     ) -> None:
         super().__init__({"socket": bound, "sockname": bound.getsockname(), "peername": remote})
-        self.socket = bound
-        self.protocol = protocol
-        self.remote = remote
-        self.interface = interface
-        self._loop = loop
+        self.socket, self.protocol, self.remote, self.interface, self._loop = bound, protocol, remote, interface, loop
         self._is_closing = False
         self.held: Callable[[], None] = lambda: None
         self._may_hold = True
@@ -91,8 +86,7 @@ class OwnSocket(asyncio.DatagramTransport):
             self.socket.close()
             self._loop.call_soon(self.protocol.connection_lost, None)
 
-    def abort(self) -> None:
-        self.close()
+    abort = close
 
     def _stop_reading(self) -> None:
         self._loop.remove_reader(self.socket)
@@ -142,15 +136,10 @@ class Binding:
         addresses: interface by own address; other own addresses are not used.
         bound: interfaces to which sockets are bound, so that the routing table cannot send them out by another one.
         dscp: class of service (RFC 2474), 0 to 63.
-
-    Attributes:
-        sockets: all that were made.
     """
 
     def __init__(self, addresses: dict[str, str], bound: frozenset[str], dscp: int) -> None:
-        self.addresses = addresses
-        self.bound = bound
-        self._dscp = dscp
+        self.addresses, self.bound, self._dscp = addresses, bound, dscp
         self.sockets: list[OwnSocket] = []
 
     def open(self, family: int, local: Address | None, remote: Address | None) -> tuple[socket.socket, str]:
@@ -161,10 +150,9 @@ class Binding:
         """
         made = socket.socket(family, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
-            if family == socket.AF_INET6:
-                made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, self._dscp << 2)
-            else:
-                made.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, self._dscp << 2)
+            is_ipv6 = family == socket.AF_INET6
+            option = (socket.IPPROTO_IPV6, socket.IPV6_TCLASS) if is_ipv6 else (socket.IPPROTO_IP, socket.IP_TOS)
+            made.setsockopt(*option, self._dscp << 2)
             if local is None:
                 assert remote is not None
                 local = self._way_to(family, remote), 0

@@ -6,6 +6,8 @@ from contextlib import suppress
 from time import monotonic
 from typing import NamedTuple
 
+from aioice import stun
+
 from weberlink.protocol.events import Address
 from weberlink_anywhere.nat import Nat, Question, Reply, examine
 
@@ -20,13 +22,7 @@ _CHANGE_ADDRESS, _CHANGE_PORT = 0x4, 0x2
 
 
 class WayOut(NamedTuple):
-    """What the servers told.
-
-    Args:
-        nat: None if no server answered by UDP.
-        unresolved: names without an address.
-        by_tcp: servers, as given, that take TCP connections; asked only if none answered by UDP.
-    """
+    """What the servers told; `nat` is None if none answered by UDP, then `by_tcp` are those that take connections."""
 
     nat: Nat | None
     unresolved: tuple[str, ...] = ()
@@ -34,11 +30,7 @@ class WayOut(NamedTuple):
 
 
 def find_way_out(servers: Sequence[Address]) -> WayOut:
-    """Ask the servers, one question after the other; takes up to some seconds where answers do not come.
-
-    Args:
-        servers: host and port of each.
-    """
+    """Ask the servers, one question after the other; takes up to some seconds where answers do not come."""
     numeric: list[Address] = []
     unresolved = []
     for host, port in dict.fromkeys(servers):
@@ -79,8 +71,6 @@ def _own_address(server: Address) -> str:
 
 
 def _ask(bound: socket.socket, question: Question, pauses: Sequence[float]) -> Reply | None:
-    from aioice import stun  # noqa: PLC0415 - of the extra `anywhere`
-
     flags = question.from_other_address * _CHANGE_ADDRESS | question.from_other_port * _CHANGE_PORT
     request = stun.Message(
         stun.Method.BINDING, stun.Class.REQUEST, attributes={"CHANGE-REQUEST": flags} if flags else None

@@ -15,15 +15,15 @@ below pi/2 of that, and does not oscillate below 1/e of it. More `push` or less 
 from math import e, hypot
 from typing import NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from weberlink.geometry.cube import check_home
+from weberlink.geometry.cube import check_home, cube
 from weberlink.geometry.rotation import IDENTITY, Quaternion, product, quaternion, unit_quaternion
-from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.hardware.fault import HardwareFault
+from weberlink.geometry.vector import ZERO, Vector, scale
 from weberlink.hardware.worker import Exchange, Worker
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
-from weberlink.master.devices.threaded_device import STALE_S, SessionExchange
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.devices.force_device import PortOptions
+from weberlink.master.devices.threaded_device import STALE_S, WorkedDevice
 
 PERIOD_S = 0.001
 """Least time between two looks at the device [s]."""
@@ -38,13 +38,9 @@ LONGEST_STEP, LONGEST_TICKS = 0.01, 3
 jump."""
 
 
-class RateOptions(BaseModel):
+class RateOptions(PortOptions):
     """Options of every rate-controlled device."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    port: str | None = Field(default=None, description="path of the device; the only one plugged in if not given")
-    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
     speed_m_s: float = Field(default=0.08, gt=0.0, le=1.0, description="at full deflection in free space; the limit")
     push_n: float = Field(default=3.0, gt=0.0, le=1e3, description="force that a full deflection holds against a wall")
     dead_zone: float = Field(default=0.1, ge=0.0, lt=1.0, description="share of the deflection that is ignored")
@@ -79,16 +75,11 @@ def beyond_dead_zone(deflection: Vector, dead_zone: float) -> Vector:
 
 
 class RateControl:
-    """The commanded position, which follows the law of this module and stays within the workspace.
-
-    Args:
-        options: speed, push, dead zone, workspace and home.
-    """
+    """The commanded position [m], which follows the law of this module and stays within the workspace."""
 
     def __init__(self, options: RateOptions) -> None:
         self._options = options
         self.position = options.home_m
-        """[m]"""
 
     def advance(self, deflection: Vector, force: Vector, step: float) -> Vector:
         """Move on by `step` [s] under the force on the hand [N]; gives the position."""
@@ -97,28 +88,24 @@ class RateControl:
         d = beyond_dead_zone(deflection, options.dead_zone)
         x, y, z = d[0] + force[0] / push, d[1] + force[1] / push, d[2] + force[2] / push
         way = speed * step / max(1.0, hypot(x, y, z))
-        at = self.position
-        self.position = (
-            min(max(at[0] + way * x, -edge), edge),
-            min(max(at[1] + way * y, -edge), edge),
-            min(max(at[2] + way * z, -edge), edge),
-        )
+        x, y, z = (min(max(at + way * share, -edge), edge) for at, share in zip(self.position, (x, y, z), strict=True))
+        self.position = (x, y, z)
         return self.position
 
 
-class RateDevice:
-    """A `Device` whose deflection moves a position; times are of `time.monotonic` [s].
+class RateDevice(WorkedDevice[Vector, Deflection]):
+    """A device whose deflection moves a position.
 
-    The exchange takes the force on the hand [N], for a device that can show it somehow, and gives a `Deflection`.
+    The exchange takes the force on the hand [N], for a device that can show it somehow; each is of at most `WAIT_S` or
+    so.
 
     Args:
         name: of the driver.
         options: of the driver.
-        exchange: with the device, each of at most about `WAIT_S`.
+        exchange: with the device.
         tick_period: [s].
         buttons: number of buttons.
         spin: rate of turning at full deflection [rad/s]; None for a device without orientation.
-        note: what a person should know before a run.
     """
 
     def __init__(
@@ -130,26 +117,21 @@ class RateDevice:
         *,
         buttons: int,
         spin: float | None = None,
-        note: str = "",
     ) -> None:
-        edge = options.workspace_m
-        self.spec = DeviceSpec(
+        spec = DeviceSpec(
             name=name,
             axes="xyz",
             force_n=0.0,
             stiffness_n_m=options.push_n / options.speed_m_s / (e * max(LOOP_S, tick_period)),
-            workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
+            workspace_m=cube(options.workspace_m),
             rate_hz=1.0 / tick_period,
             force_feedback=False,
             buttons=buttons,
             orientation=spin is not None,
             watchdog_s=0.0,
-            note=note,
             push_n=options.push_n,
         )
-        self._options = options
-        self._exchange = exchange
-        self._worker = Worker(
+        worker = Worker(
             exchange,
             rest=ZERO,
             period=PERIOD_S,
@@ -158,71 +140,46 @@ class RateDevice:
             bad_replies=1,
             reconnect=options.reconnect_s,
         )
+        super().__init__(spec, exchange, worker)
+        self._options = options
         self._longest_step = max(LONGEST_STEP, LONGEST_TICKS * tick_period)
         self._spin = spin
-        self._control = RateControl(options)
-        self._orientation: Quaternion = IDENTITY
-        self._felt = ZERO
-        self._reading: DeviceReading | None = None
-        self._asked_at = 0.0
+        self._begin(0.0, 0)
 
-    @property
-    def trouble(self) -> str | None:
-        return self._worker.trouble
+    def _begin(self, now: float, buttons: int) -> None:
+        self._control = RateControl(self._options)
+        self._orientation: Quaternion = IDENTITY
+        self._felt, self._asked_at = ZERO, now
+        self._reading = self._reading_at(now, buttons)
 
     def open(self, now: float) -> None:
-        self.close()
-        if isinstance(self._exchange, SessionExchange):
-            self._exchange.start_afresh()
-        try:
-            self._worker.start()
-        except HardwareFault as fault:
-            raise self._fault(str(fault)) from None
-        self._control = RateControl(self._options)
-        self._orientation = IDENTITY
-        buttons = self._worker.newest[0].buttons
-        self._reading, self._asked_at = self._reading_at(now, buttons), now
+        super().open(now)
+        self._begin(now, self._worker.newest[0].buttons)
 
     def latest(self, now: float) -> DeviceReading:
-        reading = self._reading
-        if reading is None:
-            raise self._fault("not open")
-        self._worker.check(self._fault)
-        if now <= self._asked_at:
-            return reading
-        self._asked_at = now
-        deflection, seen_at = self._worker.newest
-        until = min(now, seen_at + LIVE_S)
-        if until > reading.at:
-            self._advance(deflection, min(until - reading.at, self._longest_step))
-            self._reading = reading = self._reading_at(until, deflection.buttons)
-        return reading
+        self._check()
+        if now > self._asked_at:
+            self._asked_at = now
+            deflection, seen_at = self._worker.newest
+            until, at = min(now, seen_at + LIVE_S), self._reading.at
+            if until > at:
+                self._advance(deflection, min(until - at, self._longest_step))
+                self._reading = self._reading_at(until, deflection.buttons)
+        return self._reading
 
     def command(self, force: Vector, now: float) -> None:
-        if not is_finite(force):
-            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
-        if self._reading is not None:
+        self._check_finite(force, "force")
+        if self._is_open:
             self._felt = force
             self._worker.command(force, now)
 
-    def close(self) -> None:
-        self._reading = None
-        self._felt = ZERO
-        self._worker.stop()
-
     def _advance(self, deflection: Deflection, step: float) -> None:
         self._control.advance(deflection.move, self._felt, step)
-        if self._spin is not None:
-            turn = beyond_dead_zone(deflection.turn, self._options.dead_zone)
-            if turn != ZERO:
-                angle = self._spin * step
-                turned = product(quaternion((angle * turn[0], angle * turn[1], angle * turn[2])), self._orientation)
-                self._orientation = unit_quaternion(turned) or IDENTITY
+        turn = beyond_dead_zone(deflection.turn, self._options.dead_zone)
+        if self._spin is not None and turn != ZERO:
+            turned = product(quaternion(scale(turn, self._spin * step)), self._orientation)
+            self._orientation = unit_quaternion(turned) or IDENTITY
 
     def _reading_at(self, at: float, buttons: int) -> DeviceReading:
         orientation = None if self._spin is None else self._orientation
         return DeviceReading(at, self._control.position, False, orientation, buttons)
-
-    def _fault(self, why: str) -> DeviceFault:
-        name = f"{self.spec.name}: "
-        return DeviceFault(name + why.removeprefix(name))

@@ -1,6 +1,5 @@
 """Who deflects an emulated rate-controlled device: a slow swing about the middle, or what somebody has asked for."""
 
-from collections import deque
 from collections.abc import Mapping
 from math import cos, pi
 from typing import ClassVar
@@ -8,7 +7,7 @@ from typing import ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import FaultyDevice
 
 FAULTS: Mapping[str, str] = {
     "x": "push it toward the operator, in percent of a full deflection, and hold it; negative: away",
@@ -31,18 +30,14 @@ class ThumbOptions(BaseModel):
     serial_number: str = Field(default="", description="by which two alike can be told apart")
 
 
-class ThumbDriven:
-    """The common part of the emulators: deflection, buttons and faults.
-
-    Args:
-        options: of the emulator.
-        most_buttons: number of bits that `buttons` may have.
-    """
+class DeflectionEmulator(FaultyDevice):
+    """The common part of the emulators: deflection, a number of buttons, and faults."""
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
 
-    def __init__(self, options: ThumbOptions, most_buttons: int) -> None:
-        self.faults = WireFaults()
+    def __init__(self, options: ThumbOptions, buttons: int) -> None:
+        super().__init__()
+        self.fault_values = dict.fromkeys(AXES, 100.0) | {"buttons": range(1 << buttons)}
         self.deflection = ZERO
         """In the frame of the drivers: toward the operator, to the right, up."""
         self.buttons = 0
@@ -51,45 +46,27 @@ class ThumbDriven:
         self.sent = 0
         """Messages to the host."""
         self._options = options
-        self._most = (1 << most_buttons) - 1
         self._held: Vector | None = None
         self._began: float | None = None
-        self._injected: deque[tuple[str, float]] = deque()
-
-    def inject(self, name: str, value: float = 1.0) -> None:
-        """Do one of `OWN_FAULTS` at the next `advance`; from any thread.
-
-        Raises:
-            ValueError: there is none of that name, or not with that value.
-        """
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        if name in AXES and not abs(value) <= 100.0:
-            raise ValueError(f"{name}: expected a percentage within +-100, got {value:g}")
-        if name == "buttons" and value not in range(self._most + 1):
-            raise ValueError(f"buttons: expected a whole number from 0 to {self._most}, got {value:g}")
-        self._injected.append((name, value))
 
     def advance(self, now: float) -> None:
         """Move the thumb on to `now` [s]."""
-        while self._injected:
-            self._suffer(*self._injected.popleft())
+        self.take_faults()
         if self._began is None:
             self._began = now
         self.deflection = self._swing(now - self._began) if self._held is None else self._held
 
-    def _suffer(self, name: str, value: float) -> None:
-        if name == "buttons":
-            self.buttons = int(value)
-        elif name == "swing":
-            self._held = None
-        else:
-            held = list(self._held or ZERO)
-            if name == "release":
-                held = [0.0, 0.0, 0.0]
-            else:
-                held[AXES.index(name)] = value / 100.0
-            self._held = (held[0], held[1], held[2])
+    def apply_fault(self, name: str, value: float) -> None:
+        match name:
+            case "buttons":
+                self.buttons = int(value)
+            case "swing":
+                self._held = None
+            case "release":
+                self._held = ZERO
+            case axis:
+                held = dict(zip(AXES, self._held or ZERO, strict=True)) | {axis: value / 100.0}
+                self._held = (held["x"], held["y"], held["z"])
 
     def _swing(self, time: float) -> Vector:
         x, y, z = self._options.amplitude

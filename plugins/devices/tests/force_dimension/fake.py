@@ -1,16 +1,9 @@
 """The stand-in for the maker's library: compiled once, and its devices as the tests see and change them."""
 
-import atexit
-import shutil
-import subprocess
-from collections.abc import Sequence
 from ctypes import CDLL, c_bool, c_char_p, c_double, c_int, c_long
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
-import pytest
-
+from plugins.devices.tests.compiler import compiled
 from weberlink.geometry.vector import Vector
 
 SOURCE = Path(__file__).with_name("libdhd.c")
@@ -18,24 +11,8 @@ STATE = "FAKE_DHD"
 """Environment variable with the file of the devices, for other processes."""
 
 
-@cache
 def library() -> Path:
-    """The compiled file; skips the test where there is no C compiler."""
-    folder = Path(mkdtemp(prefix="weberlink-dhd-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return compiled(folder / "libdhd.so.3.17")
-
-
-def compiled(path: Path, stubs: Sequence[str] = ()) -> Path:
-    """Compile the stand-in, with further calls that only fail."""
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no C compiler here")
-    more = path.with_name("stubs.c")
-    more.write_text("".join(f"int {name}(void) {{ return -1; }}\n" for name in stubs))
-    command = [compiler, "-std=c11", "-O1", "-Wall", "-Werror", "-shared", "-fPIC", "-o", path, SOURCE, more, "-lm"]
-    subprocess.run(command, check=True, timeout=60)
-    return path
+    return compiled(SOURCE, "libdhd.so.3.17")
 
 
 class FakeDevice:

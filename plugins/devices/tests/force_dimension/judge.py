@@ -7,7 +7,7 @@ calls or constants differ from the bindings'.
 from forcedimension_core import constants, runtime
 
 from weberlink_devices.force_dimension import library
-from weberlink_devices.force_dimension.models import MODELS
+from weberlink_devices.force_dimension.options import MODELS
 
 
 def kind(type_: object) -> str:

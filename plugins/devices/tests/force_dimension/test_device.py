@@ -13,7 +13,7 @@ from weberlink.geometry.vector import Vector, norm
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.testing.devices import armed
 from weberlink.testing.driving import drive, fault_of, refusal
-from weberlink_devices.force_dimension.library import DhdLibrary, find
+from weberlink_devices.force_dimension.library import Library, find
 
 TICK = 0.001
 PUSH: Vector = (0.0, 2.0, 0.0)
@@ -55,9 +55,9 @@ def test_device_keeps_the_time_limit_and_expert_mode_ends(devices: Devices, make
     assert device.spec.watchdog_s == 0.01
     device.open(monotonic())
     assert handle["watchdog"] == 80
-    library = DhdLibrary(str(devices.library))
-    assert library.tell("dhdSetWatchdog", 255, 0) < 0
-    assert library.words("dhdErrorGetLastStr") == "expert mode disabled"
+    library = Library(str(devices.library))
+    assert library.call("dhdSetWatchdog", 255, 0) < 0
+    assert library.text("dhdErrorGetLastStr") == "expert mode disabled"
     assert handle["gravity"] == 1
 
 

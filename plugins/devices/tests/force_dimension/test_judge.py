@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from plugins.devices.tests.compiler import compiled
 from plugins.devices.tests.force_dimension import judge_name
-from plugins.devices.tests.force_dimension.fake import compiled
+from plugins.devices.tests.force_dimension.fake import SOURCE
 from tests.program import ROOT
 from weberlink_devices.force_dimension.library import find
 
@@ -29,8 +30,10 @@ def sdk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert BINDINGS.origin is not None
     sources = "".join(path.read_text(encoding="utf-8") for path in Path(BINDINGS.origin).parent.rglob("*.py"))
     named = set(re.findall(r"_libd[hr]d\.(d[hr]d\w+)", sources))
-    own = set(re.findall(r"\b(dhd\w+)\(", Path(__file__).with_name("libdhd.c").read_text(encoding="utf-8")))
-    compiled(place / "libdrd.so.3.17", sorted(named - own))
+    own = set(re.findall(r"\b(dhd\w+)\(", SOURCE.read_text(encoding="utf-8")))
+    stubs = "".join(f"int {name}(void) {{ return -1; }}\n" for name in sorted(named - own))
+    (folder / "all.c").write_text(f'#include "{SOURCE}"\n{stubs}')
+    compiled(folder / "all.c", "libdrd.so.3.17", place)
     return folder
 
 

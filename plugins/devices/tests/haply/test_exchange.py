@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from math import pi
+from pathlib import Path
 from struct import unpack
 from time import sleep
 
@@ -11,16 +12,10 @@ import pytest
 
 from plugins.devices.tests.haply.far_end import BOARD, ZERO, Far, answer, at, counts
 from weberlink.geometry.vector import Vector
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink_devices.haply.board import RESET, Pair
-from weberlink_devices.haply.exchange import (
-    FASTEST,
-    STUCK_TRAVEL,
-    AngleValidator,
-    Forgotten,
-    HaplyExchange,
-    HaplyLine,
-)
+from weberlink_devices.haply.exchange import FASTEST, STUCK_TRAVEL, AngleValidator, Forgotten, HaplyExchange, HaplyLine
 from weberlink_devices.haply.linkage import VERSIONS, HaplyFrame, radians
 from weberlink_devices.haply.options import HaplyOptions
 
@@ -30,15 +25,19 @@ PATIENT = HaplyOptions(reply_ms=100.0)
 
 
 @pytest.fixture
-def far() -> Iterator[Far]:
-    there = Far()
-    yield there
-    there.stop()
+def far() -> Far:
+    return Far()
 
 
 @pytest.fixture
-def exchange(far: Far) -> Iterator[HaplyExchange]:
-    made = HaplyExchange(lambda: far.path, V3, PATIENT)
+def path(far: Far, tmp_path: Path) -> Iterator[str]:
+    with PtyDevice(far, tmp_path / "port") as wire:
+        yield str(wire.path)
+
+
+@pytest.fixture
+def exchange(far: Far, path: str) -> Iterator[HaplyExchange]:
+    made = HaplyExchange(lambda: path, V3, PATIENT)
     yield made
     far.rest = lambda: far.say(HOME)
     made.close()
@@ -84,11 +83,11 @@ def test_limited_torque_keeps_the_force_direction(far: Far, exchange: HaplyExcha
     assert (first, second) == pytest.approx([share * torque for torque in wanted], rel=2e-3)
 
 
-def test_a_singular_posture_gets_no_torque(far: Far) -> None:
+def test_a_singular_posture_gets_no_torque(far: Far, path: str) -> None:
     """Motors on one axis, and the arms nearly one over the other: a force could need any torque."""
     v2 = VERSIONS["v2"]
     board = replace(v2.board, home_deg=(90.2, 89.8), whole_counts=False)
-    exchange = HaplyExchange(lambda: far.path, replace(v2, board=board), PATIENT)
+    exchange = HaplyExchange(lambda: path, replace(v2, board=board), PATIENT)
     reply = bytes((board.id,)) + at(90.2, 89.8)[1:]
     far.rest = lambda: far.say(reply)
     exchange.open()
@@ -102,8 +101,8 @@ LONG_S = 10.0
 
 
 @pytest.fixture
-def line(far: Far) -> Iterator[HaplyLine]:
-    opened = HaplyLine(far.path, BOARD)
+def line(path: str) -> Iterator[HaplyLine]:
+    opened = HaplyLine(path, BOARD)
     yield opened
     opened.close()
 

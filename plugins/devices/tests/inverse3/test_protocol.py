@@ -4,20 +4,13 @@ import json
 from collections.abc import Callable
 from copy import deepcopy
 from math import cos, pi, sin
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plugins.devices.tests.inverse3.published import (
-    FORCE_UP,
-    FORMER_FORCE_UP,
-    GRIP,
-    INVENTORY,
-    PRESET,
-    STATUS,
-)
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.hardware.fault import HardwareFault
@@ -35,6 +28,8 @@ from weberlink_devices.inverse3.protocol import (
     theirs,
 )
 
+PUBLISHED: dict[str, Any] = json.loads(Path(__file__).with_name("published.json").read_text(encoding="utf-8"))
+INVENTORY, STATUS, PRESET, GRIP = (PUBLISHED[name] for name in ("inventory", "status", "preset", "grip"))
 numbers = st.floats(-1e3, 1e3)
 vectors = st.tuples(numbers, numbers, numbers)
 documents = st.recursive(
@@ -54,9 +49,9 @@ def test_published_inventory_is_read() -> None:
     assert state_of(part, "049D", "none").position == (0.1, 0.0, 0.0), "what is left out is its identity"
 
 
-@pytest.mark.parametrize(("key", "message"), [("vector", FORCE_UP), ("values", FORMER_FORCE_UP)])
-def test_force_command_is_the_published_one(key: ForceKey, message: dict[str, Any]) -> None:
-    assert json.loads(CommandWriter("049D", key).force(theirs((0.0, 0.0, 1.5)))) == message
+@pytest.mark.parametrize(("key", "message"), [("vector", "force_up"), ("values", "former_force_up")])
+def test_force_command_is_the_published_one(key: ForceKey, message: str) -> None:
+    assert json.loads(CommandWriter("049D", key).force(theirs((0.0, 0.0, 1.5)))) == PUBLISHED[message]
 
 
 def test_first_message_names_the_session_once() -> None:

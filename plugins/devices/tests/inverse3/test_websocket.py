@@ -19,12 +19,17 @@ from weberlink_devices.inverse3.websocket_device import WebSocketDevice
 from weberlink_devices.inverse3.websocket_port import WebSocketPort, text_frame
 
 
-class EchoSession:
-    """Says hello, then sends back what it hears, in upper case."""
+class Echo:
+    """A service and its only session: says hello, then sends back what it hears, in upper case."""
 
-    def __init__(self, service: "Echo") -> None:
-        self._service = service
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self.left = 0
+        self.drops = False
+
+    def join(self, now: float) -> "Echo":
         self._waiting = [b"hello"]
+        return self
 
     def receive(self, text: bytes, now: float) -> None:
         self._waiting.append(text.upper())
@@ -33,26 +38,13 @@ class EchoSession:
         waiting, self._waiting = self._waiting, []
         return waiting
 
-    def next_timer(self) -> float | None:
-        return None
-
-    def leave(self) -> None:
-        self._service.left += 1
-
-
-class Echo:
-    def __init__(self) -> None:
-        self.faults = WireFaults()
-        self.left = 0
-        self.drops = False
-
-    def join(self, now: float) -> EchoSession:
-        return EchoSession(self)
-
     def advance(self, now: float) -> None: ...
 
     def next_timer(self) -> float | None:
         return None
+
+    def leave(self) -> None:
+        self.left += 1
 
     def get(self, path: str) -> str | None:
         return '{"version": 1}' if path == "/version" else None

@@ -5,30 +5,18 @@ import os
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import pytest
-
-pytest.importorskip("evdev")
 import evdev
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN
-from weberlink_devices.gamepad.device import (
-    EV_FF,
-    FF_RUMBLE,
-    KEYS,
-    RENEW_S,
-    RUMBLE_S,
-    SYN_DROPPED,
-    GamepadExchange,
-    GamepadOptions,
-    Rumble,
-)
+from weberlink_devices.gamepad.device import KEYS, RENEW_S, RUMBLE_S, GamepadExchange, GamepadOptions, Rumble, codes
 
 ABS_X, ABS_Y, ABS_Z, ABS_RX, ABS_RY, ABS_RZ = range(6)
+EV_ABS, EV_KEY, EV_SYN, EV_FF = codes.EV_ABS, codes.EV_KEY, codes.EV_SYN, codes.EV_FF
 
 
 class Range(NamedTuple):
@@ -68,7 +56,7 @@ class Pad:
             self.axes[code] = self.axes[code]._replace(value=value)
         self.queue.append((kind, code, value))
         if len(self.queue) == self.SIZE:
-            self.queue = [(EV_SYN, SYN_DROPPED, 0), self.queue[-1]]
+            self.queue = [(EV_SYN, codes.SYN_DROPPED, 0), self.queue[-1]]
             self.readable = 0
         if kind == EV_SYN:
             self.readable = len(self.queue)
@@ -91,7 +79,7 @@ class Pad:
 
     def capabilities(self) -> dict[int, Any]:
         found: dict[int, Any] = {EV_KEY: list(KEYS), EV_ABS: list(self.axes.items())}
-        return {**found, EV_FF: [FF_RUMBLE]} if self.rumbles else found
+        return {**found, EV_FF: [codes.FF_RUMBLE]} if self.rumbles else found
 
     def absinfo(self, code: int) -> Range:
         return self.axes[code]

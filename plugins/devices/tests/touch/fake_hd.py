@@ -1,15 +1,9 @@
 """The fake libHD of `fake_hd.c`, compiled, and the board of a device that it drives."""
 
-import atexit
 import ctypes
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import c_double, c_int32, c_int64, c_uint64
-from functools import cache
 from math import hypot
 from mmap import mmap
 from pathlib import Path
@@ -17,6 +11,7 @@ from typing import Self
 
 import pytest
 
+from plugins.devices.tests.compiler import compiled
 from weberlink.geometry.vector import ZERO, Vector, norm
 
 SOURCE = Path(__file__).with_name("fake_hd.c")
@@ -84,29 +79,13 @@ class Board(ctypes.Structure):
         return [(1e-9 * self.log[i].at, hypot(*self.log[i].force)) for i in range(self.logged)]
 
 
-@cache
 def library() -> Path:
-    """The compiled library, named libHD.so; skips the test where there is no compiler."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler here")
-    folder = tempfile.mkdtemp(prefix="weberlink-fake-hd-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    path = Path(folder) / "libHD.so"
-    flags = ["-O2", "-Wall", "-Werror", "-shared", "-fPIC"]
-    subprocess.run([compiler, *flags, "-o", path, SOURCE, "-lm", "-lpthread"], check=True)
-    return path
+    return compiled(SOURCE, "libHD.so")
 
 
 @contextmanager
 def plugged(folder: Path, *names: str) -> Iterator[tuple[Board, ...]]:
     """Devices with these names, which programs started meanwhile find."""
-    before = os.environ.get(FOLDER)
-    os.environ[FOLDER] = str(folder)
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER, str(folder))
         yield tuple(Board.made(folder / name) for name in names or (DEFAULT,))
-    finally:
-        if before is None:
-            del os.environ[FOLDER]
-        else:
-            os.environ[FOLDER] = before

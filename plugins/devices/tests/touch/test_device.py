@@ -4,7 +4,7 @@ import os
 import re
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
@@ -30,7 +30,7 @@ from weberlink_devices.touch.device import pose
 from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, ServoMemory
 from weberlink_devices.touch.hdapi import HdError
 from weberlink_devices.touch.process import ServoProcess
-from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoArguments, ServoLoop
+from weberlink_devices.touch.servo import ERRORS_MOST, LONGEST_S, ServoLoop, ServoOrder
 
 TICK = 0.001
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -39,11 +39,9 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 @contextmanager
 def opened(**options: Any) -> Iterator[Any]:
     touch: Any = armed("touch", **{"library": str(library()), "calibration_s": 0.2, **options})
-    try:
+    with closing(touch):
         touch.open(monotonic())
         yield touch
-    finally:
-        touch.close()
 
 
 @pytest.fixture
@@ -127,7 +125,7 @@ def test_force_that_a_dead_servo_process_left_is_taken_off_or_told(board: Board,
         drive(touch, lambda: board.displayed > 1.9, (0.0, 0.0, 2.0))
         board.jams = jams
         os.kill(touch.servo_pid, signal.SIGKILL)
-        assert fault_of(touch, (0.0, 0.0, 2.0)) == "touch: its servo process ended by SIGKILL"
+        assert fault_of(touch, (0.0, 0.0, 2.0)) == "touch: its servo process was killed by SIGKILL"
         touch.close()
         assert board.displayed == pytest.approx(2.0 * jams, rel=0.05)
         assert ("died with a force on the hand: switch the device off" in str(touch.trouble)) == bool(jams)
@@ -159,24 +157,20 @@ class Library:
         self.ended = 0
         self.broken = broken
 
-    def hdBeginFrame(self, handle: int) -> None: ...  # noqa: N802 - the library's name
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self, f"_{name}") if name in ("hdGetDoublev", "hdSetDoublev", "hdEndFrame") else self._other
 
-    def hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+    def _other(self, *_: object) -> Any:
+        return HdError(0, 0)
+
+    def _hdGetDoublev(self, name: int, values: Any) -> None:  # noqa: N802 - the library's name
         if self.broken:
             raise ArithmeticError("lost")
 
-    def hdGetIntegerv(self, name: int, values: Any) -> None: ...  # noqa: N802
-
-    def hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
+    def _hdSetDoublev(self, name: int, values: Any) -> None:  # noqa: N802
         self.force = list(values)
 
-    def hdCheckCalibration(self) -> int:  # noqa: N802
-        return 0
-
-    def hdGetError(self) -> HdError:  # noqa: N802
-        return HdError(0, 0)
-
-    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
+    def _hdEndFrame(self, handle: int) -> None:  # noqa: N802
         self.ended += 1
 
 
@@ -213,7 +207,7 @@ def test_error_in_the_callback_sends_zero_and_goes_on() -> None:
 
 
 def test_servo_imports_nothing_from_the_working_directory(executed: Path) -> None:  # noqa: F811 - the fixture
-    arguments = ServoArguments("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
+    arguments = ServoOrder("libnowhere.so", None, force=False, stale_s=0.01, ramp_s=0.1, calibration_s=1.0)
     process = ServoProcess(arguments)
     with pytest.raises(HardwareFault, match=r"libnowhere\.so"):
         process.start()

@@ -212,7 +212,7 @@ def experiment(
     seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed of the order of the trials.")] = None,
     simulate: Annotated[bool, typer.Option("--simulate", help="Let a program rate, in virtual time.")] = False,
     record: Annotated[
-        bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
+        bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (weberlink-recording).")
     ] = True,
     set_: Set = None,
 ) -> None:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
@@ -12,12 +12,9 @@ from typing import Any
 
 from weberlink.apps.monitor.viewer import Viewer, put_all
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.system.configuration import ConfigurationError
-from weberlink.system.configuration.extras import need
-from weberlink.system.recorder import FINISH_LIMIT_S, Recorder, facts_of
+from weberlink.system.recorder import FINISH_LIMIT_S, facts_of
 from weberlink.system.wording import INFO, WARN, Words
-from weberlink.telemetry.message import COMPLETE
-from weberlink.telemetry.recording.marks import shortened
+from weberlink.telemetry.recorders import COMPLETE, RECORDERS, Recorder, format_of
 from weberlink.watching.control import Answer, refusal
 from weberlink.watching.session import WatchedSession
 
@@ -25,8 +22,6 @@ FOLDER = Path("recordings")
 """Where recordings go if nothing else is said."""
 LONGEST_NAME = 80
 TELL_S = 1.0
-NEEDS = ("mcap", "zstandard")
-"""Packages of the extra `recording`."""
 OFF = {"state": "off", "path": None, "bytes": 0, "seconds": 0.0, "marks": 0, "why": None}
 
 
@@ -81,16 +76,12 @@ class RecordingService:
         watch: its sessions and pages.
         folder: for the files; created on first use.
         tell: called with lines for the user.
-        needs: packages without which nothing can be recorded.
     """
 
-    def __init__(
-        self, watch: SessionWatcher, folder: Path, tell: Callable[[str], None], needs: Sequence[str] = NEEDS
-    ) -> None:
+    def __init__(self, watch: SessionWatcher, folder: Path, tell: Callable[[str], None]) -> None:
         self._watch = watch
         self._folder = folder.absolute()
         self._tell = tell
-        self._needs = needs
         self._recordings: dict[str, _Recording] = {}
         """The newest recording of each session."""
         self._failures: dict[str, str] = {}
@@ -151,8 +142,7 @@ class RecordingService:
             recording.recorder.stop()
             recording.kill_at = monotonic() + FINISH_LIMIT_S
         else:
-            text = shortened(request.get("text") or "")
-            recording.recorder.mark(text)
+            text = recording.recorder.mark(request.get("text") or "")
             recording.marks += 1
             session.log.note(monotonic(), None, Words(INFO, f"mark: {text}"))
             self._publish(session.name)
@@ -163,9 +153,8 @@ class RecordingService:
         if session.ended or "system" not in session.description:
             return "only a running session of this host can be recorded"
         try:
-            for package in self._needs:
-                need(package, "recording", "recording")
-        except ConfigurationError as error:
+            format_of(self._folder, "recording")
+        except ValueError as error:
             return str(error)
         return None
 
@@ -174,7 +163,7 @@ class RecordingService:
         if earlier is not None and earlier.state == "on":
             return refusal(f"the session is being recorded already, to {earlier.path}")
         try:
-            path = self._free_path(file_name(name, session.name))
+            path = self._free_path(file_name(name, session.name), next(iter(RECORDERS)))
         except OSError as error:
             why = f"{self._folder}: cannot be written: {error.strerror}"
             self._failures[session.name] = why
@@ -184,13 +173,13 @@ class RecordingService:
         self._failures.pop(session.name, None)
         rings = {side: str(source.ring) for side, source in session.sources.items()}
         began = monotonic()
-        recorder = Recorder(facts_of(session.description), rings, path, since=began)
+        recorder = format_of(path, "recording").start(facts_of(session.description), rings, path, since=began)
         self._recordings[session.name] = _Recording(recorder, path, began)
         session.log.note(began, None, Words(INFO, f"recording begins: {path.name}"))
         self._publish(session.name)
         return {"accepted": True, "path": str(path)}
 
-    def _free_path(self, name: str) -> Path:
+    def _free_path(self, name: str, suffix: str) -> Path:
         """A path that does not exist yet, in the folder, which is made if it does not exist.
 
         Raises:
@@ -200,7 +189,7 @@ class RecordingService:
         if not os.access(self._folder, os.W_OK | os.X_OK):
             raise PermissionError(13, "Permission denied")
         taken = {recording.path for recording in self._recordings.values()}
-        names = (f"{name}{f'-{number}' if number > 1 else ''}.mcap" for number in count(1))
+        names = (f"{name}{f'-{number}' if number > 1 else ''}.{suffix}" for number in count(1))
         paths = (self._folder / each for each in names)
         return next(path for path in paths if path not in taken and not os.path.lexists(path))
 

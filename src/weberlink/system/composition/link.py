@@ -14,10 +14,8 @@ from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
-from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import check_contract, fault_of
-from weberlink.system.composition.account import account
-from weberlink.system.composition.channels import force_deadband, longest_round_trip, signal_delay
+from weberlink.system.composition.channels import account, force_deadband, longest_round_trip, signal_delay
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, System
 from weberlink.system.configuration.model import DirectionFaults
 from weberlink.system.finders import finder_of
@@ -94,6 +92,7 @@ def build_security(configuration: Configuration) -> Security:
         return Checksum()
     from weberlink.protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
     from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
+    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
     forbid_core_dumps()
     if link.key_file is None:  # security: session before the run, or both sides in virtual time

@@ -4,10 +4,14 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny, ValidationError, create_model
-from pydantic_core import InitErrorDetails
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny, create_model
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, Deadband
+from weberlink.slave.scenes.settings import validated
+
+
+class Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class ShapeSettings(BaseModel):
@@ -60,14 +64,7 @@ def _settings(data: Any) -> Any:
     if not (isinstance(data, Mapping) and isinstance(data.get("shape"), str)):
         return data
     shape = DEADBANDS.check_known(data["shape"])
-    try:
-        return settings_of(shape).model_validate(data)
-    except ValidationError as error:
-        details = [
-            InitErrorDetails(type=each["type"], loc=(shape, *each["loc"]), input=each["input"], ctx=each.get("ctx", {}))
-            for each in error.errors(include_url=False)
-        ]
-        raise ValidationError.from_exception_data(error.title, details) from None
+    return validated(shape, settings_of(shape), data)
 
 
 DeadbandSettings = Annotated[SerializeAsAny[ShapeSettings], BeforeValidator(_settings)]

@@ -3,11 +3,11 @@
 The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -30,7 +30,7 @@ from weberlink.protocol.handshake import check_name
 from weberlink.protocol.round_trip import LONGEST as LONGEST_ROUND_TRIP
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
-from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
+from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings, Settings
 from weberlink.system.configuration.errors import one_of
 from weberlink.system.configuration.joints import (
     FollowerLimits,
@@ -38,7 +38,6 @@ from weberlink.system.configuration.joints import (
     JointCodecSettings,
     LeaderLimits,
 )
-from weberlink.system.configuration.settings import Settings
 from weberlink.update import MAX_SELECTOR
 
 
@@ -52,19 +51,24 @@ class PredictorFor:
 
     def __init__(self, suits: Callable[[Predictor], bool], *others: str) -> None:
         self._suits = suits
-        self.built_in = tuple(name for name in PREDICTORS.built_in if suits(PREDICTORS[name]))
-        self._known = (*self.built_in, *others)
+        self._others = others
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(schema) | {"enum": list(self._known)}
+        return handler(schema) | {"enum": self._known()}
 
     def _check(self, name: str) -> str:
-        if name in self._known or (name in PREDICTORS and self._suits(PREDICTORS[name])):
+        if name in self._others or (name in PREDICTORS and self._suits(PREDICTORS[name])):  # imports no other one
             return name
-        raise ValueError(one_of([*self._known, *self._installed()], name))
+        raise ValueError(one_of([*self._known(), *self._installed()], name))
+
+    def built_in(self) -> list[str]:
+        return [name for name in PREDICTORS.built_in if self._suits(PREDICTORS[name])]
+
+    def _known(self) -> list[str]:
+        return [*self.built_in(), *self._others]
 
     def _installed(self) -> Iterator[str]:
         """Suitable predictors of other distributions; none that cannot be imported."""
@@ -121,8 +125,10 @@ JOINT_SCHEMES = ("none", "bounded")
 class PredictedSettings(Settings):
     """The predictors of a channel."""
 
-    ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
-    """The bank of `adaptive` by default."""
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        """The bank of `adaptive` by default."""
+        raise NotImplementedError
 
     predictor: str
     bank: tuple[str, ...]
@@ -135,7 +141,7 @@ class PredictedSettings(Settings):
     @classmethod
     def _usual_bank(cls, data: Any) -> Any:
         if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
-            return {**data, "bank": cls.ADAPTIVE_BANK}
+            return {**data, "bank": cls.adaptive_bank()}
         return data
 
     @field_validator("bank")
@@ -147,8 +153,9 @@ class PredictedSettings(Settings):
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
-        estimated = [name for name in self.bank if PREDICTORS[name].estimated]
-        if self.predictor == HYBRID and estimated:
+        others = [name for name in self.bank if name not in HYBRID_BANK] if self.predictor == HYBRID else []
+        estimated = [name for name in others if PREDICTORS[name].estimated]
+        if estimated:
             raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
         return self
 
@@ -281,7 +288,9 @@ class TrustSettings(Settings):
 class ForceCodecSettings(PredictedSettings):
     """The backward channel."""
 
-    ADAPTIVE_BANK = ADAPTIVE_BANK
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return ADAPTIVE_BANK
 
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
@@ -324,7 +333,9 @@ class ForceCodecSettings(PredictedSettings):
 class MotionCodecSettings(PredictedSettings):
     """What position and orientation have in common."""
 
-    ADAPTIVE_BANK = _POSITION.built_in
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _POSITION.built_in()
 
     predictor: PositionPredictor = "linear"
     """What both ends predict with."""
@@ -348,7 +359,9 @@ class PositionCodecSettings(MotionCodecSettings):
 class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
 
-    ADAPTIVE_BANK = _TORQUE.built_in
+    @classmethod
+    def adaptive_bank(cls) -> Sequence[str]:
+        return _TORQUE.built_in()
 
     predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""

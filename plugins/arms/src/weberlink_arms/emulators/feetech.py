@@ -10,12 +10,12 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from weberlink.arms.models import load
 from weberlink_arms.emulators.arm import ArmEmulator, Joint, JointArmOptions
 from weberlink_arms.emulators.feetech_servo import EmulatedServo
 from weberlink_arms.feetech.arm import SO101, Six
 from weberlink_arms.feetech.packet import FRAMING, HIGHEST_ID
 from weberlink_arms.feetech.registers import BAUD_RATES, CENTRE, COUNTS_PER_TURN, MODEL, RAD_PER_COUNT
+from weberlink_mujoco.arms.models import load
 
 INERTIA_KG_M2: Final = 0.028
 FRICTION_NM: Final = 0.052

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from weberlink.arms.models import MODELS, compiled, mujoco, read
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.scenes.settings import SceneSettings, build
 from weberlink_arms.cartesian.arm import (
@@ -23,6 +22,7 @@ from weberlink_arms.dynamixel.motor_models import XM430_W350
 from weberlink_arms.dynamixel.packet import HIGHEST_ID
 from weberlink_arms.dynamixel.registers import BAUD_RATES
 from weberlink_arms.emulators.dynamixel.arm import DynamixelArmEmulator
+from weberlink_mujoco.arms.models import MODELS, compiled, mujoco, read
 
 STEP = DynamixelArmEmulator.STEP
 GRIPPER_N_M, GRIPPER_N_M_S = 0.02, 0.02

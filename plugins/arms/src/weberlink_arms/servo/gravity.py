@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from weberlink.arms.models import load
 from weberlink.geometry.joints import Joints
+from weberlink_mujoco.arms.models import load
 
 Gravity = Callable[[Joints], Joints]
 """Torques of all axes [N m] that hold the arm at these angles [rad]."""

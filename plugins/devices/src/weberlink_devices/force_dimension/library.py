@@ -60,38 +60,20 @@ PROTOTYPES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 def find(path: str | None = None) -> str:
-    """The file of the library.
-
-    Args:
-        path: as the options name it; None to look for it.
-
-    Raises:
-        HardwareFault: it is nowhere.
-    """
+    """The file of the library: as the options name it, or where it is installed; raises HardwareFault."""
     if path is not None:
         return str(Path(path).expanduser())
-    folders = [
-        Path(sdk) / "lib" / "release" / f"lin-{platform.machine()}-gcc"
-        for sdk in map(os.environ.get, SDK_FOLDERS)
-        if sdk is not None
-    ]
+    sdks = (Path(sdk) for sdk in map(os.environ.get, SDK_FOLDERS) if sdk is not None)
+    folders = [sdk / "lib" / "release" / f"lin-{platform.machine()}-gcc" for sdk in sdks]
     for folder in (*folders, *(Path(each).expanduser() for each in LIBRARY_FOLDERS)):
         for pattern in PATTERNS:
-            if there := sorted(folder.glob(pattern), key=_version):
-                return str(there[-1])
+            if there := list(folder.glob(pattern)):
+                return str(max(there, key=lambda file: [int(number) for number in re.findall(r"\d+", file.name)]))
     raise HardwareFault(NOT_FOUND)
 
 
-def _version(path: Path) -> list[int]:
-    return [int(number) for number in re.findall(r"\d+", path.name)]
-
-
-class DhdLibrary:
-    """The library, loaded.
-
-    Raises:
-        HardwareFault: it cannot be loaded, or lacks a call.
-    """
+class Library:
+    """The library, loaded; raises HardwareFault where it cannot be, or lacks a call."""
 
     def __init__(self, path: str) -> None:
         try:
@@ -107,22 +89,18 @@ class DhdLibrary:
             call.restype, call.argtypes = result, arguments
             self._calls[name] = call
 
-    def tell(self, name: str, *arguments: Any) -> Any:
+    def call(self, name: str, *arguments: Any) -> Any:
         """Make a call, whatever comes of it."""
         return self._calls[name](*arguments)
 
-    def ask(self, name: str, *arguments: Any) -> int:
-        """Make a call, and return what it returns, 0 or more.
-
-        Raises:
-            BadReply: it failed, with the reason that the library gives.
-        """
-        result: int = self._calls[name](*arguments)
+    def checked(self, name: str, *arguments: Any) -> int:
+        """Make a call that returns 0 or more; raises BadReply with the reason of the library where it failed."""
+        result: int = self.call(name, *arguments)
         if result < 0:
-            raise BadReply(f"{name}: {self.words('dhdErrorGetLastStr')}")
+            raise BadReply(f"{name}: {self.text('dhdErrorGetLastStr')}")
         return result
 
-    def words(self, name: str, *arguments: Any) -> str:
+    def text(self, name: str, *arguments: Any) -> str:
         """Make a call that returns a text."""
-        text: bytes | None = self._calls[name](*arguments)
+        text: bytes | None = self.call(name, *arguments)
         return " ".join((text or b"").decode(errors="replace").split()) or "no reason given"

@@ -1,14 +1,14 @@
 """`gamepad`: a game controller of the input layer (evdev) under rate control, with rumble by the felt force."""
 
-from collections.abc import Callable
-from contextlib import suppress
-from functools import lru_cache
-from importlib import import_module
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from math import hypot
 from select import POLLERR, POLLHUP, POLLIN, poll
 from time import monotonic
 from typing import Annotated, Any, ClassVar
 
+import evdev
+from evdev import ff
 from pydantic import Field
 
 from weberlink.geometry.vector import ZERO, Vector
@@ -18,14 +18,14 @@ from weberlink.registry import Tier
 from weberlink_devices.rate_control import WAIT_S, Deflection, RateDevice, RateOptions
 
 NAME = "gamepad"
-EV_SYN, EV_KEY, EV_ABS, EV_FF = 0x00, 0x01, 0x03, 0x15
-SYN_REPORT, SYN_DROPPED = 0, 3
-FF_RUMBLE = 0x50
-BTN_GAMEPAD = 0x130
-"""Every gamepad has it: its lower button, Documentation/input/gamepad.rst of the kernel."""
-KEYS = (0x130, 0x131, 0x134, 0x133, 0x136, 0x137)
-"""Codes of the buttons 0 to 5: south, east, west, north, left and right shoulder."""
-TRIGGER_KEYS = (0x138, 0x139)
+codes: Any = evdev.ecodes
+"""Of the kernel, which the module makes when it is imported."""
+KEYS = (
+    *(codes.BTN_SOUTH, codes.BTN_EAST, codes.BTN_WEST, codes.BTN_NORTH),
+    *(codes.BTN_TL, codes.BTN_TR),
+)
+"""The buttons 0 to 5; every gamepad has the first (Documentation/input/gamepad.rst of the kernel)."""
+TRIGGER_KEYS = (codes.BTN_TL2, codes.BTN_TR2)
 TRIGGERS = ("ABS_Z", "ABS_RZ")
 """Left and right, the buttons 6 and 7; as keys where they are not axes."""
 PULLED = 0.5
@@ -52,26 +52,15 @@ class GamepadOptions(RateOptions):
 
 
 class Rumble:
-    """Rumbles by the force on the hand.
-
-    Args:
-        pad: an `evdev.InputDevice` with force feedback.
-        full_n: force of the strongest rumble [N], > 0.
-    """
+    """Rumbles of an `evdev.InputDevice` by the force on the hand, of which `full_n` makes the strongest."""
 
     def __init__(self, pad: Any, full_n: float) -> None:
         self._pad, self._full = pad, full_n
-        self._ff = import_module("evdev.ff")
-        self._effect: Any = None
-        self._strength = 0.0
-        self._due = 0.0
+        self._effect = -1
+        self._strength = self._due = 0.0
 
     def feel(self, force: Vector, now: float) -> None:
-        """Rumble for this force [N].
-
-        Raises:
-            OSError: the device refuses or is gone.
-        """
+        """Rumble for this force [N]; raises OSError where the device refuses or is gone."""
         strength = min(1.0, hypot(*force) / self._full)
         changed = abs(strength - self._strength) > RUMBLE_STEP or (strength == 0.0 < self._strength)
         if not changed and (strength == 0.0 or now < self._due):
@@ -80,22 +69,15 @@ class Rumble:
         if strength == 0.0:
             self.stop()
             return
-        magnitude = round(0xFFFF * strength)
-        ff = self._ff
-        effect = ff.Effect(
-            FF_RUMBLE,
-            -1 if self._effect is None else self._effect,
-            0,
-            ff.Trigger(0, 0),
-            ff.Replay(round(RUMBLE_S * 1e3), 0),
-            ff.EffectType(ff_rumble_effect=ff.Rumble(strong_magnitude=magnitude, weak_magnitude=magnitude)),
-        )
+        both = ff.Rumble(*[round(0xFFFF * strength)] * 2)
+        length, kind = ff.Replay(round(RUMBLE_S * 1e3), 0), ff.EffectType(ff_rumble_effect=both)
+        effect = ff.Effect(codes.FF_RUMBLE, self._effect, 0, ff.Trigger(0, 0), length, kind)
         self._effect = self._pad.upload_effect(effect)
-        self._pad.write(EV_FF, self._effect, 1)
+        self._pad.write(codes.EV_FF, self._effect, 1)
 
     def stop(self) -> None:
-        if self._effect is not None:
-            self._pad.write(EV_FF, self._effect, 0)
+        if self._effect >= 0:
+            self._pad.write(codes.EV_FF, self._effect, 0)
 
 
 class GamepadExchange:
@@ -111,7 +93,7 @@ class GamepadExchange:
         self,
         options: GamepadOptions,
         plugged: Callable[[], list[PluggedDevice]],
-        connect: Callable[[str], Any] = lambda path: import_module("evdev").InputDevice(path),
+        connect: Callable[[str], Any] = evdev.InputDevice,
     ) -> None:
         self._options = options
         self._locator = DeviceLocator(NAME, options.port, plugged)
@@ -133,35 +115,26 @@ class GamepadExchange:
     def open(self) -> Deflection:
         self._path = self._locator.locate()
         try:
-            self._pad = self._open_pad(self._path)
-        except PermissionError:
-            raise HardwareFault(permission_advice(self._path)) from None
-        except OSError as error:
-            raise HardwareFault(f"{self._path}: {error.strerror or error}") from None
-        try:
-            self._poll = poll()
-            self._poll.register(self._pad.fd, POLLIN)
-            self._has_lost = False
-            self._resynchronize()
-            self._check_axes()
-            can_rumble = FF_RUMBLE in self._pad.capabilities().get(EV_FF, ())
-            self._rumble = Rumble(self._pad, self._options.rumble_n) if can_rumble and self._options.rumble_n else None
+            with self._faults():
+                self._pad = self._open_pad(self._path)
+                self._poll, self._has_lost = poll(), False
+                self._poll.register(self._pad.fd, POLLIN)
+                self._resynchronize()
+                self._check_axes()
+                can_rumble = codes.FF_RUMBLE in self._pad.capabilities().get(codes.EV_FF, ())
+                full_n = self._options.rumble_n
+                self._rumble = Rumble(self._pad, full_n) if can_rumble and full_n else None
         except HardwareFault:
             self.close()
             raise
-        except OSError as error:
-            self.close()
-            raise HardwareFault(f"{self._path}: {error.strerror or error}") from None
         return self._deflection()
 
     def exchange(self, command: Vector) -> Deflection:
         for _, events in self._poll.poll(round(WAIT_S * 1e3)):
             if events & (POLLHUP | POLLERR):
                 raise HardwareFault(f"{self._path}: unplugged")
-            try:
+            with self._faults("unplugged"):
                 self._follow()
-            except OSError:
-                raise HardwareFault(f"{self._path}: unplugged") from None
         if self._rumble is not None:
             try:
                 self._rumble.feel(command, monotonic())
@@ -178,6 +151,16 @@ class GamepadExchange:
             with suppress(OSError):
                 pad.close()
 
+    @contextmanager
+    def _faults(self, why: str | None = None) -> Iterator[None]:
+        """Turns what the system says into faults of the device."""
+        try:
+            yield
+        except PermissionError:
+            raise HardwareFault(permission_advice(self._path)) from None
+        except OSError as error:
+            raise HardwareFault(f"{self._path}: {why or error.strerror or error}") from None
+
     def _follow(self) -> None:
         """Take the events that have come; after lost ones, the state in their place.
 
@@ -186,22 +169,19 @@ class GamepadExchange:
         """
         is_old = self._has_lost
         for event in self._pad.read():
-            if event.type == EV_SYN and event.code == SYN_DROPPED:
-                self._has_lost = is_old = True
-            elif event.type == EV_SYN and event.code == SYN_REPORT:
-                self._has_lost = False
-            elif is_old:
-                continue
-            elif event.type == EV_ABS:
+            if event.type == codes.EV_SYN:
+                self._has_lost = event.code == codes.SYN_DROPPED or (self._has_lost and event.code != codes.SYN_REPORT)
+                is_old |= self._has_lost
+            elif event.type == codes.EV_ABS and not is_old:
                 self._values[event.code] = event.value
-            elif event.type == EV_KEY:
+            elif event.type == codes.EV_KEY and not is_old:
                 (self._keys.add if event.value else self._keys.discard)(event.code)
         if is_old:
             self._resynchronize()
 
     def _resynchronize(self) -> None:
         """Ask for the state, at the start and after events were lost."""
-        axes = dict(self._pad.capabilities().get(EV_ABS, ()))
+        axes = dict(self._pad.capabilities().get(codes.EV_ABS, ()))
         self._ranges = {code: (info.min, info.max) for code, info in axes.items()}
         self._values = {code: self._pad.absinfo(code).value for code in axes}
         self._keys = set(self._pad.active_keys())
@@ -209,19 +189,19 @@ class GamepadExchange:
     def _check_axes(self) -> None:
         for name in self._options.axes:
             for part in TRIGGERS if name.endswith("triggers") else (name.removeprefix("-"),):
-                if code_of(part) not in self._ranges:
-                    there = ", ".join(sorted(map(name_of, self._ranges))) or "none"
+                if codes.ecodes.get(part) not in self._ranges:
+                    names = (codes.ABS.get(code, str(code)) for code in self._ranges)
+                    there = sorted(each if isinstance(each, str) else each[0] for each in names)
                     raise HardwareFault(
-                        f"{self._path}: has no axis {part}, it has {there}; set master.device.axes to three of them"
+                        f"{self._path}: has no axis {part}, it has {', '.join(there) or 'none'}; "
+                        "set master.device.axes to three of them"
                     )
 
     def _deflection(self) -> Deflection:
-        x, y, z = (self._along(name) for name in self._options.axes)
+        x, y, z = (self._along(name.removeprefix("-"), -1.0 if name[0] == "-" else 1.0) for name in self._options.axes)
         return Deflection((x, y, z), ZERO, self._buttons())
 
-    def _along(self, name: str) -> float:
-        sign = -1.0 if name.startswith("-") else 1.0
-        name = name.removeprefix("-")
+    def _along(self, name: str, sign: float) -> float:
         if name == "triggers":
             left, right = map(self._share, TRIGGERS)
             return sign * (left - right)
@@ -229,29 +209,15 @@ class GamepadExchange:
 
     def _share(self, name: str) -> float:
         """Where an axis is in its range, 0 to 1."""
-        code = code_of(name)
+        code = codes.ecodes.get(name, -1)
         low, high = self._ranges.get(code, (0, 0))
         return min(max((self._values[code] - low) / (high - low), 0.0), 1.0) if high > low else 0.0
 
     def _buttons(self) -> int:
-        pressed = sum((code in self._keys) << bit for bit, code in enumerate(KEYS))
         free = not any(name.removeprefix("-") in ("triggers", *TRIGGERS) for name in self._options.axes)
-        for bit, (name, key) in enumerate(zip(TRIGGERS, TRIGGER_KEYS, strict=True), len(KEYS)):
-            pulled = key in self._keys or (free and self._share(name) > PULLED)
-            pressed |= pulled << bit
-        return pressed
-
-
-@lru_cache
-def code_of(name: str) -> int:
-    """Code of an axis of the kernel; -1 for an unknown name."""
-    code: int = import_module("evdev").ecodes.ecodes.get(name, -1)
-    return code
-
-
-def name_of(code: int) -> str:
-    name = import_module("evdev").ecodes.ABS.get(code, str(code))
-    return name if isinstance(name, str) else str(name[0])
+        pulled = [free and self._share(name) > PULLED for name in TRIGGERS]
+        pressed = [code in self._keys for code in (*KEYS, *TRIGGER_KEYS)]
+        return sum(each << bit for bit, each in enumerate(pressed)) | (pulled[0] | pulled[1] << 1) << len(KEYS)
 
 
 class GamepadDevice(RateDevice):
@@ -262,10 +228,9 @@ class GamepadDevice(RateDevice):
     SIGN_OPTIONS: ClassVar[dict[str, str]] = {axis: f"the entry of {axis} in axes" for axis in "xyz"}
 
     def __init__(self, options: GamepadOptions, tick_period: float) -> None:
-        super().__init__(
-            NAME, options, GamepadExchange(options, self.plugged), tick_period, buttons=len(KEYS) + len(TRIGGERS)
-        )
+        exchange = GamepadExchange(options, self.plugged)
+        super().__init__(NAME, options, exchange, tick_period, buttons=len(KEYS) + len(TRIGGERS))
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:
-        return input_devices(BTN_GAMEPAD)
+        return input_devices(KEYS[0])

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from weberlink.hardware.umockdev_input import EV_ABS, EV_KEY, EV_SYN, AxisRange, InputIdentity, event
 from weberlink_devices.gamepad.device import KEYS
-from weberlink_devices.thumb import ThumbDriven, ThumbOptions
+from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
 
 VENDOR, PRODUCT = 0x045E, 0x028E
 STICK = AxisRange(-32768, 32767)
@@ -17,24 +17,17 @@ ABS_X, ABS_Y, ABS_Z, ABS_RX, ABS_RY, ABS_RZ = range(6)
 PERIOD_S = 0.008
 
 
-class GamepadEmulator(ThumbDriven):
+class GamepadEmulator(DeflectionEmulator):
     """See `weberlink.hardware.emulator`. The left stick moves in the plane, the right one up and down."""
 
     Options = ThumbOptions
     transport: ClassVar[str] = "evdev"
 
-    def __init__(self, options: ThumbOptions | None = None) -> None:
-        options = ThumbOptions() if options is None else options
+    def __init__(self, options: ThumbOptions) -> None:
         super().__init__(options, len(KEYS))
         sticks = dict.fromkeys((ABS_X, ABS_Y, ABS_RX, ABS_RY), STICK)
-        self.identity = InputIdentity(
-            VENDOR,
-            PRODUCT,
-            "Emulated Gamepad",
-            KEYS,
-            {**sticks, ABS_Z: TRIGGER, ABS_RZ: TRIGGER},
-            options.serial_number,
-        )
+        axes = {**sticks, ABS_Z: TRIGGER, ABS_RZ: TRIGGER}
+        self.identity = InputIdentity(VENDOR, PRODUCT, "Emulated Gamepad", KEYS, axes, options.serial_number)
         self._due = 0.0
         self._said: dict[tuple[int, int], int] = {}
 

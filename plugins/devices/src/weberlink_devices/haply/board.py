@@ -68,7 +68,7 @@ class HaplyBoard:
         encoders: 1 and 2.
         home_deg: angles of the encoders when it is set up [deg].
         whole_counts: whether its answers are counts of the encoders times 360 over the counts per turn and nothing in
-            between, as both firmwares have it. Where bytes are lost or torn, they seldom are.
+            between, as both firmwares have it. A reply with lost or torn bytes seldom passes this check.
     """
 
     motors: tuple[BoardMotor, BoardMotor]

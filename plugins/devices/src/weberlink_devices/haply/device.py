@@ -7,23 +7,21 @@ from pydantic import BaseModel
 
 from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.contract import DeviceSpec
+from weberlink.master.devices.force_device import force_spec
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
 from weberlink_devices.haply.board import RESET
 from weberlink_devices.haply.exchange import HaplyExchange
-from weberlink_devices.haply.linkage import HaplyFrame, HaplyVersion
-from weberlink_devices.haply.options import NAME, HaplyOptions, version_of
+from weberlink_devices.haply.linkage import HaplyFrame
+from weberlink_devices.haply.options import HaplyOptions, version_of
 
-NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
+NAME = "haply_2diy"
 NO_WATCHDOG = (
     "no watchdog: where this host loses its power or the cable is pulled, its board holds the last force until it is "
     "switched off"
 )
 FLAT_M = 0.001
 """Half the thickness of the workspace: z never moves, but a box has a thickness."""
-BAD_REPLIES = 10
-"""Bad replies in a row that are a fault; there is no force from the first on."""
 
 
 class HaplyDevice(ThreadedDevice):
@@ -40,24 +38,31 @@ class HaplyDevice(ThreadedDevice):
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = dict.fromkeys("xy", "encoder_directions (or version, or home_deg)")
 
     def __init__(self, options: HaplyOptions, tick_period: float) -> None:
-        self._options = options
         version = version_of(options)
-        frame = HaplyFrame(options.origin_m or version.center)
-        armed = options.signs_checked == self.fingerprint(options)
-        zero = version.board.torques(0.0, 0.0)
-        exchange = HaplyExchange(
-            self._port,
-            version,
+        frame, board = HaplyFrame(options.origin_m or version.center), version.board
+        x, y, _ = frame.position(version.center)
+        across, along = version.reach
+        when = "before every session" if options.home == "start" else "when it is first used after it was plugged in"
+        spec = force_spec(
+            NAME,
             options,
-            Guardian(version.board.torques_off, (zero, RESET, version.board.setup)) if armed else None,
+            self.fingerprint(options),
+            force_n=options.force_n,
+            axes="xy",
+            stiffness_n_m=options.stiffness_n_m,
+            workspace_m=((x - along, y - across, -FLAT_M), (x + along, y + across, FLAT_M)),
+            rate_hz=1.0 / tick_period,
+            note=NO_WATCHDOG,
+            reminder=f"the handle must be at its starting place {when}",
         )
-        super().__init__(
-            _spec(options, version, frame, 1.0 / tick_period, armed),
-            exchange,
-            tick_period,
-            bad_replies=BAD_REPLIES,
-            reconnect=options.reconnect_s,
-        )
+        rests = board.torques(0.0, 0.0), RESET, board.setup
+        guardian = Guardian(board.torques_off, rests) if spec.force_feedback else None
+
+        def port() -> str:
+            return options.port or only(self.plugged(), f"{NAME} (an Arduino board)", "master.device.port").path
+
+        exchange = HaplyExchange(port, version, options, guardian)
+        super().__init__(spec, exchange, tick_period, reconnect=options.reconnect_s)
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:
@@ -66,28 +71,7 @@ class HaplyDevice(ThreadedDevice):
 
     @classmethod
     def fingerprint(cls, options: HaplyOptions) -> str:
-        """Fingerprint of all settings that affect signs."""
+        """Of all settings that affect signs."""
         board = version_of(options).board
         turns = [each.direction for each in (*board.motors, *board.encoders)]
         return fingerprint(f"{NAME} {options.version} {turns} {board.home_deg}")
-
-    def _port(self) -> str:
-        if self._options.port is not None:
-            return self._options.port
-        return only(self.plugged(), f"{NAME} (an Arduino board)", "master.device.port").path
-
-
-def _spec(options: HaplyOptions, version: HaplyVersion, frame: HaplyFrame, rate: float, armed: bool) -> DeviceSpec:
-    x, y, _ = frame.position(version.center)
-    across, along = version.reach
-    when = "before every session" if options.home == "start" else "when it is first used after it was plugged in"
-    return DeviceSpec(
-        name=NAME,
-        axes="xy",
-        force_n=options.force_n if armed else 0.0,
-        stiffness_n_m=options.stiffness_n_m,
-        workspace_m=((x - along, y - across, -FLAT_M), (x + along, y + across, FLAT_M)),
-        rate_hz=rate,
-        force_feedback=armed,
-        note=f"{NO_WATCHDOG if armed else NO_FORCE}; the handle must be at its starting place {when}",
-    )

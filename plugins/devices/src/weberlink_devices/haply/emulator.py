@@ -10,18 +10,11 @@ from typing import ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.haply.board import Pair
-from weberlink_devices.haply.linkage import (
-    MOST_TORQUE_N_M,
-    VERSIONS,
-    HaplyFrame,
-    Unreachable,
-    degrees,
-    radians,
-)
+from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, Unreachable, degrees, radians
 
 PATIENCE_S = 1.0
 """Longest wait of the firmware for the rest of a message [s]."""
@@ -86,7 +79,7 @@ class _Setup:
     pwms: int
 
 
-class HaplyEmulator:
+class HaplyEmulator(FaultyDevice):
     """The emulated board and linkage.
 
     The torque of a motor stays until another comes: not even a reset or a new setup takes it away, and there is no
@@ -95,6 +88,7 @@ class HaplyEmulator:
 
     Options: ClassVar[type[BaseModel]] = HaplyEmulatorOptions
     transport: ClassVar[str] = "serial"
+    fault_values: Mapping[str, range | float] = {"stuck_encoder": range(3)}
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         "stuck_encoder": "an encoder gives the same angle from now on; 1 or 2, 0 for neither",
         "slip": "a byte is lost from each of so many answers",
@@ -102,7 +96,7 @@ class HaplyEmulator:
     }
 
     def __init__(self, options: HaplyEmulatorOptions) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self._version = VERSIONS[options.version]
         self._frame = HaplyFrame(self._version.center)
         self.handle = Handle(self._held(options.handle))
@@ -125,19 +119,15 @@ class HaplyEmulator:
         self._stuck_deg: Pair = (0.0, 0.0)
         self._slips = 0
 
-    def inject(self, name: str, value: float) -> None:
-        """Cause one of `OWN_FAULTS`; raises ValueError for another name."""
+    def apply_fault(self, name: str, value: float) -> None:
         match name:
             case "stuck_encoder":
                 self._stuck, self._stuck_deg = int(value), degrees(self._angles)
             case "slip":
                 self._slips = int(value)
             case "restart":
-                self._setup = None
-                self._waiting = b""
+                self._setup, self._waiting = None, b""
                 self._turn((0.0, 0.0))
-            case _:
-                raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
 
     def receive(self, data: bytes, now: float) -> None:
         if not self._waiting:
@@ -149,6 +139,7 @@ class HaplyEmulator:
             self._take(message, now)
 
     def advance(self, now: float) -> None:
+        self.take_faults()
         if self._waiting and now - self._waiting_since > PATIENCE_S:
             self._waiting = b""
         if now - self._moved_at >= STEP_S:

@@ -6,6 +6,7 @@ the device id, or in angles that the arms cannot have.
 
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from time import monotonic
 
 from weberlink.geometry.vector import Vector
@@ -14,14 +15,7 @@ from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
 from weberlink_devices.haply.board import REPLY_SIZE, RESET, HaplyBoard, Pair
-from weberlink_devices.haply.linkage import (
-    HaplyFrame,
-    HaplyVersion,
-    PlanarFiveBar,
-    Unreachable,
-    degrees,
-    radians,
-)
+from weberlink_devices.haply.linkage import HaplyFrame, HaplyVersion, PlanarFiveBar, Unreachable, degrees, radians
 from weberlink_devices.haply.options import HaplyOptions
 
 SETTLING_S = 0.1
@@ -41,18 +35,10 @@ class Forgotten(HardwareFault):
 
 
 class HaplyLine:
-    """An open port to the board.
+    """An open port to the board; its guardian is None where it never gets a torque.
 
     A late answer would be taken for the answer to the next question, and the positions would lag from then on. So after
     a bad answer the torque is taken off, and the next question waits until no answer is owed.
-
-    Args:
-        path: of the port.
-        board: at the other end.
-        guardian: of the board; None where it never gets a torque.
-
-    Raises:
-        HardwareFault: the port cannot be opened.
     """
 
     def __init__(self, path: str, board: HaplyBoard, guardian: Guardian | None = None) -> None:
@@ -93,19 +79,15 @@ class HaplyLine:
         if not self._heard:
             self._recovers = True
             raise BadReply(f"no answer within {patience * 1e3:g} ms")
-        angles = self._answer()
-        if self._recovers and (elapsed := monotonic() - self.asked_at) > patience:
-            raise BadReply(f"answered after {elapsed * 1e3:.0f} ms instead of {patience * 1e3:g}")
-        self._recovers = False
-        return angles
-
-    def _answer(self) -> Pair:
         try:
             angles = self._board.angles(self._heard)
         except BadReply:
             self._recovers = True
             raise
         self._owed, self._heard = 0, b""
+        if self._recovers and (elapsed := monotonic() - self.asked_at) > patience:
+            raise BadReply(f"answered after {elapsed * 1e3:.0f} ms instead of {patience * 1e3:g}")
+        self._recovers = False
         return angles
 
     def doubt(self) -> None:
@@ -157,13 +139,7 @@ STUCK_TRAVEL = 1.5
 
 
 class AngleValidator:
-    """Checks the angles of one session for plausibility.
-
-    Args:
-        bar: the linkage.
-        home: angles of the arms at the starting place [rad].
-        resolution: of the encoders [rad].
-    """
+    """Checks the angles of one session for plausibility, from those at home on; all in rad."""
 
     def __init__(self, bar: PlanarFiveBar, home: Pair, resolution: Pair) -> None:
         self._bar = bar
@@ -231,7 +207,7 @@ class HaplyExchange:
         find: gives the path of the port.
         version: of the device, with the changes of the options.
         options: of the driver.
-        guardian: takes the torque off when this process stops; None for a device without force.
+        guardian: of the board; None for a device without force.
     """
 
     def __init__(
@@ -257,16 +233,14 @@ class HaplyExchange:
     def open(self) -> DeviceReading:
         """Connect, and command zero torque first: the board may still hold that of a program that died.
 
-        The first connection of a session may set the board up, which makes this the starting place; later ones
-        require that setup.
+        The first connection of a session may set the board up, here and now; later ones require that setup.
         """
         self.close()
         self._line = line = HaplyLine(self._find(), self._board, self.guardian)
         try:
-            reading = self._known(line) or self._set_up(line)
+            return self._known(line) or self._set_up(line)
         except BadReply as reply:
             raise HardwareFault(f"{line.path}: {reply}") from None
-        return reading
 
     def exchange(self, force: Vector) -> DeviceReading:
         line = self._line
@@ -317,8 +291,7 @@ class HaplyExchange:
         line.tell(RESET)
         line.tell(self._board.setup)
         reading = self._follow(line, self._zero, SETUP_S)
-        assert self._angles is not None
-        angles, home = degrees(self._angles), self._board.home_deg
+        angles, home = degrees(self._angles or (inf, inf)), self._board.home_deg
         if any(abs(a - b) > NEAR_HOME_DEG for a, b in zip(angles, home, strict=True)):
             raise HardwareFault(
                 f"{line.path}: set up at {home} deg it answers {angles}; is another firmware on the board?"

@@ -5,14 +5,9 @@ from math import acos, atan2, cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 from weberlink.geometry.vector import Vector
-from weberlink_devices.haply.board import (
-    CLOCKWISE,
-    COUNTER_CLOCKWISE,
-    BoardEncoder,
-    BoardMotor,
-    HaplyBoard,
-    Pair,
-)
+from weberlink_devices.haply.board import CLOCKWISE as _CW
+from weberlink_devices.haply.board import COUNTER_CLOCKWISE as _CCW
+from weberlink_devices.haply.board import BoardEncoder, BoardMotor, HaplyBoard, Pair
 
 FLATTEST = 0.02
 """The linkage counts as singular below this sine of the angle between the outer links."""
@@ -182,8 +177,6 @@ class HaplyVersion:
     center: Pair
     reach: Pair
 
-
-_CW, _CCW = CLOCKWISE, COUNTER_CLOCKWISE
 
 VERSIONS = {
     "v3": HaplyVersion(

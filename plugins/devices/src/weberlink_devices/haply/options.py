@@ -1,14 +1,13 @@
-"""Options of the Haply driver, and the version of the device with their changes."""
+"""Options of the driver `haply_2diy`, and the version of the device with their changes."""
 
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from weberlink_devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, HaplyBoard
+from weberlink.master.devices.force_device import ForceOptions, PortOptions, Reply, Stiffness
+from weberlink_devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE
 from weberlink_devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyVersion
-
-NAME = "haply_2diy"
 
 Direction = Literal["cw", "ccw"]
 Directions = tuple[Direction, Direction]
@@ -16,13 +15,9 @@ Turn = Annotated[float, Field(ge=-360.0, le=360.0)]
 Counts = Annotated[float, Field(gt=0.0, le=1e6)]
 
 
-class HaplyOptions(BaseModel):
+class HaplyOptions(ForceOptions, PortOptions):
     """Options of `haply_2diy`. A pair is of motor, arm or encoder 1 and 2."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    port: str | None = Field(default=None, description="of the board; the only Arduino plugged in if not given")
-    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
     version: Literal["v3", "v2", "pantograph"] = Field(
         default="v3", description="v3: plastic; v2: metal plate; pantograph: their forerunner"
     )
@@ -40,8 +35,7 @@ class HaplyOptions(BaseModel):
         default=None, description="of the encoders; those of the version if not given"
     )
     whole_counts: bool = Field(
-        default=True,
-        description="only whole counts of the encoders are answers, as the known firmwares have it",
+        default=True, description="only whole counts of the encoders are answers, as the known firmwares have it"
     )
     origin_m: tuple[float, float] | None = Field(
         default=None,
@@ -50,13 +44,8 @@ class HaplyOptions(BaseModel):
     torque_limit_n_m: float = Field(default=MOST_TORQUE_N_M, gt=0.0, le=MOST_TORQUE_N_M, description="of either motor")
     torque_gain: float = Field(default=1.0, gt=0.0, le=10.0, description="what the board is told for each newton metre")
     force_n: float = Field(default=2.0, gt=0.0, le=10.0, description="largest force; more is cut to it")
-    stiffness_n_m: float = Field(
-        default=300.0, ge=1e-3, le=1e9, description="stiffest wall; no figure has been published"
-    )
-    reply_ms: float = Field(default=10.0, ge=1.0, le=100.0, description="how long an answer may take")
-    signs_checked: str | None = Field(
-        default=None, description="what `weberlink device test` prints once the directions are right; no force without"
-    )
+    stiffness_n_m: Stiffness = Field(default=300.0, description="stiffest wall; no figure has been published")
+    reply_ms: Reply = 10.0
 
 
 DIRECTIONS = {"cw": CLOCKWISE, "ccw": COUNTER_CLOCKWISE}
@@ -70,11 +59,16 @@ def version_of(options: HaplyOptions) -> HaplyVersion:
     spins = [DIRECTIONS[name] for name in options.encoder_directions or ()]
     spins = spins or [each.direction for each in board.encoders]
     counts = options.counts_per_turn or [each.counts_per_turn for each in board.encoders]
-    first, second = (each._replace(direction=turn) for each, turn in zip(board.motors, turns, strict=True))
-    third, fourth = (
+    motors = [each._replace(direction=turn) for each, turn in zip(board.motors, turns, strict=True)]
+    encoders = [
         each._replace(direction=spin, counts_per_turn=count)
         for each, spin, count in zip(board.encoders, spins, counts, strict=True)
+    ]
+    board = replace(
+        board,
+        motors=(motors[0], motors[1]),
+        encoders=(encoders[0], encoders[1]),
+        home_deg=options.home_deg or board.home_deg,
+        whole_counts=options.whole_counts,
     )
-    home_deg = options.home_deg or board.home_deg
-    board = HaplyBoard((first, second), (third, fourth), home_deg, options.whole_counts)
     return replace(version, board=board)

@@ -6,21 +6,20 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
+from weberlink.geometry.cube import cube
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.discovery import PluggedDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.contract import DeviceSpec
+from weberlink.master.devices.force_device import force_spec
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 from weberlink.registry import Tier
 from weberlink_devices.inverse3.http_requests import service_devices
-from weberlink_devices.inverse3.options import ADDRESS, NAME, Inverse3Options
+from weberlink_devices.inverse3.options import ADDRESS, Inverse3Options
 from weberlink_devices.inverse3.protocol import GRIP_BUTTONS
 from weberlink_devices.inverse3.service import ServiceExchange, measure_time_out
 
-NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
-BAD_REPLIES = 10
-"""Bad replies in a row that are a fault; there is no force from the first on."""
+NAME = "inverse3"
 
 
 class Inverse3Device(ThreadedDevice):
@@ -35,26 +34,24 @@ class Inverse3Device(ThreadedDevice):
 
     def __init__(self, options: Inverse3Options, tick_period: float) -> None:
         self._options = options
-        armed = options.signs_checked == self.fingerprint(options)
-        self._dialogue = ServiceExchange(options, Guardian(b"") if armed else None)
-        edge, grip = options.reach_m, options.grip
-        spec = DeviceSpec(
-            name=NAME,
+        spec = force_spec(
+            NAME,
+            options,
+            self.fingerprint(options),
+            force_n=options.force_n,
             axes="xyz",
-            force_n=options.force_n if armed else 0.0,
             stiffness_n_m=options.stiffness_n_m,
-            workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
+            workspace_m=cube(options.reach_m),
             rate_hz=1.0 / tick_period,
-            force_feedback=armed,
-            buttons=len(GRIP_BUTTONS[grip]),
-            orientation=grip != "none",
-            note="" if armed else NO_FORCE,
+            buttons=len(GRIP_BUTTONS[options.grip]),
+            orientation=options.grip != "none",
         )
-        super().__init__(spec, self._dialogue, tick_period, bad_replies=BAD_REPLIES, reconnect=options.reconnect_s)
+        self._service = ServiceExchange(options, Guardian(b"") if spec.force_feedback else None)
+        super().__init__(spec, self._service, tick_period, reconnect=options.reconnect_s)
 
     @property
     def trouble(self) -> str | None:
-        return super().trouble or self._dialogue.alteration or self._dialogue.grip_trouble
+        return super().trouble or self._service.alteration or self._service.grip_trouble
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:
@@ -64,7 +61,7 @@ class Inverse3Device(ThreadedDevice):
 
     @classmethod
     def fingerprint(cls, options: Inverse3Options) -> str:
-        """Fingerprint of all settings that affect signs."""
+        """Of all settings that affect signs."""
         return fingerprint(f"{NAME} {options.preset}")
 
     def examine(self, force: Vector) -> Sequence[str]:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
-from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.emulator import FaultyDevice
 from weberlink.hardware.fault import BadReply
 from weberlink.master.emulators.handle import Handle, HandleOptions
 from weberlink_devices.inverse3.protocol import decode, listed, ours, theirs
@@ -112,7 +112,7 @@ class Inverse3Session:
         self._replies.append((now + self._service.answer_s, json.dumps(document).encode()))
 
 
-class Inverse3Emulator:
+class Inverse3Emulator(FaultyDevice):
     """The service and its device; see `weberlink_devices.inverse3.websocket_device.Service`.
 
     Forces of all sessions add. A command is displayed until the next one, until its session ends, or for the time-out.
@@ -131,7 +131,7 @@ class Inverse3Emulator:
     }
 
     def __init__(self, options: Inverse3EmulatorOptions) -> None:
-        self.faults = WireFaults()
+        super().__init__()
         self.handle = Handle(options.handle)
         self.tcp_port = options.tcp_port
         self.device_id = options.device_id
@@ -150,12 +150,8 @@ class Inverse3Emulator:
         self._moved_at = -inf
         self._states = dict.fromkeys(self.OWN_FAULTS, 0.0)
 
-    def inject(self, name: str, value: float) -> None:
-        """Cause one of `OWN_FAULTS`; raises ValueError for another name."""
-        if name not in self.OWN_FAULTS:
-            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
-        if name == "restart":
-            self._drops = True
+    def apply_fault(self, name: str, value: float) -> None:
+        self._drops |= name == "restart"
         self._states[name] = value
 
     def join(self, now: float) -> Inverse3Session:
@@ -181,6 +177,7 @@ class Inverse3Emulator:
         return None
 
     def advance(self, now: float) -> None:
+        self.take_faults()
         self.advance_force(now)
         if now - self._moved_at >= STEP_S:
             self._moved_at = now

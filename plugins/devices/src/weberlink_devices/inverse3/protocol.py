@@ -53,20 +53,27 @@ def our_orientation(turn: Quaternion) -> Quaternion:
 
 
 def version_in(document: Any) -> tuple[int, int] | None:
-    """Version (major, minor) in the answer to GET /version, with or without its envelope; None if it says none."""
-    inner = document.get("data", document) if isinstance(document, dict) else None
-    text = inner.get("project_version") if isinstance(inner, dict) else None
+    """Version (major, minor) in the answer to GET /version; None if it says none."""
+    text = _without_envelope(document).get("project_version")
     parts = text.split(".") if isinstance(text, str) else []
     return (int(parts[0]), int(parts[1])) if len(parts) > 1 and all(part.isdecimal() for part in parts[:2]) else None
 
 
-class CommandWriter:
-    """Messages to one device.
+def ids_in(document: Any) -> Sequence[str]:
+    """Ids of the devices in the answer to GET /devices."""
+    found = _without_envelope(document).get("inverse3")
+    ids = [each.get("device_id") for each in found if isinstance(each, dict)] if isinstance(found, list) else []
+    return [each for each in ids if isinstance(each, str)]
 
-    Args:
-        device_id: as the inventory names it.
-        key: of the force in `set_cursor_force`.
-    """
+
+def _without_envelope(document: Any) -> dict[str, Any]:
+    """What an answer to GET says, which some services wrap as `data`."""
+    inner = document.get("data", document) if isinstance(document, dict) else None
+    return inner if isinstance(inner, dict) else {}
+
+
+class CommandWriter:
+    """Messages to one device, with the key of the force in `set_cursor_force`."""
 
     def __init__(self, device_id: str, key: ForceKey) -> None:
         self._id = device_id
@@ -101,7 +108,7 @@ def decode(data: bytes) -> dict[str, Any]:
     try:
         message = json.loads(data)
     except (ValueError, RecursionError):
-        raise BadReply("a malformed answer") from None
+        message = None
     if not isinstance(message, dict):
         raise BadReply("a malformed answer")
     return message
@@ -141,13 +148,8 @@ def state_of(message: dict[str, Any], device_id: str, grip: Grip) -> ServiceStat
     if norm(position) > FARTHEST_M:
         raise BadReply("a position out of reach of any such device")
     force = state.get("current_cursor_force")
-    orientation, buttons = _grip_of(message, grip)
-    return ServiceState(
-        ours(position),
-        None if force is None else ours(read_vector(force)),
-        orientation,
-        buttons,
-    )
+    displayed = None if force is None else ours(read_vector(force))
+    return ServiceState(ours(position), displayed, *_grip_of(message, grip))
 
 
 def listed(message: dict[str, Any], kind: str) -> list[dict[str, Any]]:
@@ -167,22 +169,17 @@ def check_status(device: dict[str, Any], device_id: str) -> None:
 
 
 def choose(inventory: dict[str, Any], wanted: str | None) -> dict[str, Any]:
-    """The device of that id, or the only one.
-
-    Raises:
-        HardwareFault: there is none, or several.
-    """
+    """The device of that id, or the only one; raises HardwareFault where there is none, or several."""
     found = [each for each in listed(inventory, "inverse3") if isinstance(each.get("device_id"), str)]
     ids = [each["device_id"] for each in found]
     if wanted is None and len(found) == 1:
         return found[0]
     if wanted in ids:
         return found[ids.index(wanted)]
-    there = f"there is {', '.join(ids)}" if ids else "it lists none; is it plugged in and switched on?"
+    listing = ", ".join(ids)
+    there = f"there is {listing}" if ids else "it lists none; is it plugged in and switched on?"
     if wanted is None and ids:
-        raise HardwareFault(
-            f"{len(ids)} devices: {', '.join(ids)}; name one behind the address in master.device.port: #ID"
-        )
+        raise HardwareFault(f"{len(ids)} devices: {listing}; name one behind the address in master.device.port: #ID")
     raise HardwareFault(f"the service lists no Inverse3{f' called {wanted}' if wanted else ''}: {there}")
 
 
@@ -235,13 +232,3 @@ def read_number(value: Any) -> float:
     if not isfinite(number):
         raise BadReply("a number that is not finite")
     return number
-
-
-def ids_in(document: Any) -> Sequence[str]:
-    """Ids of the devices in the answer to GET /devices, with or without its envelope."""
-    inner = document.get("data", document) if isinstance(document, dict) else None
-    if not isinstance(inner, dict):
-        return ()
-    found = inner.get("inverse3", [])
-    ids = [each.get("device_id") for each in found if isinstance(each, dict)] if isinstance(found, list) else []
-    return [each for each in ids if isinstance(each, str)]

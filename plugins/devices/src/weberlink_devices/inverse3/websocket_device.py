@@ -21,17 +21,13 @@ LOOPBACK = "127.0.0.1"
 
 
 class ServiceSession(Protocol):
-    """One client of an emulated service, without I/O. `now` [s] never goes back."""
+    """One client of an emulated service, without I/O; the methods are as of `weberlink.hardware.emulator.Emulator`."""
 
     def receive(self, text: bytes, now: float) -> None: ...
 
-    def replies(self, now: float) -> list[bytes]:
-        """The messages that leave by `now`, oldest first; each of them once."""
-        ...
+    def replies(self, now: float) -> list[bytes]: ...
 
-    def next_timer(self) -> float | None:
-        """When `replies` must be called next if nothing arrives [s]; None for never."""
-        ...
+    def next_timer(self) -> float | None: ...
 
     def leave(self) -> None:
         """The connection is closed."""
@@ -39,19 +35,15 @@ class ServiceSession(Protocol):
 
 
 class Service(Protocol):
-    """An emulated service, without I/O. `now` [s] never goes back."""
+    """An emulated service, without I/O, likewise."""
 
     faults: WireFaults
 
     def join(self, now: float) -> ServiceSession: ...
 
-    def advance(self, now: float) -> None:
-        """Move mechanics and timers on to `now`."""
-        ...
+    def advance(self, now: float) -> None: ...
 
-    def next_timer(self) -> float | None:
-        """When `advance` must be called next if nothing arrives [s]; None for never."""
-        ...
+    def next_timer(self) -> float | None: ...
 
     def get(self, path: str) -> str | None:
         """The body that answers an HTTP GET; None for a path that it does not have."""

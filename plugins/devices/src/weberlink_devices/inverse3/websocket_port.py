@@ -33,15 +33,7 @@ def text_frame(text: str) -> bytes:
 
 
 class WebSocketPort:
-    """An open connection.
-
-    Args:
-        address: ws://HOST:PORT.
-        patience: for the connection and its handshake [s].
-
-    Raises:
-        HardwareFault: nobody answers there, or what answers is no WebSocket.
-    """
+    """An open connection; raises HardwareFault where nobody answers within `patience` [s], or not as a WebSocket."""
 
     def __init__(self, address: str, patience: float) -> None:
         self.address = address
@@ -66,20 +58,12 @@ class WebSocketPort:
             raise
 
     def guard(self, guardian: Guardian) -> None:
-        """Let a guardian watch the connection until it is closed; its `zero` must be known.
-
-        Raises:
-            HardwareFault: it does not start.
-        """
+        """Let a guardian watch the connection until it is closed; its `zero` must be known."""
         guardian.watch(self._socket.fileno())
         self._guardian = guardian
 
     def send(self, text: str, *, rest: bool) -> None:
-        """Send a message; `rest` says that it carries no force.
-
-        Raises:
-            HardwareFault: the connection is closed, or takes nothing; or of the guardian, see `Guardian.before`.
-        """
+        """Send a message; `rest` says that it carries no force. Raises HardwareFault, also as `Guardian.before`."""
         if self._protocol.state is not State.OPEN:
             raise HardwareFault(f"{self.address}: closed the connection")
         self._protocol.send_text(text.encode())
@@ -96,11 +80,7 @@ class WebSocketPort:
             guardian.after(data)
 
     def receive(self, until: float) -> bytes | None:
-        """The next message; None if none has come by `until` [s, monotonic].
-
-        Raises:
-            HardwareFault: the other side closed the connection, or breaks the protocol.
-        """
+        """The next message; None if none has come by `until` [s, monotonic]. Raises HardwareFault where it closed."""
         while not self._heard:
             if self._protocol.state is not State.OPEN:
                 raise HardwareFault(f"{self.address}: closed the connection")

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from math import inf, radians
 from time import monotonic
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -40,38 +40,21 @@ class SpaceMouseOptions(RateOptions):
     light: bool = Field(default=True, description="light it while a session has it open")
 
 
-class PuckPort(Protocol):
-    """The part of `HidPort` that is used."""
-
-    def write(self, report: bytes, number: int = 0) -> None: ...
-
-    def read_all(self, until: float) -> list[bytes]: ...
-
-    def close(self) -> None: ...
-
-
 class PuckExchange:
-    """Reads reports as they come; the device says nothing while it is at rest.
-
-    Args:
-        options: of the driver.
-        plugged: lists the devices that are plugged in.
-        connect: opens the one at a path.
-        clock: monotonic [s].
-    """
+    """Reads reports as they come, of the device that is plugged in; it says nothing while it is at rest."""
 
     def __init__(
         self,
         options: SpaceMouseOptions,
         plugged: Callable[[], list[PluggedDevice]],
-        connect: Callable[[str], PuckPort] = HidPort,
+        connect: Callable[[str], Any] = HidPort,
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._options = options
         self._locator = DeviceLocator(NAME, options.port, plugged)
         self._open_port = connect
         self._clock = clock
-        self._port: PuckPort | None = None
+        self._port: Any = None
         self._state = PuckState()
         self._heard_at = -inf
 
@@ -87,7 +70,6 @@ class PuckExchange:
         return Deflection()
 
     def exchange(self, command: Vector) -> Deflection:  # noqa: ARG002 - it has no way to show a force
-        assert self._port is not None
         for report in self._port.read_all(self._clock() + WAIT_S):
             self._state = self._state.updated(report)
             self._heard_at = self._clock()
@@ -131,15 +113,9 @@ class SpaceMouseDevice(RateDevice):
     SIGN_OPTIONS: ClassVar[dict[str, str]] = {axis: f"the sign of {axis} in directions" for axis in "xyz"}
 
     def __init__(self, options: SpaceMouseOptions, tick_period: float) -> None:
-        spin = options.spin_deg_s
-        super().__init__(
-            NAME,
-            options,
-            PuckExchange(options, self.plugged),
-            tick_period,
-            buttons=MOST_BUTTONS,
-            spin=None if spin is None else radians(spin),
-        )
+        spin = None if options.spin_deg_s is None else radians(options.spin_deg_s)
+        exchange = PuckExchange(options, self.plugged)
+        super().__init__(NAME, options, exchange, tick_period, buttons=MOST_BUTTONS, spin=spin)
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:

@@ -10,7 +10,7 @@ from pydantic import Field
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.umockdev import HidIdentity
 from weberlink_devices.spacemouse.reports import FULL_COUNTS, PuckState
-from weberlink_devices.thumb import ThumbDriven, ThumbOptions
+from weberlink_devices.thumb import DeflectionEmulator, ThumbOptions
 
 Product = Literal["spacenavigator", "compact", "wireless"]
 PRODUCTS: dict[Product, tuple[int, int, str, bool]] = {
@@ -31,14 +31,13 @@ class SpaceMouseEmulatorOptions(ThumbOptions):
     turn: Vector = Field(default=ZERO, description="deflection of the turning, in shares of the full one")
 
 
-class SpaceMouseEmulator(ThumbDriven):
+class SpaceMouseEmulator(DeflectionEmulator):
     """See `weberlink.hardware.emulator`."""
 
     Options = SpaceMouseEmulatorOptions
     transport: ClassVar[str] = "hid"
 
-    def __init__(self, options: SpaceMouseEmulatorOptions | None = None) -> None:
-        options = SpaceMouseEmulatorOptions() if options is None else options
+    def __init__(self, options: SpaceMouseEmulatorOptions) -> None:
         super().__init__(options, BUTTONS)
         vendor, product, name, self._joint = PRODUCTS[options.product]
         self.identity = HidIdentity(

@@ -8,24 +8,26 @@ from typing import ClassVar
 
 from pydantic import BaseModel
 
+from weberlink.geometry.cube import cube
 from weberlink.geometry.rotation import IDENTITY, of_matrix
-from weberlink.geometry.vector import ZERO, Vector, is_finite, norm
+from weberlink.geometry.vector import ZERO, Vector, is_finite, within
 from weberlink.hardware.discovery import PluggedDevice, UsbId, serial_ports
 from weberlink.hardware.fault import HardwareFault
-from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
-from weberlink.master.devices.threaded_device import RAMP_S, STALE_S
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, Quaternion
+from weberlink.master.devices.force_device import force_spec
+from weberlink.master.devices.threaded_device import RAMP_S, STALE_S, fingerprint
 from weberlink.registry import Tier
 from weberlink_devices.touch.exchange import ServoState
 from weberlink_devices.touch.hdapi import HdError
-from weberlink_devices.touch.options import NAME, TouchOptions, signs_fingerprint
+from weberlink_devices.touch.options import TouchOptions
 from weberlink_devices.touch.process import ServoProcess
-from weberlink_devices.touch.servo import ServoArguments
+from weberlink_devices.touch.servo import ServoOrder
 
+NAME = "touch"
 BUTTONS = 2
 BUTTON_BITS = (1 << BUTTONS) - 1
 NOWHERE = DeviceReading(-inf, ZERO, False, IDENTITY)
 """Before the first valid frame; too old for a tick to take."""
-NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 UNKNOWN_WATCHDOG = (
     "whether its board removes the force when this host loses its power or the cable is pulled is not published"
 )
@@ -48,26 +50,25 @@ class TouchDevice:
     )
 
     def __init__(self, options: TouchOptions, tick_period: float) -> None:
-        armed = options.signs_checked == self.fingerprint(options)
-        reach = options.reach_m
-        self.spec = DeviceSpec(
-            name=NAME,
+        self.spec = force_spec(
+            NAME,
+            options,
+            self.fingerprint(options),
+            force_n=options.force_n,
             axes="xyz",
-            force_n=options.force_n if armed else 0.0,
             stiffness_n_m=options.stiffness_n_m,
-            workspace_m=((-reach, -reach, -reach), (reach, reach, reach)),
+            workspace_m=cube(options.reach_m),
             rate_hz=1.0 / tick_period,
-            force_feedback=armed,
             buttons=BUTTONS,
             orientation=True,
-            note=UNKNOWN_WATCHDOG if armed else NO_FORCE,
+            note=UNKNOWN_WATCHDOG,
         )
-        self.guarded = armed
+        self.guarded = self.spec.force_feedback
         """The process of the servo loop takes the force off when this one stops."""
         self._limit = self.spec.force_n
         stale_s = max(STALE_S, 3.0 * tick_period)
         self._process = ServoProcess(
-            ServoArguments(options.library, options.name, armed, stale_s, RAMP_S, options.calibration_s)
+            ServoOrder(options.library, options.name, self.guarded, stale_s, RAMP_S, options.calibration_s)
         )
         self._is_open = False
         self._fault: str | None = None
@@ -85,8 +86,8 @@ class TouchDevice:
 
     @classmethod
     def fingerprint(cls, options: TouchOptions) -> str:
-        """Fingerprint of all settings that affect signs."""
-        return signs_fingerprint(options)
+        """Of what the directions depend on: the library, and which device it is."""
+        return fingerprint(f"{NAME} {options.library} {options.name}")
 
     @property
     def servo_pid(self) -> int | None:
@@ -97,25 +98,19 @@ class TouchDevice:
         self.close()
         try:
             described = self._process.start()
-            self._check(described["force_n"], described["reach_m"])
+            if not (force_n := described["force_n"]) > 0.0:
+                raise HardwareFault(f"its largest force is {force_n:g} N, says the library")  # noqa: TRY301
+            if (reach_m := described["reach_m"]) > self.spec.workspace_m[1][0]:
+                raise HardwareFault(  # noqa: TRY301
+                    f"its workspace reaches {reach_m:g} m, says the library; set master.device.reach_m to that"
+                )
         except HardwareFault as fault:
             self._stop()
             raise DeviceFault(f"{NAME}: {fault}") from None
         self.trouble = self._fault = None
-        self._limit = min(self.spec.force_n, described["force_n"])
+        self._limit = min(self.spec.force_n, force_n)
         self._frames, self._newest = 0, NOWHERE
         self._is_open = True
-
-    def _check(self, force_n: float, reach_m: float) -> None:
-        """Raise HardwareFault if what the library says of the device does not fit the options."""
-        if not force_n > 0.0:
-            raise HardwareFault(
-                f"its largest force is {force_n:g} N, says the library; there is no telling how strong it is"
-            )
-        if reach_m > self.spec.workspace_m[1][0]:
-            raise HardwareFault(
-                f"its workspace reaches {reach_m:g} m, says the library; set master.device.reach_m to that"
-            )
 
     def latest(self, now: float) -> DeviceReading:
         if not self._is_open:
@@ -149,11 +144,9 @@ class TouchDevice:
     def command(self, force: Vector, now: float) -> None:
         if not is_finite(force):
             raise ValueError(f"{NAME}: commanded a force that is not finite: {force}")
-        size = norm(force)
-        share = self._limit / size if size > self._limit else 1.0
-        x, y, z = force
         if self._is_open:
-            self._process.put((share * y, share * z, share * x), now)
+            x, y, z = within(force, self._limit)
+            self._process.put((y, z, x), now)
 
     def close(self) -> None:
         if self._stopping is not None:

@@ -1,20 +1,16 @@
 """The daemon's side of the process of the servo loop."""
 
-import json
-import os
-import signal
-import subprocess
-from dataclasses import asdict, replace
+from dataclasses import replace
 from math import inf
-from mmap import mmap
+from os import getpid
 from time import monotonic, sleep
 
-from weberlink.child_process import python
+from weberlink.child_process import Child, python, shared_memory
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.fault import HardwareFault
 from weberlink_devices.touch import servo
 from weberlink_devices.touch.exchange import BEFORE_FIRST, MEMORY_SIZE, Phase, ServoMemory, ServoState
-from weberlink_devices.touch.servo import ServoArguments
+from weberlink_devices.touch.servo import ServoOrder
 
 START_S = 10.0
 """Longest time for the process to start, without that for the calibration [s]; a busy host takes seconds."""
@@ -35,12 +31,12 @@ class ServoProcess:
     """Runs `weberlink_devices.touch.servo`; a tick writes the force to its memory and reads the state.
 
     Args:
-        arguments: for it; memory and parent are filled in here.
+        order: for it; memory and parent are filled in here.
     """
 
-    def __init__(self, arguments: ServoArguments) -> None:
-        self._arguments = arguments
-        self._child: subprocess.Popen[bytes] | None = None
+    def __init__(self, order: ServoOrder) -> None:
+        self._order = order
+        self._child: Child | None = None
         self._memory: ServoMemory | None = None
         self._state = BEFORE_FIRST
         self._changed_at = self._looked_at = 0.0
@@ -59,7 +55,7 @@ class ServoProcess:
         self.stop()
         try:
             self._spawn()
-            described = self._described(START_S + self._arguments.calibration_s)
+            described = self._described(START_S + self._order.calibration_s)
         except BaseException:
             self.stop()
             raise
@@ -93,7 +89,8 @@ class ServoProcess:
     def stop(self) -> str | None:
         """Take the force off and end the process; may be called again.
 
-        A process that does not end is killed. If it may have left a force, another one is started to take that off.
+        A process that does not end is killed. If it may have left a force, another one is started to take that off:
+        the library initializes the device, and a frame without force follows.
 
         Returns:
             Why the force may still be on; None if it is off.
@@ -102,26 +99,14 @@ class ServoProcess:
         memory, self._memory = self._memory, None
         if child is None or memory is None:
             return None
-        died = child.poll() is not None and child.returncode != 0
         memory.force.write(-inf, *ZERO, 1)
-        try:
-            child.wait(STUCK_S if monotonic() - self._changed_at > SILENT_S else END_S)
-        except subprocess.TimeoutExpired:  # it was stopped by a signal, or the library hangs
-            child.kill()
-            child.wait()
-            died = True
+        child.end(STUCK_S if monotonic() - self._changed_at > SILENT_S else END_S)
         state = memory.newest_state() or self._state
         memory.close()
         self._state = BEFORE_FIRST
-        leaves_force = died and self._arguments.force and (state.force != ZERO or state.error != 0)
-        return self._release() if leaves_force else None
-
-    def _release(self) -> str | None:
-        """Start the process again with the motors off, and end it.
-
-        The library initializes the device, and a frame without force follows.
-        """
-        again = ServoProcess(replace(self._arguments, force=False))
+        if child.status == 0 or not self._order.force or (state.force == ZERO and state.error == 0):
+            return None
+        again = ServoProcess(replace(self._order, force=False))
         try:
             again._spawn()
             again._described(START_S)
@@ -132,30 +117,19 @@ class ServoProcess:
         return None
 
     def _spawn(self) -> None:
-        memory = os.memfd_create("weberlink-touch")
         try:
-            os.ftruncate(memory, MEMORY_SIZE)
-            self._memory, self._state = ServoMemory(mmap(memory, MEMORY_SIZE)), BEFORE_FIRST
-            self._memory.force.write(-inf, *ZERO, 0)
-            arguments = replace(self._arguments, memory=memory, parent=os.getpid())
-            self._child = subprocess.Popen(  # noqa: S603 - our own
-                python("-m", servo.__name__, json.dumps(asdict(arguments))),
-                stdin=subprocess.DEVNULL,
-                stdout=2,  # where the library prints its licence; ours may be a stream of data
-                pass_fds=(memory,),
-                start_new_session=True,  # Ctrl-C does not reach it
-            )
+            with shared_memory("weberlink-touch", MEMORY_SIZE) as (memory, descriptor):
+                self._memory, self._state = ServoMemory(memory), BEFORE_FIRST
+                self._memory.force.write(-inf, *ZERO, 0)
+                order = replace(self._order, memory=descriptor, parent=getpid())
+                command = python("-m", servo.__name__, order.to_json())
+                # The library prints its licence to standard output; ours may be a stream of data.
+                self._child = Child(command, stdout=2, pass_fds=(descriptor,))
         except OSError as error:
             raise HardwareFault(f"its servo process does not start: {error}") from None
-        finally:
-            os.close(memory)
 
     def _described(self, patience: float) -> dict[str, float]:
-        """What the library says of the device, once it is ready.
-
-        Raises:
-            HardwareFault: it cannot be used, or is not ready within this time [s].
-        """
+        """What the library says of the device, once it is ready; raises HardwareFault after this time [s]."""
         assert self._memory is not None
         until = monotonic() + patience
         while (report := self._memory.heard()) is None:
@@ -182,9 +156,6 @@ class ServoProcess:
     def _check_alive(self) -> None:
         assert self._child is not None
         assert self._memory is not None
-        status = self._child.poll()
-        if status is None:
-            return
-        report = self._memory.heard()  # its last words may have come after the last look
-        how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
-        raise HardwareFault(f"its servo process ended {how}" if report is None else report[1])
+        if not self._child.running:
+            report = self._memory.heard()  # its last words may have come after the last look
+            raise HardwareFault(f"its servo process {self._child.how_it_ended}" if report is None else report[1])

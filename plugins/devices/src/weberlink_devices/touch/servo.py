@@ -1,13 +1,12 @@
 """The process of the servo loop: the only one that loads libHD.so, whose own thread calls `ServoLoop.frame` at 1 kHz.
 
-    python -m weberlink_devices.touch.servo ARGUMENTS
+    python -m weberlink_devices.touch.servo ORDER
 
-`ARGUMENTS` are JSON of `ServoArguments`. The process reports when it is ready or why it has failed. It ends, without
-force, when it is told to or when its parent is gone. The library prints its licence on the standard output.
+The process reports when it is ready or why it has failed. It ends, without force, when it is told to or when its parent
+is gone. The library prints its licence on the standard output.
 """
 
 import ctypes
-import json
 import os
 import signal
 import sys
@@ -19,6 +18,7 @@ from mmap import mmap
 from time import monotonic, sleep
 from typing import Any
 
+from weberlink.child_process import Order
 from weberlink.hardware.fault import HardwareFault
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink_devices.touch import hdapi
@@ -39,9 +39,9 @@ RESTING_S = 0.02
 """How long the loop goes on without force before it ends [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ServoArguments:
-    """Arguments of the process.
+@dataclass(frozen=True)
+class ServoOrder(Order):
+    """Order of the process.
 
     Args:
         library: path or name of libHD.so.
@@ -51,7 +51,6 @@ class ServoArguments:
         ramp_s: how long the force takes to come up after an interruption [s].
         calibration_s: longest wait for the calibration [s].
         memory: descriptor of the shared memory.
-        parent: its process id.
     """
 
     library: str
@@ -61,21 +60,13 @@ class ServoArguments:
     ramp_s: float
     calibration_s: float
     memory: int = -1
-    parent: int = 0
 
 
 class ServoLoop:
-    """Swaps the newest force for the state of the device, once a frame.
+    """Swaps the newest force in the memory for the state of an initialized device, once a frame.
 
     A force counts while it is not older than `stale_s`. After an older one, a loop that stood still, an error or the
     start, the force comes up from zero over `ramp_s`.
-
-    Args:
-        library: with the device initialized.
-        handle: of the device.
-        memory: where it reads the force and writes the state.
-        stale_s: [s].
-        ramp_s: [s].
     """
 
     def __init__(self, library: Hdapi, handle: int, memory: ServoMemory, stale_s: float, ramp_s: float) -> None:
@@ -167,16 +158,16 @@ class ServoLoop:
 class TouchServo:
     """A device from its initialization until it is released."""
 
-    def __init__(self, arguments: ServoArguments, library: Hdapi, memory: ServoMemory) -> None:
-        self._arguments = arguments
+    def __init__(self, order: ServoOrder, library: Hdapi, memory: ServoMemory) -> None:
+        self._order = order
         self._library = library
-        self._name = arguments.name or "the default device"
+        self._name = order.name or "the default device"
         library.errors()
-        self._handle = library.hdInitDevice(None if arguments.name is None else arguments.name.encode())
+        self._handle = library.hdInitDevice(None if order.name is None else order.name.encode())
         self._raise_errors("cannot be initialized")
         if self._handle == hdapi.INVALID_HANDLE:
             raise HardwareFault(f"{self._name} cannot be initialized: no reason given")
-        self.loop = ServoLoop(library, self._handle, memory, arguments.stale_s, arguments.ramp_s)
+        self.loop = ServoLoop(library, self._handle, memory, order.stale_s, order.ramp_s)
         self._callback = hdapi.ServoCallback(self.loop.frame)  # kept alive as long as the library may call it
         self._task: int | None = None
         self._seen = (0, 0)
@@ -192,7 +183,7 @@ class TouchServo:
         library.hdMakeCurrentDevice(self._handle)
         library.hdEnable(hdapi.FORCE_CLAMPING)
         library.hdEnable(hdapi.FORCE_LIMIT)
-        if self._arguments.force:
+        if self._order.force:
             library.hdEnable(hdapi.FORCE_OUTPUT)
         described = self._described()
         self._raise_errors("cannot be set up")
@@ -236,7 +227,7 @@ class TouchServo:
 
     def _calibrate(self) -> None:
         """Wait until the device is calibrated; where it offers an update, take it."""
-        until = monotonic() + self._arguments.calibration_s
+        until = monotonic() + self._order.calibration_s
         style = self._library.integer(hdapi.CALIBRATION_STYLE)
         while (state := self.loop.calibration) != hdapi.CALIBRATED:
             if self.loop.fault is not None:
@@ -265,15 +256,15 @@ def _holds(condition: Callable[[], bool], patience: float) -> bool:
     return True
 
 
-def run(arguments: ServoArguments, memory: ServoMemory) -> None:
+def run(order: ServoOrder, memory: ServoMemory) -> None:
     """Serve the device until the parent ends this or is gone."""
 
     def ended() -> bool:
-        return os.getppid() != arguments.parent
+        return os.getppid() != order.parent
 
     servo = None
     try:
-        servo = TouchServo(arguments, Hdapi(arguments.library), memory)
+        servo = TouchServo(order, Hdapi(order.library), memory)
         described = servo.start()
         freeze_garbage()
         memory.say(Phase.READY, described)
@@ -293,13 +284,13 @@ def run(arguments: ServoArguments, memory: ServoMemory) -> None:
 
 
 def main(text: str) -> int:
-    arguments = ServoArguments(**json.loads(text))
+    order = ServoOrder.from_json(text)
     # Whoever stops the parent may send the same to its children; this one ends with the parent, not before.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.sched_setaffinity(0, range(os.cpu_count() or 1))  # not beside the parent's tick
-    run(arguments, ServoMemory(mmap(arguments.memory, MEMORY_SIZE)))
+    run(order, ServoMemory(mmap(order.memory, MEMORY_SIZE)))
     return 0
 
 

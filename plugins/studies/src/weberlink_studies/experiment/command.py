@@ -11,7 +11,7 @@ from weberlink.registry import is_scripted
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 from weberlink.system.configuration.extras import need
 from weberlink.system.environment import environment
-from weberlink.system.recorder import check_target
+from weberlink.system.recorder import format_for
 from weberlink_studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink_studies.experiment.ledger import LedgerError, Resumed, opened, path_of, subjects
 from weberlink_studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
@@ -175,5 +175,5 @@ def _recordings(ledger: Path) -> Path:
     """The folder of a subject's recordings."""
     folder = ledger.with_suffix("")
     folder.mkdir(exist_ok=True)
-    check_target(folder / "any.mcap")
+    format_for(folder / "any.mcap")
     return folder

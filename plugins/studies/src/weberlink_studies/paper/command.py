@@ -15,9 +15,8 @@ from rich.console import RenderableType
 
 from weberlink.master.trace import Trace
 from weberlink.system.configuration import Configuration, load
-from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import score_of
-from weberlink.system.simulate import build_simulation
+from weberlink.system.simulate import TraceRecorder, build_simulation
 from weberlink_studies import recordings
 from weberlink_studies.evaluate.study import EvaluationStudy
 from weberlink_studies.evaluate.traces import FILES, NamedTrace, read_traces

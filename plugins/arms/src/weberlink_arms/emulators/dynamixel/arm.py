@@ -7,7 +7,6 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import Field
 
-from weberlink.arms.models import load
 from weberlink_arms.dynamixel.layouts import KOCH_FOLLOWER, KOCH_LEADER, OMX_LEADER
 from weberlink_arms.dynamixel.motor_models import CurrentLaw
 from weberlink_arms.dynamixel.packet import FRAMING, HIGHEST_ID
@@ -15,6 +14,7 @@ from weberlink_arms.dynamixel.registers import BAUD_RATES
 from weberlink_arms.emulators.arm import ArmEmulator, Joint, JointArmOptions
 from weberlink_arms.emulators.dynamixel.servo import Measured, Servo, amperes
 from weberlink_arms.servo.layout import ArmLayout
+from weberlink_mujoco.arms.models import load
 
 OVERLOAD: Final = 1 << 5
 LINK_KG_M2: Final = 0.001

@@ -1,0 +1,1 @@
+"""Recordings: the records of a session in one MCAP file, written by a process of its own, read back and exported."""

@@ -1,0 +1,285 @@
+"""An MCAP file that grows by whole chunks, and how MCAP frames messages.
+
+The writer of the mcap library keeps unwritten data and cannot go on after a failed write. Here a failed append cuts the
+file back to what it was, and the index lists only what is there. A chunk of messages of one size is one numpy array, so
+neither writing nor reading one costs a Python step per message.
+"""
+
+import os
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from struct import Struct, pack
+from typing import Self
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from weberlink.telemetry.message import ENCAPSULATION, Rows
+
+MAGIC = b"\x89MCAP0\r\n"
+"""Begins a file and ends a complete one."""
+FRAME = Struct("<BQ")
+MESSAGE = Struct("<HIQQ")
+"""What a message begins with: channel, sequence, log time, publish time [ns]."""
+HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
+
+
+@cache
+def rows_of(body: int) -> np.dtype[np.void]:
+    """The frame of a message whose record has `body` bytes, the record itself as raw bytes."""
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("sequence", "<u4"),
+            ("log_time", "<u8"),
+            ("publish_time", "<u8"),
+            ("encapsulation", f"V{len(ENCAPSULATION)}"),
+            ("body", f"V{body}"),
+        ]
+    )
+
+
+def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of each frame that is whole; what is left at the end is dropped."""
+    at, size = 0, len(data)
+    while at + FRAME.size <= size:
+        opcode, length = FRAME.unpack_from(data, at)
+        at += FRAME.size
+        if length > size - at:
+            return
+        yield opcode, data[at : at + length]
+        at += length
+
+
+def uniform(data: bytes) -> Rows | None:
+    """All of a chunk as rows, if it holds nothing but messages of one size; else None."""
+    if len(data) < HEAD:
+        return None
+    opcode, length = FRAME.unpack_from(data)
+    size = FRAME.size + length
+    if opcode != Opcode.MESSAGE or size <= HEAD or len(data) % size:
+        return None
+    # One row after the other is where the first says, so that this holds of all or of none.
+    rows: Rows = np.frombuffer(data, rows_of(size - HEAD))
+    same = (rows["opcode"] == Opcode.MESSAGE).all() and (rows["length"] == length).all()
+    return rows if same else None
+
+
+PROFILE, LIBRARY = "ros2", "weberlink"
+FACTS, END = "weberlink", "end"
+"""Names of the records of metadata at the start and at the end of a recording."""
+
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+
+
+class McapFile:
+    """One new file, not to be shared; made by `create`.
+
+    Every method that appends raises OSError with the file as it was before.
+    """
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self._crc = 0
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._compress = zstandard.ZstdCompressor().compress
+        self.size = 0
+        """Of what is in the file [bytes]."""
+        self.messages: Counter[int] = Counter()
+        """By channel."""
+
+    @classmethod
+    def create(cls, path: Path, first: Metadata) -> Self:
+        """Begin a file with a record of metadata.
+
+        Raises:
+            FileExistsError: the path is taken.
+            OSError: it cannot be made or written; then it is not there.
+        """
+        file = cls(os.open(path, _CREATE, 0o666))
+        try:
+            file._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
+            file.add_metadata(first)
+        except BaseException:
+            file.close()
+            path.unlink()
+            raise
+        return file
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        data = _bytes(metadata)
+        self._append(data)
+        self._metadata.append(MetadataIndex(self.size - len(data), len(data), metadata.name))
+
+    def add_schema(self, name: str, encoding: str, text: str) -> int:
+        """Returns the number of the schema."""
+        schema = Schema(id=len(self._schemas) + 1, data=text.encode(), encoding=encoding, name=name)
+        self._append(_bytes(schema))
+        self._schemas.append(schema)
+        return schema.id
+
+    def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]) -> int:
+        """Returns the number of the channel."""
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding=encoding,
+            metadata=dict(metadata),
+            schema_id=schema,
+        )
+        self._append(_bytes(channel))
+        self._channels.append(channel)
+        return channel.id
+
+    def add_chunk(self, rows: Rows) -> None:
+        """Append framed messages, at least one, as of `rows_of`."""
+        data = rows.tobytes()
+        packed = self._compress(data)
+        chunk = Chunk(
+            compression="zstd",
+            data=packed,
+            message_start_time=int(rows["log_time"].min()),
+            message_end_time=int(rows["log_time"].max()),
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
+        )
+        builder = RecordBuilder()
+        chunk.write(builder)
+        length = builder.count
+        places, counts = {}, {}
+        for index in _message_indexes(rows):
+            places[index.channel_id] = self.size + builder.count
+            counts[index.channel_id] = len(index.records)
+            index.write(builder)
+        entry = ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=self.size,
+            chunk_length=length,
+            message_index_offsets=places,
+            message_index_length=builder.count - length,
+            compression=chunk.compression,
+            compressed_size=len(packed),
+            uncompressed_size=len(data),
+        )
+        self._append(_content(builder))
+        self._chunks.append(entry)
+        self.messages.update(counts)
+
+    def finish(self, last: Metadata, *, indexed: bool = True) -> None:
+        """Append the end of the file: a record of metadata and, if there is room for one, the index."""
+        builder = RecordBuilder()
+        last.write(builder)
+        metadata = MetadataIndex(self.size, builder.count, last.name)
+        body = _content(builder)
+        body += _bytes(DataEnd(zlib.crc32(body, self._crc)))
+        summary = self._summary(self.size + len(body), metadata) if indexed else _bytes(Footer(0, 0, 0))
+        self._append(body + summary + MAGIC)
+
+    def sync(self) -> None:
+        """Wait until the disk has it all."""
+        os.fsync(self._fd)
+
+    def close(self) -> None:
+        """Give the file back, finished or not. May be repeated."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+    def _append(self, data: bytes) -> None:
+        view, at = memoryview(data), self.size
+        try:
+            while view:  # a disk that gets full takes a part first
+                taken = os.pwrite(self._fd, view, at)
+                view, at = view[taken:], at + taken
+        except BaseException:
+            with suppress(OSError):
+                os.ftruncate(self._fd, self.size)
+            raise
+        self.size = at
+        self._crc = zlib.crc32(data, self._crc)
+
+    def _summary(self, start: int, last: MetadataIndex) -> bytes:
+        """All that allows a reader to seek, and the footer that points to it."""
+        builder = RecordBuilder()
+        offsets = []
+        groups: list[tuple[Opcode, Iterable[McapRecord]]] = [
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.METADATA_INDEX, [*self._metadata, last]),
+        ]
+        for opcode, records in groups:
+            begin = builder.count
+            for record in records:
+                record.write(builder)
+            if builder.count > begin:
+                offsets.append(SummaryOffset(opcode, start + begin, builder.count - begin))
+        at = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary = _content(builder)
+        # The checksum covers the footer up to itself.
+        crc = zlib.crc32(pack("<BQQQ", Opcode.FOOTER, 20, start, at), zlib.crc32(summary))
+        return summary + _bytes(Footer(start, at, crc))
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self.messages),
+            chunk_count=len(self._chunks),
+            message_count=self.messages.total(),
+            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            metadata_count=len(self._metadata) + 1,
+            schema_count=len(self._schemas),
+        )
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return _content(builder)
+
+
+def _content(builder: RecordBuilder) -> bytes:
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _message_indexes(rows: Rows) -> list[MessageIndex]:
+    """Where in the chunk the messages of each channel are, and when."""
+    offsets = np.arange(len(rows)) * rows.dtype.itemsize
+    found = []
+    for channel in np.unique(rows["channel"]).tolist():
+        of_channel = rows["channel"] == channel
+        entries = zip(rows["log_time"][of_channel].tolist(), offsets[of_channel].tolist(), strict=True)
+        found.append(MessageIndex(channel, list(entries)))
+    return found

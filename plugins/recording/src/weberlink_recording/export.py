@@ -1,0 +1,302 @@
+"""The `info` and `export` commands: describe recordings, and write them as tables, for ROS tools, and for LeRobot."""
+
+import csv
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.text import Text
+
+from weberlink.master.trace import COLUMNS, TraceError, read_trace
+from weberlink.system.configuration import ConfigurationError
+from weberlink.system.configuration.extras import need
+from weberlink.system.recorder import RANGE
+from weberlink.system.report import session_report
+from weberlink.system.scoring.session import Records
+from weberlink.system.verdict import verdict
+from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.recorders import BEGUN
+from weberlink_recording.lerobot_frames import NoFramesError, frames_of
+from weberlink_recording.reader import Recording, RecordingError, read_recording
+from weberlink_recording.ros_export import RATE_HZ, write_ros
+from weberlink_recording.session import CONFIGURATION, RecordedSession, put_together, time_axis
+
+FORMATS = ("csv", "parquet", "ros", "lerobot")
+ARROW = ("parquet", "lerobot")
+"""Formats that need pyarrow, which is in the extra of that name."""
+BLOCK_ROWS = 50_000
+"""Rows converted at a time: Python numbers take far more memory than an array."""
+
+
+class ExportError(Exception):
+    """A file cannot be written."""
+
+
+class DatasetOptions(NamedTuple):
+    """What a LeRobot dataset takes beside the recording: frames per second, and what was done, in words."""
+
+    fps: int = 30
+    task: str = "teleoperation"
+
+
+DEFAULTS = DatasetOptions()
+
+
+@dataclass(frozen=True)
+class RecordingDescription:
+    """What the recordings contain, and how it is shown."""
+
+    document: dict[str, Any]
+
+    def show(self, console: Console) -> None:
+        """Print a line for each file, then the report of the session."""
+        for file in self.document["files"]:
+            console.print(Text(_file_line(file)))
+        for mark in self.document["marks"]:
+            console.print(Text(f"mark at {mark['at_s']:.3f} s: {mark['text']}"))
+        title = "weberlink record info " + " ".join(file["path"] for file in self.document["files"])
+        session_report(self.document, title, console)
+
+
+def describe(paths: Sequence[Path]) -> RecordingDescription:
+    """Describe one recording, or those of both sides.
+
+    Raises:
+        ConfigurationError: a file is not a recording, or the files are not of one session.
+    """
+    recordings, session = _read(paths)
+    files = [
+        {
+            "path": str(recording.path),
+            "bytes": recording.path.stat().st_size,
+            "complete": recording.complete,
+            "outcome": recording.outcome,
+            "records": {side: len(records) for side, records in recording.records.items()},
+            "lost": recording.lost,
+            "clock": recording.facts.get("clock", "real"),
+            "began": _date(recording),
+            "begun": recording.facts.get(BEGUN),
+            "configuration": recording.facts.get("configuration"),
+        }
+        for recording in recordings
+    ]
+    first = min(float(records["at"][0]) for records in session.sides.values())
+    marks = [{"at_s": round(mark.at - first, 3), "text": mark.text} for mark in session.marks]
+    document = {"files": files, "marks": marks} | session.summary()
+    document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
+    document["verdict"] = verdict(document).document()
+    return RecordingDescription(document)
+
+
+def export(paths: Sequence[Path], to: str, folder: Path | None, dataset: DatasetOptions = DEFAULTS) -> list[str]:
+    """Write files beside the first recording, or into the folder; returns a line for each.
+
+    `csv` and `parquet` are a table for each side; with `csv` also the signal that `evaluate` reads, what the robot was
+    commanded and felt while engaged. `ros` is one MCAP file for ROS tools, `lerobot` the folder of a LeRobot dataset.
+
+    Raises:
+        ConfigurationError: for a format or a file that cannot be used, or a file that exists already.
+        ExportError: a file cannot be written; no part of it is left.
+    """
+    if to not in FORMATS:
+        raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
+    if to in ARROW:
+        need("pyarrow", "recording[parquet]", f"--to {to}")
+    recordings, session = _read(paths)
+    target = folder if folder is not None else paths[0].parent
+    outputs = dict(_outputs(recordings, session, to, dataset))
+    outs = {name: target / f"{paths[0].stem}-{name}" for name in outputs}
+    for out in outs.values():
+        if out.exists():
+            raise ConfigurationError(f"--out: {out} exists; move it away or name another folder")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        return [f"{out}: {_place(outputs[name], out)}" for name, out in outs.items()]
+    except OSError as error:
+        raise ExportError(f"{target}: cannot be written: {error.strerror or error}") from None
+
+
+Output = Callable[[Path], str]
+"""Writes a file that is not there yet, and says what is in it."""
+
+
+def _outputs(
+    recordings: Sequence[Recording], session: RecordedSession, to: str, dataset: DatasetOptions
+) -> Iterator[tuple[str, Output]]:
+    """The end of the name of each file, and what writes it."""
+    if to == "ros":
+        yield "ros.mcap", lambda path: _write_ros(recordings, session, path)
+        return
+    if to == "lerobot":
+        yield "lerobot", _lerobot(recordings, session, dataset)
+        return
+    times = time_axis(session)
+    for side, records in session.sides.items():
+        columns = {"t": times[side]} | _columns(records)
+        yield f"{side}.{to}", _table(columns, _write_csv if to == "csv" else _write_parquet)
+    signal = _signal(recordings) if to == "csv" else None
+    if signal is not None:
+        yield "trace.csv", _table(signal, _write_csv)
+
+
+def _table(columns: dict[str, NDArray[Any]], write: Callable[[dict[str, NDArray[Any]], Path], None]) -> Output:
+    def output(path: Path) -> str:
+        write(columns, path)
+        return f"{len(next(iter(columns.values())))} rows, {len(columns)} columns"
+
+    return output
+
+
+def _signal(recordings: Sequence[Recording]) -> dict[str, NDArray[Any]] | None:
+    """The columns of the trace of the slave's side; None where it was not recorded or never engaged."""
+    for recording in recordings:
+        if len(recording.records.get("slave", ())):
+            try:
+                trace = read_trace(recording.path)
+            except TraceError:
+                return None
+            table = np.column_stack((trace.time_s, trace.position_m, trace.force_n))
+            return dict(zip(COLUMNS, table.T, strict=True))
+    return None
+
+
+def _write_ros(recordings: Sequence[Recording], session: RecordedSession, path: Path) -> str:
+    first = next((each for each in recordings if "master" in each.origins), recordings[0])
+    count = write_ros(session, first.origins, first.facts, path)
+    what = "poses, forces and frames" if session.arm is None else "joint states"
+    return f"{count} messages; {what} at {RATE_HZ:g} Hz"
+
+
+def _lerobot(recordings: Sequence[Recording], session: RecordedSession, dataset: DatasetOptions) -> Output:
+    from weberlink_recording.lerobot_export import write_dataset  # noqa: PLC0415 - writes with an optional library
+
+    if not 1 <= dataset.fps <= session.rate_hz:
+        raise ConfigurationError(f"--fps: {dataset.fps} is not within 1 and the {session.rate_hz:g} Hz of the ticks")
+    try:
+        frames = frames_of(session, dataset.fps, _gripper_range(recordings))
+    except NoFramesError as error:
+        raise ConfigurationError(f"{', '.join(str(each.path) for each in recordings)}: {error}") from None
+    cut = [f"{each.path} is {_ended({'complete': each.complete, 'outcome': each.outcome})}" for each in recordings]
+    notes = [note for note, each in zip(cut, recordings, strict=True) if not each.complete]
+
+    def output(path: Path) -> str:
+        return "; ".join([write_dataset(frames, dataset.task, _robot(recordings), path), *notes])
+
+    return output
+
+
+def _gripper_range(recordings: Sequence[Recording]) -> tuple[float, float] | None:
+    """Least and largest angle of the gripper [rad]; None if no recording tells them."""
+    for recording in recordings:
+        try:
+            low, high = (float(recording.facts[name].split()[-1]) for name in RANGE)
+        except (KeyError, IndexError, ValueError):
+            continue
+        if low < high:
+            return low, high
+    return None
+
+
+def _robot(recordings: Sequence[Recording]) -> str | None:
+    """The driver of the follower; None if it is not known."""
+    text = next((each.facts[CONFIGURATION] for each in recordings if CONFIGURATION in each.facts), "")
+    try:
+        return str(yaml.safe_load(text)["slave"]["robot"]["driver"])  # `put_together` has read it
+    except (KeyError, TypeError):
+        return None
+
+
+def _place(write: Output, path: Path) -> str:
+    """Write to a temporary name, then rename, so that no part of a file can remain."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        told = write(draft)
+        draft.rename(path)
+    except BaseException:
+        if draft.is_dir():
+            shutil.rmtree(draft)
+        draft.unlink(missing_ok=True)
+        raise
+    return told
+
+
+def _read(paths: Sequence[Path]) -> tuple[list[Recording], RecordedSession]:
+    try:
+        recordings = [read_recording(path) for path in paths]
+        return recordings, put_together(recordings)
+    except RecordingError as error:
+        raise ConfigurationError(str(error)) from None
+
+
+def _date(recording: Recording) -> str | None:
+    """Start on the wall clock; None for virtual time."""
+    if recording.facts.get("clock") == "virtual" or not recording.origins:
+        return None
+    began = min(origin.wall_s for origin in recording.origins.values())
+    return datetime.fromtimestamp(began, UTC).isoformat(timespec="milliseconds")
+
+
+def _file_line(file: dict[str, Any]) -> str:
+    sides = ", ".join(f"{side} {count} records" for side, count in file["records"].items())
+    lost = sum(file["lost"].values())
+    parts = [
+        f"{file['path']}: {sides}",
+        f"{file['bytes'] / 1e6:.1f} MB",
+        _began(file),
+        _ended(file),
+    ]
+    return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
+
+
+def _began(file: dict[str, Any]) -> str:
+    if not file["began"]:
+        return f"{file['clock']} time"
+    return f"began {file['began']}" + (f" {file['begun']}" if file["begun"] else "")
+
+
+def _ended(file: dict[str, Any]) -> str:
+    if file["complete"]:
+        return "whole"
+    if file["outcome"] == "complete":
+        return "not whole"  # the number of lost records is shown beside it
+    outcome: str = file["outcome"]
+    return outcome
+
+
+def _columns(records: Records) -> dict[str, NDArray[Any]]:
+    """Flat columns; a vector becomes one for each of its axes, named by it."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name in records.dtype.names or ():
+        values = records[name]
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            axes = AXES if values.shape[1] == len(AXES) else JOINTS
+            columns |= {f"{name}_{axis}": values[:, index] for index, axis in enumerate(axes)}
+    return columns
+
+
+def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
+    """Write numbers with enough digits to read the same ones back; unknown ones as `nan`."""
+    with path.open("x", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for first in range(0, len(next(iter(columns.values()))), BLOCK_ROWS):
+            block = [column[first : first + BLOCK_ROWS].tolist() for column in columns.values()]
+            writer.writerows(zip(*block, strict=True))
+
+
+def _write_parquet(columns: dict[str, NDArray[Any]], path: Path) -> None:
+    import pyarrow  # noqa: PLC0415
+    import pyarrow.parquet  # noqa: PLC0415
+
+    table = pyarrow.table({name: np.ascontiguousarray(column) for name, column in columns.items()})
+    pyarrow.parquet.write_table(table, path)

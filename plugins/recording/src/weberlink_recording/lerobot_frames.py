@@ -1,0 +1,236 @@
+"""Frames of a LeRobot dataset from the records of both sides of a session.
+
+The two sides run at 1 kHz, a dataset at 30 Hz. Each frame has the newest record of each side, and all records of the
+time since the frame before as flat windows of a fixed length.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.protocol.states import State
+from weberlink.system.scoring.arm import ArmLayout
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.record import AXES
+from weberlink_recording.session import RecordedSession
+
+Numbers = NDArray[np.float32]
+
+LONGEST_GAP_S = 0.1
+"""A side without records for longer than this ends an episode [s]; the value before a shorter gap is held."""
+LEAST_FRAMES = 2
+"""A shorter stretch becomes no episode."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One feature: float32 values of shape (frames, width), and the names of their columns."""
+
+    key: str
+    names: tuple[str, ...]
+    values: Numbers
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The frames of all episodes, one after the other.
+
+    Args:
+        fps: frames per second.
+        lengths: frames of each episode, at least one episode.
+        times: of the frames, since the first record of the session [s].
+        features: each with a row for every frame.
+        lead_s: time in which the leader led the follower; only this becomes frames [s].
+        span_s: length of the session [s].
+        held: records that were missing within an episode, and replaced by the one before.
+    """
+
+    fps: int
+    lengths: tuple[int, ...]
+    times: NDArray[np.float64]
+    features: tuple[Feature, ...]
+    lead_s: float
+    span_s: float
+    held: int
+
+
+class _Signal(NamedTuple):
+    """What a side contributes: a feature with the newest value, or none; one with the window; and the fields."""
+
+    newest: str | None
+    window: str
+    side: str
+    quantity: str
+    fields: tuple[str, ...]
+
+
+# `observation` and `action` are what policies read. What the operator's hand does and feels is neither.
+_CARTESIAN = (
+    _Signal("observation.state", "observation.motion_window", "slave", "position", ("output", "rotation_output")),
+    _Signal("action", "leader.motion_window", "master", "position", ("raw", "rotation_raw")),
+    _Signal(None, "observation.force_window", "slave", "force", ("raw", "rotation_raw")),
+    _Signal(None, "leader.force_window", "master", "force", ("output", "rotation_output")),
+)
+_ARM = (
+    _Signal("observation.state", "observation.motion_window", "slave", "position", ("joint_position",)),
+    _Signal("action", "leader.motion_window", "master", "position", ("joint_raw",)),
+    _Signal(None, "observation.force_window", "slave", "force", ("joint_raw",)),
+    _Signal(None, "leader.force_window", "master", "force", ("joint_output",)),
+)
+_CARTESIAN_NAMES = {
+    "position": tuple(f"{axis}.pos" for axis in (*AXES, *(f"rotation_{axis}" for axis in AXES))),
+    "force": (*(f"{axis}.force" for axis in AXES), *(f"rotation_{axis}.torque" for axis in AXES)),
+}
+
+
+class NoFramesError(ValueError):
+    """The session has no frame; one line that says why."""
+
+
+def frames_of(session: RecordedSession, fps: int, gripper_rad: tuple[float, float] | None = None) -> Frames:
+    """Cut a session into episodes, and those into frames.
+
+    An episode is a stretch of time in which both sides were in session and the leader led: the approach at the
+    beginning, a released button, silence of the link and gaps of the records are between episodes.
+
+    Args:
+        session: both sides on one clock.
+        fps: frames per second, 1 to the rate of the ticks.
+        gripper_rad: range of the gripper's angle; None if it is not known.
+
+    Raises:
+        NoFramesError: there is no such stretch, a side was not recorded, or a value is not finite.
+    """
+    if len(session.sides) < 2:
+        (side,) = session.sides
+        other = "slave" if side == "master" else "master"
+        raise NoFramesError(f"holds the {side}'s side alone; give the {other}'s recording of the same session too")
+    per_frame = samples_per_frame(session.rate_hz, fps)
+    leads = list(_common([_leads(records) for records in session.sides.values()]))
+    frame_times = [times for lead in leads if len(times := _frame_times(session, lead, per_frame, fps)) >= LEAST_FRAMES]
+    if not frame_times:
+        raise NoFramesError(
+            f"at no time of at least {LEAST_FRAMES} frames at {fps} Hz were both sides in session and the leader led"
+        )
+    times = np.concatenate(frame_times)
+    windows = {side: _windows(records, times, per_frame, session.rate_hz) for side, records in session.sides.items()}
+    features = tuple(_features(session, windows, gripper_rad))
+    for feature in features:
+        if not np.isfinite(feature.values).all():
+            raise NoFramesError(f"its values for {feature.key} are not all finite; not written by a daemon")
+    first = min(float(records["at"][0]) for records in session.sides.values())
+    return Frames(
+        fps=fps,
+        lengths=tuple(map(len, frame_times)),
+        times=times - first,
+        features=features,
+        lead_s=sum(end - begin for begin, end in leads),
+        span_s=max(float(records["at"][-1]) for records in session.sides.values()) - first,
+        held=sum(_missing(records, each) for each in frame_times for records in session.sides.values()),
+    )
+
+
+def samples_per_frame(rate_hz: float, fps: int) -> int:
+    """Length of a window: as many ticks as the longest frame has, so that consecutive windows leave none out."""
+    return ceil(rate_hz / fps - 1e-9)
+
+
+def _leads(records: Records) -> list[tuple[float, float]]:
+    """The stretches in which a side was in session and nothing was faded, approached or released: begin and end."""
+    is_led = (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
+    at = records["at"]
+    places = np.flatnonzero(is_led)
+    if not len(places):
+        return []
+    cut = (np.diff(places) > 1) | (np.diff(at[places]) > LONGEST_GAP_S)
+    begins = places[np.concatenate(([True], cut))]
+    ends = places[np.concatenate((cut, [True]))]
+    return [(float(at[begin]), float(at[end])) for begin, end in zip(begins, ends, strict=True)]
+
+
+def _common(sides: Sequence[list[tuple[float, float]]]) -> Iterator[tuple[float, float]]:
+    """The intervals that two sorted lists have in common."""
+    ours, theirs = map(list, sides)
+    while ours and theirs:
+        begin, end = max(ours[0][0], theirs[0][0]), min(ours[0][1], theirs[0][1])
+        if begin < end:
+            yield begin, end
+        (ours if ours[0][1] <= theirs[0][1] else theirs).pop(0)
+
+
+def _frame_times(session: RecordedSession, lead: tuple[float, float], per_frame: int, fps: int) -> NDArray[np.float64]:
+    """Times of the frames of a stretch, on the clock of the session; the first window begins with the stretch."""
+    begin, end = lead
+    at = session.master["at"]
+    place = int(np.searchsorted(at, begin))
+    first = float(at[place]) + (per_frame - 1) / session.rate_hz
+    count = int((end - first) * fps + 1e-6) + 1 if end >= first else 0
+    return first + np.arange(count) / fps
+
+
+def _windows(records: Records, times: NDArray[np.float64], per_frame: int, rate_hz: float) -> NDArray[np.intp]:
+    """Places of the records of each frame, oldest first; shape (frames, per_frame).
+
+    The last one is the newest record at the time of the frame, and the others are a tick apart. A tick without a record
+    takes the record before.
+    """
+    at = records["at"]
+    newest = _held(at, times, rate_hz)
+    back = np.arange(per_frame - 1, -1, -1) / rate_hz
+    return _held(at, at[newest][:, None] - back, rate_hz)
+
+
+def _held(at: NDArray[np.float64], times: NDArray[np.float64], rate_hz: float) -> NDArray[np.intp]:
+    """Places of the last records at these times; half a tick later counts as the same time."""
+    return np.maximum(np.searchsorted(at, times + 0.5 / rate_hz, side="right") - 1, 0)
+
+
+def _features(
+    session: RecordedSession, windows: dict[str, Any], gripper_rad: tuple[float, float] | None
+) -> Iterator[Feature]:
+    arm = session.arm
+    for signal in _CARTESIAN if arm is None else _ARM:
+        records, places = session.sides[signal.side], windows[signal.side]
+        fields = signal.fields if arm is not None or session.torque_bank is not None else signal.fields[:1]
+        values = np.concatenate([records[name] for name in fields], axis=1, dtype=np.float64)
+        if arm is None:
+            names = _CARTESIAN_NAMES[signal.quantity][: values.shape[1]]
+        elif signal.quantity == "position":
+            names, values = _angles(arm, values[:, arm.places], gripper_rad)
+        else:
+            names, values = tuple(f"{name}.torque" for name in arm.axes), values[:, arm.places]
+        values = values.astype(np.float32)
+        if signal.newest is not None:
+            yield Feature(signal.newest, names, values[places[:, -1]])
+        per_frame = places.shape[1]
+        flat = values[places].reshape(len(places), -1)
+        yield Feature(signal.window, tuple(f"{name}.{tick}" for tick in range(per_frame) for name in names), flat)
+
+
+def _angles(
+    arm: ArmLayout, angles: NDArray[np.float64], gripper_rad: tuple[float, float] | None
+) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Names and values of angles in the units of LeRobot: joints in degrees, the gripper from 0 to 100 of its range.
+
+    Without its range the gripper keeps its radians and has another name, so that no robot takes these for its units.
+    """
+    scaled = np.degrees(angles)
+    names = [f"{name}.pos" for name in arm.axes]
+    if arm.gripper_angle is not None:
+        if gripper_rad is None:
+            names[-1], scaled[:, -1] = "gripper.rad", angles[:, -1]
+        else:
+            closed, opened = gripper_rad
+            scaled[:, -1] = 100.0 * (angles[:, -1] - closed) / (opened - closed)
+    return tuple(names), scaled
+
+
+def _missing(records: Records, times: NDArray[np.float64]) -> int:
+    """Ticks without a record within an episode."""
+    begin, end = np.searchsorted(records["at"], (times[0], times[-1]))
+    ticks = records["tick"][begin:end]
+    return int(ticks[-1] - ticks[0]) + 1 - len(ticks) if len(ticks) else 0

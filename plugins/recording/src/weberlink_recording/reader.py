@@ -1,0 +1,396 @@
+"""Reads a recording: all that is intact in it, of whatever release and however it ended."""
+
+import os
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BufferedReader, BytesIO
+from pathlib import Path
+from struct import pack
+from typing import Any, TypeVar
+
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.stream_reader import get_chunk_data_stream
+
+from weberlink.telemetry.message import (
+    ENCAPSULATION,
+    MESSAGE_ENCODING,
+    SCHEMA_ENCODING,
+    SIDES,
+    TOPICS,
+    Origin,
+    Rows,
+)
+from weberlink.telemetry.record import AXES, JOINTS
+from weberlink.telemetry.recorders import COMPLETE
+from weberlink_recording.container import END, FACTS, FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink_recording.marks import MARK_SCHEMA, MARK_TOPIC, Mark, read_mark
+
+Parsed = TypeVar("Parsed")
+
+_LAYOUTS: dict[str, tuple[str, int]] = {
+    **{"float64": ("<f8", 1), "float32": ("<f4", 1), "uint64": ("<u8", 1), "uint8": ("u1", 1)},
+    **dict.fromkeys(("geometry_msgs/Vector3", "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
+    **{f"float32[{axes}]": ("<f4", axes) for axes in (len(AXES), len(JOINTS))},
+}
+
+
+def dtype_of(schema_text: str) -> np.dtype[np.void]:
+    """The layout of the body of a message, each value on its own boundary as CDR has it.
+
+    Args:
+        schema_text: a message definition of numbers and vectors, of any release.
+
+    Raises:
+        ValueError: it has a field of another type, one name twice, or none at all.
+    """
+    names: list[str] = []
+    formats: list[tuple[str, tuple[int, ...]]] = []
+    offsets: list[int] = []
+    end = 0
+    for kind, name in _fields(schema_text):
+        if kind not in _LAYOUTS:
+            raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
+        if name in names:
+            raise ValueError(f"field {name} is defined twice")
+        code, axes = _LAYOUTS[kind]
+        size = np.dtype(code).itemsize
+        offset = -(-end // size) * size
+        names.append(name)
+        formats.append((code, () if axes == 1 else (axes,)))
+        offsets.append(offset)
+        end = offset + axes * size
+    if not names:
+        raise ValueError("no field is defined")
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def _fields(schema_text: str) -> list[tuple[str, str]]:
+    """Type and name of each field of the first definition; a constant is none."""
+    fields = []
+    for line in schema_text.splitlines():
+        if line.startswith("==="):
+            break
+        definition = line.partition("#")[0].strip()
+        if not definition or "=" in definition:
+            continue
+        kind, _, rest = definition.partition(" ")
+        if not rest:
+            raise ValueError(f"{definition!r} is no field")
+        fields.append((kind, rest.split()[0]))
+    return fields
+
+
+COMPRESSIONS = ("", "lz4", "zstd")
+NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}
+"""Without these a record cannot be placed."""
+LARGEST_CHUNK = 2**30
+"""Above this, a chunk's size is taken for damage [bytes]."""
+
+
+class DamagedError(ValueError):
+    """A frame is not what it was when it was written."""
+
+
+class ForeignError(ValueError):
+    """The file is in order, and no recording that can be read."""
+
+
+# What the library and the decompressors raise over bytes that have changed.
+_DAMAGE = (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, OverflowError, zstandard.ZstdError)
+
+
+class Content:
+    """Takes frames in the order of the file.
+
+    Raises:
+        DamagedError: the frame cannot be read, and nothing of it was taken.
+        ForeignError: what it says is not of a recording.
+    """
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.origins: dict[str, Origin] = {}
+        self.marks: list[Mark] = []
+        self.foreign: list[str] = []
+        """Topics that are none of a recording, with the name of their schema."""
+        self._schemas: dict[int, Schema] = {}
+        self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
+        self._layouts: dict[str, np.dtype[np.void]] = {}
+        self._mark_channels: set[int] = set()
+        self._parts: dict[str, list[Rows]] = defaultdict(list)
+
+    def take(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.CHUNK:
+            self._take_chunk(body)
+        elif opcode == Opcode.MESSAGE:
+            self._take_messages([body])
+        elif opcode == Opcode.METADATA:
+            metadata: Metadata = _parsed(Metadata.read, body)
+            self.metadata[metadata.name] = metadata.metadata
+        else:
+            self._take_definition(opcode, body)
+
+    def take_cut(self, opcode: int, body: bytes) -> None:
+        """What is left of the last frame: of a chunk that is not compressed, the messages that are whole."""
+        if opcode != Opcode.CHUNK:
+            return
+        with suppress(DamagedError):
+            chunk: Chunk = _parsed(Chunk.read, body)
+            if not chunk.compression:
+                self._take_frames(chunk.data)
+
+    def records(self, side: str) -> Rows:
+        """All records of a side in order of their ticks; may be asked for once."""
+        parts = self._parts.pop(side, [])
+        records = np.concatenate(parts) if parts else np.empty(0, self._layouts[side])
+        ticks = records["tick"]
+        return records if (ticks[1:] >= ticks[:-1]).all() else records[np.argsort(ticks, kind="stable")]
+
+    def _take_chunk(self, body: bytes) -> None:
+        chunk: Chunk = _parsed(Chunk.read, body)
+        if chunk.compression not in COMPRESSIONS:
+            raise ForeignError(f"is compressed by {chunk.compression!r}, expected lz4, zstd or nothing")
+        if chunk.uncompressed_size > LARGEST_CHUNK:
+            raise DamagedError(f"a chunk of {chunk.uncompressed_size} bytes")
+        try:
+            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+            data = stream.read(size)
+        except _DAMAGE as error:
+            raise DamagedError(f"a chunk that does not unpack: {error}") from None
+        rows = uniform(data)
+        if rows is None:
+            self._take_frames(data)
+        else:
+            self._take_rows(rows)
+
+    def _take_frames(self, data: bytes) -> None:
+        messages = []
+        for opcode, body in frames(data):
+            if opcode == Opcode.MESSAGE:
+                messages.append(body)
+            else:
+                self._take_definition(opcode, body)
+        self._take_messages(messages)
+
+    def _take_definition(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.SCHEMA:
+            schema: Schema = _parsed(Schema.read, body)
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            self._take_channel(_parsed(Channel.read, body))
+
+    def _take_channel(self, channel: Channel) -> None:
+        if channel.id in self._sides:
+            return  # repeated, as each chunk and the index may
+        schema = self._schemas.get(channel.schema_id)
+        if channel.topic == MARK_TOPIC and schema is not None and schema.name == MARK_SCHEMA:
+            self._mark_channels.add(channel.id)
+            return
+        side = SIDES.get(channel.topic)
+        if side is None:
+            name = "no schema" if schema is None else schema.name
+            if (known := f"{channel.topic} ({name})") not in self.foreign:
+                self.foreign.append(known)
+            return
+        try:
+            layout = _layout(channel, schema)
+            origin = Origin.from_metadata(side, channel.metadata)
+        except ValueError as error:
+            raise ForeignError(f"{channel.topic}: {error}") from None
+        if self._layouts.setdefault(side, layout) != layout:
+            raise ForeignError(f"{channel.topic}: is there twice, with different fields")
+        self.origins.setdefault(side, origin)
+        self._sides[channel.id] = (side, layout)
+
+    def _take_messages(self, messages: list[bytes]) -> None:
+        """Messages of any channels and sizes."""
+        of_side: dict[int, list[bytes]] = defaultdict(list)
+        for message in messages:
+            if len(message) < MESSAGE.size:
+                raise DamagedError(f"a message of {len(message)} bytes")
+            channel = MESSAGE.unpack_from(message)[0]
+            if channel in self._sides:
+                of_side[channel].append(message)
+            elif channel in self._mark_channels:
+                self._take_mark(message)
+        for channel, own in of_side.items():
+            size = self._sides[channel][1].itemsize + HEAD - FRAME.size
+            if min(map(len, own)) < size:
+                raise DamagedError("a message that is shorter than its schema says")
+            # Some writers fill a message up at its end.
+            framed = b"".join(pack("<BQ", Opcode.MESSAGE, size) + message[:size] for message in own)
+            self._take_rows(np.frombuffer(framed, rows_of(size + FRAME.size - HEAD)))
+
+    def _take_rows(self, rows: Rows) -> None:
+        for channel in np.unique(rows["channel"]).tolist():
+            if channel in self._mark_channels:
+                for row in rows[rows["channel"] == channel]:
+                    self._take_mark(row.tobytes()[FRAME.size :])
+            if channel not in self._sides:
+                continue
+            side, layout = self._sides[channel]
+            own = rows[rows["channel"] == channel]
+            if own["body"].dtype.itemsize != layout.itemsize:
+                # Of another channel's size, or filled up at the end.
+                self._take_messages([row.tobytes()[FRAME.size :] for row in own])
+                continue
+            # The last two bytes are options that no one uses.
+            kinds = np.ascontiguousarray(own["encapsulation"]).view("u1").reshape(len(own), -1)[:, :2]
+            if (kinds != np.frombuffer(ENCAPSULATION[:2], "u1")).any():
+                raise ForeignError("holds messages that are not plain little-endian CDR")
+            self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
+
+    def _take_mark(self, message: bytes) -> None:
+        try:
+            self.marks.append(read_mark(message[MESSAGE.size :]))
+        except ValueError as error:
+            raise DamagedError(str(error)) from None
+
+
+def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
+    """Raises ValueError if the messages of the channel cannot be read."""
+    if schema is None:
+        raise ValueError("has no schema")
+    if (channel.message_encoding, schema.encoding) != (MESSAGE_ENCODING, SCHEMA_ENCODING):
+        raise ValueError(
+            f"is encoded as {channel.message_encoding!r} with a schema as {schema.encoding!r}, expected "
+            f"{MESSAGE_ENCODING!r} and {SCHEMA_ENCODING!r}"
+        )
+    layout = dtype_of(schema.data.decode())
+    fields: Mapping[str, tuple[Any, ...]] = layout.fields or {}
+    lacks = [name for name, kind in NEEDED.items() if name not in fields or fields[name][0] != kind]
+    if lacks:
+        raise ValueError(f"its schema {schema.name} lacks {' and '.join(lacks)}")
+    return layout
+
+
+def _parsed(read: Callable[[ReadDataStream], Parsed], body: bytes) -> Parsed:
+    try:
+        return read(ReadDataStream(BytesIO(body)))
+    except _DAMAGE as error:
+        raise DamagedError(f"a frame that cannot be read: {error}") from None
+
+
+CUT_OFF = "cut off"
+SHOWN_TOPICS = 3
+
+
+class RecordingError(ValueError):
+    """The file is no recording that can be read; the message is one line with its path."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a file holds.
+
+    Args:
+        facts: what was said of the system when it began.
+        origins: by side.
+        records: by side, in order of `tick`; the fields are those of the release that wrote the file.
+        complete: whether the recording was closed in order and nothing was lost.
+        lost: records by side that the recorder missed, as far as it could say so.
+        outcome: "complete", "cut off", or in words what ended the recording.
+        marks: that a person set, in order of time.
+    """
+
+    path: Path
+    facts: dict[str, str]
+    origins: dict[str, Origin]
+    records: dict[str, Rows]
+    complete: bool
+    lost: dict[str, int]
+    outcome: str
+    marks: tuple[Mark, ...] = ()
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a file to its end, or to where it is cut off or damaged.
+
+    Raises:
+        RecordingError: it cannot be opened, is something else, or nothing of a recording is left.
+    """
+    path = Path(path)
+    content = Content()
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise RecordingError(f"{path}: is no regular file; expected a recording")  # a pipe may never end
+        with path.open("rb") as file:
+            _check_magic(path, file)
+            fault = _take_all(file, content)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}; expected a recording") from None
+    except ForeignError as error:
+        raise RecordingError(f"{path}: {error}; not a recording that this release can read") from None
+    if not content.origins:
+        raise RecordingError(f"{path}: {_without_a_side(content, fault)}; expected a recording of a session")
+    end = content.metadata.get(END, {})
+    outcome = fault or end.get("outcome", CUT_OFF)
+    lost = {side: int(end[f"lost_{side}"]) for side in TOPICS if end.get(f"lost_{side}", "").isdecimal()}
+    return Recording(
+        path=path,
+        facts=content.metadata.get(FACTS, {}),
+        origins=content.origins,
+        records={side: content.records(side) for side in TOPICS if side in content.origins},
+        marks=tuple(sorted(content.marks)),
+        complete=outcome == COMPLETE and not any(lost.values()),
+        lost=lost,
+        outcome=outcome,
+    )
+
+
+def _check_magic(path: Path, file: BufferedReader) -> None:
+    begin = file.read(len(MAGIC))
+    if not begin:
+        raise RecordingError(f"{path}: is empty; expected a recording, an MCAP file")
+    if begin != MAGIC:
+        raise RecordingError(f"{path}: is no MCAP file, it begins with {begin!r}; expected a recording")
+
+
+def _take_all(file: BufferedReader, content: Content) -> str:
+    """Read frame by frame; returns what ended it before the end of the file, or nothing."""
+    size = os.fstat(file.fileno()).st_size
+    crc = zlib.crc32(MAGIC)
+    while True:
+        head = file.read(FRAME.size)
+        if len(head) < FRAME.size:
+            return CUT_OFF
+        opcode, length = FRAME.unpack(head)
+        if length > size - file.tell():
+            content.take_cut(opcode, file.read())
+            return CUT_OFF
+        body = file.read(length)
+        if opcode == Opcode.FOOTER:
+            return "" if file.read(len(MAGIC)) == MAGIC else CUT_OFF
+        try:
+            if opcode == Opcode.DATA_END:
+                _check_data(body, crc)
+            content.take(opcode, body)
+        except DamagedError as error:
+            return f"damaged: {error}"
+        crc = zlib.crc32(body, zlib.crc32(head, crc))
+
+
+def _check_data(body: bytes, crc: int) -> None:
+    """Compare the checksum of all before the index; 0 stands for none."""
+    expected = int.from_bytes(body, "little")
+    if expected not in (0, crc):
+        raise DamagedError("the checksum of the file is another")
+
+
+def _without_a_side(content: Content, fault: str) -> str:
+    if content.foreign:
+        shown = ", ".join(content.foreign[:SHOWN_TOPICS])
+        more = len(content.foreign) - SHOWN_TOPICS
+        return f"holds {shown}{f' and {more} more' if more > 0 else ''}"
+    if fault == CUT_OFF:
+        return "is cut off before its first record"
+    return fault or "is an MCAP file without a topic"

@@ -1,0 +1,333 @@
+"""The records of both sides of a recorded session on one clock, from one file or from two.
+
+Two hosts record on two clocks. The records of the slave contain the time of the master at every tick.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from yaml import YAMLError
+
+from weberlink.codec.deadband.contract import Measures
+from weberlink.control.contract import AccountParameters
+from weberlink.system.composition.channels import measures_in
+from weberlink.system.configuration import MASTER, SIDES, SLAVE
+from weberlink.system.scoring.arm import ArmLayout, arm_in
+from weberlink.system.scoring.energy import accounts_in
+from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import COUNTERS, FIELDS, FINITE
+from weberlink.telemetry.recorders import BEGUN
+from weberlink_recording.reader import Recording, RecordingError
+
+LEAST_OVERLAP_S = 0.1
+"""Two files with less time in common are not two sides of one session."""
+TORQUE_BANK = "torque_bank"
+"""The fact with the predictors of the torque channel; absent with three degrees of freedom."""
+CONFIGURATION = "configuration"
+"""The fact with the configuration, as YAML."""
+ADDED = {field.name: 0.0 for field in FIELDS if field.name.startswith(("joint_", "gripper_"))} | {
+    "jitter_us": np.nan,
+    "incoming_loss": np.nan,
+    "outgoing_loss": np.nan,
+    "peer_burst": 0.0,
+    "energy": 0.0,
+    "credit": 0.0,
+}
+"""Fields that recordings of earlier releases lack, and what they hold then: those of arms 0, as in a Cartesian session,
+those of the link "unknown", those of the account 0, as without one."""
+PIECE_S = 1.0
+"""Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
+
+
+class SessionMark(NamedTuple):
+    """A mark, on the clock of the session [s], and its text."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True)
+class RecordedSession:
+    """Both sides of a session; a side that was not recorded is empty.
+
+    Args:
+        master: records with `at` on the clock of the master.
+        slave: records with `at` on the clock of the master, or on its own if the master was not recorded.
+        rate_hz: of the ticks.
+        bank: names of the predictors of the force channel.
+        torque_bank: of the torque channel; None for a session of three degrees of freedom.
+        measures: how the deadband of the force measures an error; None for the distance.
+        arm: the axes of a session in joint space; None for one in Cartesian space.
+        marks: that a person set, in order of time.
+        accounts: of the energy out of the hand; empty for none.
+    """
+
+    master: Records
+    slave: Records
+    rate_hz: float
+    bank: tuple[str, ...]
+    torque_bank: tuple[str, ...] | None = None
+    measures: Measures | None = None
+    arm: ArmLayout | None = None
+    marks: tuple[SessionMark, ...] = ()
+    accounts: tuple[AccountParameters, ...] = ()
+
+    @property
+    def sides(self) -> dict[str, Records]:
+        """The sides that were recorded."""
+        return {side: records for side in SIDES if len(records := getattr(self, side))}
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of the session, as those of a live one, with faults and drops by side."""
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank, self.measures, self.arm, self.accounts)
+        first = min(records["at"][0] for records in self.sides.values())
+        last = max(records["at"][-1] for records in self.sides.values())
+        begin: float | None = float(first)
+        while begin is not None and begin <= last:
+            until = begin + PIECE_S
+            score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
+            begin = self._next(until)
+        return score.summary() | {
+            "ways": score.ways(),
+            "drops": {side: _drops(records) for side, records in self.sides.items()},
+        }
+
+    def _next(self, at: float) -> float | None:
+        """The time of the first record from `at` on; skips the long gap of a clock that jumped. None after the last."""
+        places = [(records, int(np.searchsorted(records["at"], at))) for records in self.sides.values()]
+        return min((float(records["at"][place]) for records, place in places if place < len(records)), default=None)
+
+
+def put_together(recordings: Sequence[Recording]) -> RecordedSession:
+    """Join one or two recordings.
+
+    Raises:
+        RecordingError: the files contain the same side twice, different codecs or rates, no records, or no common time.
+    """
+    found: dict[str, tuple[Recording, Records]] = {}
+    for recording in recordings:
+        for side, read in recording.records.items():
+            if not len(read):
+                continue
+            records = _with_added_fields(read)
+            _check_fields(recording, side, records)
+            if side in found:
+                raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
+            found[side] = (recording, _from_its_beginning(records) if BEGUN in recording.facts else records)
+    if not found:
+        raise RecordingError(f"{recordings[0].path}: holds no records; expected at least one tick")
+    names = {_predictors(recording) for recording, _ in found.values()}
+    rates = {recording.origins[side].rate_hz for side, (recording, _) in found.items()}
+    if len(names) > 1 or len(rates) > 1:
+        raise RecordingError(
+            f"{', '.join(str(recording.path) for recording in recordings)}: not of one session: predictors "
+            f"{' and '.join(sorted(names))}, rates {' and '.join(f'{rate:g}' for rate in sorted(rates))} Hz"
+        )
+    rate = rates.pop()
+    reference, _ = found.get(MASTER) or found[SLAVE]
+    original = {side: records for side, (_, records) in found.items()}
+    if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
+        slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
+        _check_overlap(found[MASTER][1], slave, found)
+        found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
+    empty = np.empty(0, DTYPE)
+    measures, arm, accounts = _configuration(reference)
+    return RecordedSession(
+        master=found[MASTER][1] if MASTER in found else empty,
+        slave=found[SLAVE][1] if SLAVE in found else empty,
+        rate_hz=rate,
+        bank=tuple(reference.facts.get("bank", "").split()),
+        torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
+        measures=measures,
+        arm=arm,
+        marks=tuple(sorted(mark for recording in recordings for mark in _marks(recording, found, original))),
+        accounts=accounts,
+    )
+
+
+def _marks(
+    recording: Recording, found: dict[str, tuple[Recording, Records]], original: dict[str, Records]
+) -> list[SessionMark]:
+    """The marks of a file on the clock of the session: those of a slave's own file move with its records."""
+    side = next(iter(recording.origins))
+    origin = recording.origins[side]
+    offset = 0.0
+    if found.get(side, (None,))[0] is recording and len(found[side][1]):
+        moved = found[side][1]
+        same = int(np.searchsorted(original[side]["tick"], moved["tick"][0]))
+        offset = float(moved["at"][0] - original[side]["at"][same])
+    wall_ns = round(origin.wall_s * 1e9)
+    return [
+        SessionMark((mark.wall_ns - wall_ns) * 1e-9 + origin.monotonic_s + offset, mark.text)
+        for mark in recording.marks
+    ]
+
+
+def _configuration(
+    recording: Recording,
+) -> tuple[Measures | None, ArmLayout | None, tuple[AccountParameters, ...]]:
+    """How the deadband of the recorded configuration measures, None for the distance, the axes of its arm, if any, and
+    its accounts of energy.
+
+    None of these without a configuration.
+    """
+    if CONFIGURATION not in recording.facts:
+        return None, None, ()
+    try:
+        dump = yaml.safe_load(recording.facts[CONFIGURATION])
+        return measures_in(dump), arm_in(dump), accounts_in(dump)
+    except (ValueError, YAMLError, RecursionError) as error:
+        why = " ".join(str(error).split())
+        raise RecordingError(f"{recording.path}: its configuration has no settings known here: {why}") from None
+
+
+def _predictors(recording: Recording) -> str:
+    force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
+    return f"{force} (torque: {torque})" if torque else force
+
+
+def _with_added_fields(records: Records) -> Records:
+    """Records of an earlier release with the fields that have been added since."""
+    lacks = [name for name in ADDED if name not in (records.dtype.names or ())]
+    if not lacks:
+        return records
+    kept = [(name, records.dtype[name]) for name in records.dtype.names or ()]
+    filled = np.empty(len(records), np.dtype([*kept, *((name, DTYPE[name]) for name in lacks)]))
+    for name in lacks:
+        filled[name] = ADDED[name]
+    for name, _ in kept:
+        filled[name] = records[name]
+    return filled
+
+
+def _check_fields(recording: Recording, side: str, records: Records) -> None:
+    """Check that the records are complete and plausible."""
+    lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
+    if lacks:
+        raise RecordingError(
+            f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
+        )
+    _check_numbers(recording, side, records)
+
+
+def _check_numbers(recording: Recording, side: str, records: Records) -> None:
+    bank = recording.facts.get("bank", "").split()
+    torque_bank = recording.facts.get(TORQUE_BANK, "zoh").split()
+    origin = recording.origins[side]
+    at = records["at"]
+    vectors = all(np.isfinite(records[name]).all() for name in FINITE)
+    wrong = {
+        "rate": not 0.0 < origin.rate_hz < np.inf,
+        "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),
+        "time": not (np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] - at[0] < LATEST_S),
+        "number of a predictor": bool(
+            (records["selected"] >= len(bank)).any() or (records["rotation_selected"] >= len(torque_bank)).any()
+        ),
+        "number of a fault": bool((records["fault"] > max(Fault)).any()),
+        "position or force": not vectors,
+        "Weber factor": not ((records["weber"] >= 0.0) & (records["weber"] <= 1.0)).all(),
+    }
+    for what, is_wrong in wrong.items():
+        if is_wrong:
+            raise RecordingError(f"{recording.path}: the {side}'s records have no plausible {what}; not one of ours")
+
+
+def _on_the_masters_clock(slave: tuple[Recording, Records], master: tuple[Recording, Records], rate: float) -> Records:
+    """The records of the slave in its session with this master, with `at` in the time of the master.
+
+    `peer_at` counts from tick 0 of the master, which the records of the master date. A slave may have served several
+    masters one after the other, each with another offset between the clocks; the wall clocks tell which is this one.
+    """
+    recording, records = slave
+    heard = np.flatnonzero(np.isfinite(records["peer_at"]))
+    if not len(heard):
+        raise RecordingError(f"{recording.path}: the slave never heard the master, so their clocks cannot be related")
+    known = records["peer_at"][heard] - records["at"][heard]
+    cuts = np.flatnonzero(np.abs(np.diff(known)) > ANOTHER_CLOCK_S) + 1
+    sessions = np.split(heard, cuts)
+    chosen = sessions[0] if len(sessions) == 1 else _session_of(sessions, slave, master)
+    # Records before the first session belong to it, and records after a session to the session before them.
+    first = 0 if chosen[0] == heard[0] else chosen[0]
+    after = heard[heard > chosen[-1]]
+    own = records[first : int(after[0]) if len(after) else len(records)]
+    tick_0 = float(np.median(master[1]["at"] - master[1]["tick"] / rate))
+    is_known = np.isfinite(own["peer_at"])
+    # Without an estimate of the offset, the nearest one is used.
+    offset = np.interp(own["at"], own["at"][is_known], own["peer_at"][is_known] - own["at"][is_known])
+    moved = _counted_from(own, records[first - 1] if first else None)
+    # The estimate may step back by microseconds, but times must not decrease.
+    moved["at"] = np.maximum.accumulate(own["at"] + offset + tick_0)
+    return moved
+
+
+def _session_of(
+    sessions: Sequence[NDArray[np.intp]], slave: tuple[Recording, Records], master: tuple[Recording, Records]
+) -> NDArray[np.intp]:
+    """Indices of the records of the slave in the session with most wall-clock time in common with the master."""
+    recording, records = slave
+    ours = recording.origins[SLAVE].log_times_ns(records["at"]) * 1e-9
+    theirs = master[0].origins[MASTER].log_times_ns(master[1]["at"]) * 1e-9
+    shared = [min(ours[each[-1]], theirs[-1]) - max(ours[each[0]], theirs[0]) for each in sessions]
+    best = int(np.argmax(shared))
+    if shared[best] < LEAST_OVERLAP_S:
+        raise RecordingError(
+            f"{recording.path}: holds {len(sessions)} sessions, none of them at the time of {master[0].path} by the "
+            "clocks of the two hosts; set these, or give the recording of one session"
+        )
+    return sessions[best]
+
+
+def _counted_from(records: Records, before: Any) -> Records:
+    """A copy whose counters start at the record `before`, if there is one."""
+    counted = records.copy()
+    if before is not None:
+        for name in COUNTERS:
+            counted[name] -= before[name]
+    return counted
+
+
+def _from_its_beginning(records: Records) -> Records:
+    """A copy whose counters start with the first record, which counts what it sent and received itself."""
+    before = records[:1].copy()
+    for counter, own in (
+        ("updates_sent", "sent"),
+        ("updates_received", "received"),
+        ("rotation_updates_sent", "rotation_sent"),
+        ("gripper_updates_sent", "gripper_sent"),
+    ):
+        before[counter] -= before[own]
+    return _counted_from(records, before[0])
+
+
+def _beside(master: Records, slave: Records) -> Records:
+    """The records near those of the master: the slave may have been alone for days."""
+    return _between(slave, master["at"][0] - MARGIN_S, master["at"][-1] + MARGIN_S)
+
+
+def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recording, Records]]) -> None:
+    common = min(master["at"][-1], slave["at"][-1]) - max(master["at"][0], slave["at"][0])
+    if common < LEAST_OVERLAP_S:
+        paths = " and ".join(str(recording.path) for recording, _ in found.values())
+        raise RecordingError(f"{paths}: have no time in common, so they are not two sides of one session")
+
+
+def _between(records: Records, first: float, last: float) -> Records:
+    begin, end = np.searchsorted(records["at"], (first, last))
+    return records[begin:end]
+
+
+def _drops(records: Records) -> dict[str, int]:
+    dropped = int(records["datagrams_dropped"][-1])
+    return {"any": dropped} if dropped else {}
+
+
+def time_axis(session: RecordedSession) -> dict[str, NDArray[np.float64]]:
+    """Seconds since the first record of the session, for each side that was recorded."""
+    first = min(float(records["at"][0]) for records in session.sides.values())
+    return {side: records["at"] - first for side, records in session.sides.items()}

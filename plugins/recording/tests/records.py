@@ -1,0 +1,63 @@
+"""Records to write and read again, and the mapping of a file for tests that damage one."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from tests.apps import arm_sessions
+from weberlink.telemetry.reader import DTYPE
+from weberlink_recording.writer import Origin, RecordingWriter
+
+SIDES = ("master", "slave")
+FACTS = {"bank": "zoh plane", "configuration": "rate_hz: 1000\n# ü\n"}
+WALL_S, MONOTONIC_S = 1_763_700_000.123456, 5000.25
+
+
+def origin(side: str) -> Origin:
+    return Origin(side, 1000.0, WALL_S, MONOTONIC_S)
+
+
+def noise(count: int, seed: int, first: int = 0) -> NDArray[np.void]:
+    """Records of random bytes, so that floats may be NaN with any payload; ticks and times rise."""
+    rng = np.random.default_rng(seed)
+    records = np.frombuffer(rng.bytes(count * DTYPE.itemsize), DTYPE).copy()
+    records["tick"] = np.arange(first, first + count)
+    records["at"] = MONOTONIC_S + records["tick"] / 1000.0
+    return records
+
+
+def small_file(path, pieces: int = 4, each: int = 5) -> dict[str, NDArray[np.void]]:
+    """A finished recording of a few chunks; returns its records."""
+    written = {side: noise(pieces * each, seed) for seed, side in enumerate(SIDES)}
+    with RecordingWriter.create(path, FACTS) as writer:
+        for side in SIDES:
+            writer.add_side(origin(side))
+        for piece in range(pieces):
+            for side in SIDES:
+                writer.write(side, written[side][piece * each : (piece + 1) * each])
+            writer.flush()
+    return written
+
+
+def same(records: NDArray[np.void], expected: NDArray[np.void]) -> bool:
+    return records.tobytes() == expected.tobytes()
+
+
+def frames_of(data: bytes) -> list:
+    """The frames of a finished file, as the library reads them, its chunks as such."""
+    return list(StreamReader(io.BytesIO(data), emit_chunks=True).records)
+
+
+def of_arms(path: Path, sides: dict[str, NDArray[np.void]]) -> Path:
+    """A recording of a session of two arms, whose records come in pieces from both sides in turn."""
+    with RecordingWriter.create(path, arm_sessions.FACTS) as writer:
+        for side in sides:
+            writer.add_side(Origin(side, arm_sessions.RATE, 1e9 + 10.0, 10.0))
+        for first in range(0, max(map(len, sides.values())), 500):
+            for side, records in sides.items():
+                writer.write(side, records[first : first + 500])
+            writer.flush()
+    return path

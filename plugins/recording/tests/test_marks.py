@@ -1,0 +1,77 @@
+"""Marks in a recording, by our reader and by independent ones."""
+
+import mcap_ros2.decoder
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from plugins.recording.tests.records import FACTS, MONOTONIC_S, WALL_S, noise, origin
+from weberlink.telemetry.message import ENCAPSULATION
+from weberlink.telemetry.recorders import BEGUN, DURING
+from weberlink_recording.marks import Mark, pack_mark, read_mark, shortened
+from weberlink_recording.reader import read_recording
+from weberlink_recording.session import put_together
+from weberlink_recording.writer import RecordingWriter
+
+texts = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=40)
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1), texts)
+def test_mark_is_read_as_it_was_packed(wall_ns: int, text: str) -> None:
+    assert read_mark(ENCAPSULATION + pack_mark(Mark(wall_ns, text))) == (wall_ns, text)
+
+
+@given(texts)
+def test_shortened_text_is_one_line(text: str) -> None:
+    short = shortened(text)
+    assert short and "\n" not in short and shortened(short) == short
+
+
+def test_other_decoders_read_marks(tmp_path) -> None:
+    path = tmp_path / "marked.mcap"
+    made = [Mark(1_763_700_000_000_000_001 + number, f"mark {number} äöü") for number in range(3)]
+    with RecordingWriter.create(path, FACTS) as writer:
+        writer.add_side(origin("master"))
+        for number, mark in enumerate(made):
+            writer.write("master", noise(5, number, first=5 * number))
+            writer.mark(mark)
+        assert writer.marks == 3
+    recording = read_recording(path)
+    assert recording.complete and recording.marks == tuple(made) and len(recording.records["master"]) == 15
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[mcap_ros2.decoder.DecoderFactory()])
+        found = list(reader.iter_decoded_messages(topics=["/weberlink/marks"]))
+    assert [one.decoded_message.msg for one in found] == [mark.text for mark in made]
+    first = found[0]
+    assert first.schema.name == "rcl_interfaces/msg/Log" and first.message.log_time == made[0].wall_ns
+    log = first.decoded_message
+    assert (log.stamp.sec, log.stamp.nanosec, log.level, log.name) == (1_763_700_000, 1, 20, "weberlink")
+
+
+def test_recording_of_a_part_counts_from_its_beginning(tmp_path) -> None:
+    path = tmp_path / "part.mcap"
+    made = plausible(1000)
+    made["updates_sent"] = 7000 + made["sent"].cumsum()
+    made["datagrams_sent"] = 9000 + made["tick"]
+    with RecordingWriter.create(path, {"bank": FACTS["bank"], BEGUN: DURING}) as writer:
+        writer.add_side(origin("slave"))
+        writer.write("slave", made)
+        writer.mark(Mark(round((WALL_S + 0.25) * 1e9), "here"))
+    session = put_together([read_recording(path)])
+    figures = session.summary()
+    assert figures["force"]["packets"] == int(made["sent"].sum()) == 200
+    assert figures["link"]["sent"] == 999
+    (mark,) = session.marks
+    assert (round(mark.at, 6), mark.text) == (MONOTONIC_S + 0.25, "here")
+
+
+def plausible(count: int):
+    """Records of an engaged slave in which every fifth tick sends."""
+    made = noise(count, 1)
+    fresh = made.copy()
+    for name in made.dtype.names:
+        if name not in ("tick", "at"):
+            fresh[name] = 0
+    fresh["state"] = 4
+    fresh["sent"] = fresh["tick"] % 5 == 0
+    return fresh

@@ -1,0 +1,40 @@
+"""A recording that is not there is a failure of its session, however late its process begins."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.program import PATIENT
+from tests.system.systems import configuration
+from tests.wait import PATIENCE
+from weberlink.system.configuration import SIDES
+from weberlink.system.launcher import Session
+from weberlink.system.recorder import failure
+from weberlink_recording import mcap_format
+from weberlink_recording.mcap_format import Recorder
+
+
+@pytest.mark.realtime
+def test_a_recorder_that_does_not_begin_in_time_fails_the_session_and_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_format, "python", lambda *_: [sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(mcap_format, "FINISH_LIMIT_S", 0.2)
+    told: list[str] = []
+    overrides, path = PATIENT[1::2], tmp_path / "late.mcap"
+    with Session(configuration(*overrides), overrides, SIDES, 0.3, record=path, tell=told.append) as session:
+        report = session.run()
+    assert told == [f"the recording failed: {report['recording']['outcome']}"]
+    assert (report["outcome"], report["status"], report["verdict"]["word"]) == ("completed", 1, "failed")
+    assert not path.exists()
+
+
+def test_a_recorder_told_to_finish_before_there_is_telemetry_has_recorded_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_format, "FINISH_LIMIT_S", PATIENCE)
+    recording = Recorder({}, {"master": str(tmp_path / "none.ring")}, tmp_path / "none.mcap")
+    recording.stop()
+    assert failure(recording) == "the recording failed: no telemetry of master"
+    assert not recording.path.exists()

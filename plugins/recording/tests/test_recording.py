@@ -1,0 +1,281 @@
+"""Sessions that are recorded: what is in the file, what becomes of it when something dies, and what reads it."""
+
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from tests.program import ENGAGED, PATIENT, Program, document, weberlink
+from tests.system.systems import CONFIGS, configuration
+from tests.wait import until
+from weberlink.system.configuration import load
+from weberlink.system.simulate import simulate
+from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.record import COUNTERS, FIELDS
+from weberlink_recording.export import describe
+from weberlink_recording.reader import Recording, RecordingError, dtype_of, read_recording
+from weberlink_recording.session import ADDED, put_together
+from weberlink_recording.writer import Origin, RecordingWriter
+
+LOOPBACK = CONFIGS / "loopback.yaml"
+HALF_STEP_N = 0.5e-3 * 3**0.5
+
+
+def said(*arguments: object) -> str:
+    """What a command that succeeds prints."""
+    ended = weberlink(*arguments)
+    assert (ended.status, ended.errors) == (0, ""), ended
+    return ended.output
+
+
+def info(*paths: Path) -> dict[str, Any]:
+    return document(said("record", "info", *paths, "--json", "-"))
+
+
+def complaint(path: Path, *command: object) -> str:
+    """The one line of a command that cannot use a file."""
+    ended = weberlink(*(command or ("record", "info")), path)
+    assert (ended.status, ended.output, ended.errors.count("\n")) == (2, "", 1), ended
+    assert path.name in ended.errors
+    return ended.errors
+
+
+def numbers(tree: object) -> list[float]:
+    """All numbers of a JSON document in order; a sum made in other pieces differs in its last digits."""
+    if isinstance(tree, dict):
+        return [number for branch in tree.values() for number in numbers(branch)]
+    return [] if tree is None or isinstance(tree, str) else [float(tree)]  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A session in virtual time, and what its command said of it."""
+    path = tmp_path_factory.mktemp("simulated") / "touch.mcap"
+    return path, document(said("simulate", LOOPBACK, "--duration", 4, "--record", path, "--json", "-"))
+
+
+@pytest.fixture(scope="module")
+def touch(simulated: tuple[Path, dict[str, Any]]) -> Recording:
+    return read_recording(simulated[0])
+
+
+# --- what is in the file
+
+
+RATES = [f"codec.{key}.max_updates_per_s=5" for key in ("force", "position", "rotation.torque", "rotation.orientation")]
+
+
+def test_info_reports_the_figures_of_the_run(simulated: tuple[Path, dict[str, Any]]) -> None:
+    path, summary = simulated
+    found = info(path)
+    for key in ("duration_s", "force", "position", "link", "energy"):
+        assert found[key] == summary[key], key
+    (file,) = found["files"]
+    assert (file["complete"], file["clock"], file["began"]) == (True, "virtual", None)
+    assert file["records"] == {side: summary["ticks"][side]["count"] for side in ("master", "slave")}
+    assert not any(file["lost"].values())
+
+
+def test_so_it_does_with_a_bounded_rate(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    summary, _ = simulate(configuration(*RATES, file="rotation.yaml"), 2.2, path)
+    found = describe([path]).document
+    for key in ("force", "position", "torque", "orientation", "energy"):
+        assert found[key] == summary[key], key
+    assert found["torque"]["widened_fraction"] > 0.0
+
+
+def test_the_same_seed_gives_the_same_file_with_the_whole_configuration(touch: Recording, tmp_path: Path) -> None:
+    assert load_text(touch, tmp_path) == load(LOOPBACK).system
+    path = tmp_path / "again.mcap"
+    said("simulate", LOOPBACK, "--duration", 1, "--record", path)
+    for side, records in read_recording(path).records.items():
+        assert records[:900].tobytes() == touch.records[side][:900].tobytes()
+
+
+def load_text(recording: Recording, folder: Path) -> object:
+    (folder / "restored.yaml").write_text(recording.facts["configuration"], encoding="utf-8")
+    return load(folder / "restored.yaml").system
+
+
+def test_raw_sent_predicted_and_reconstructed_force_fit_together(touch: Recording) -> None:
+    slave = touch.records["slave"]
+    engaged = slave[(slave["state"] == ENGAGED) & (slave["ramping"] == 0)]
+    error = np.linalg.norm(engaged["predicted"] - engaged["raw"], axis=1)
+    sent = engaged["sent"] == 1
+    assert 0 < sent.sum() < len(sent)
+    assert (error[sent] > engaged["bound"][sent]).all()
+    assert (error[~sent] <= engaged["bound"][~sent] + HALF_STEP_N).all()
+    assert (engaged["decoded"][~sent] == engaged["predicted"][~sent]).all()
+    reconstructed = np.linalg.norm(engaged["decoded"] - engaged["raw"], axis=1)
+    assert (reconstructed <= engaged["bound"] + HALF_STEP_N).all()
+    assert reconstructed[sent].mean() < error[sent].mean()
+
+
+# --- files that are not whole, or not of a recorder
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda records: records["raw"].__setitem__((5, 0), np.nan), "position or force"),
+        (lambda records: records["at"].__setitem__(-1, 1e15), "time"),
+        (lambda records: records["fault"].__setitem__(5, 99), "fault"),
+    ],
+)
+def test_what_no_recorder_writes_is_said_in_one_line(
+    touch: Recording, tmp_path: Path, change: Callable[[Any], None], field: str
+) -> None:
+    records = touch.records["slave"].copy()
+    change(records)
+    path = tmp_path / "odd.mcap"
+    with RecordingWriter.create(path, touch.facts) as writer:
+        writer.add_side(Origin("slave", 1000.0, 0.0, 0.0))
+        writer.write("slave", records)
+    assert field in complaint(path)
+
+
+def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
+    taken = tmp_path / "taken.mcap"
+    taken.write_text("mine")
+    for command in ("loopback", "simulate"):
+        complaint(taken, command, LOOPBACK, "--duration", 0.1, "--record")
+        assert taken.read_text() == "mine"
+
+
+def test_recording_of_an_older_release_still_reads(touch: Recording, tmp_path: Path) -> None:
+    path = tmp_path / "touch.mcap"
+    fields = {field.name for field in FIELDS} & set(ADDED)
+    text = "\n".join(line for line in SCHEMA_TEXT.split("\n") if not any(f" {name} " in line for name in fields))
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start("ros2", "weberlink")
+        writer.add_metadata("weberlink", touch.facts)
+        schema = writer.register_schema(SCHEMA_NAME, "ros2msg", text.encode())
+        for side, records in touch.records.items():
+            origin = touch.origins[side]
+            channel = writer.register_channel(origin.topic, "cdr", schema, origin.to_metadata())
+            old = np.zeros(len(records), dtype_of(text))
+            for name in old.dtype.names or ():
+                old[name] = records[name]
+            for index, record in enumerate(old):
+                writer.add_message(channel, index, ENCAPSULATION + record.tobytes(), index, index)
+        writer.add_metadata("end", {"outcome": "complete"})
+        writer.finish()
+    assert not set(ADDED) & set(read_recording(path).records["slave"].dtype.names)
+    now, then = info(touch.path), info(path)
+    for key in ("duration_s", "force", "position", "link", "energy"):
+        assert then[key] == now[key], key
+    assert then["ways"]["jitter_us"] == {"p50": None, "p99": None}
+    said("record", "export", path, "--to", "ros")
+    again = read_recording(tmp_path / "touch-ros.mcap").records["slave"]
+    for name in again.dtype.names:
+        expected = touch.records["slave"][name] if ADDED.get(name, 0.0) == 0.0 else np.full(len(again), np.nan)
+        np.testing.assert_array_equal(again[name], expected)
+
+
+# --- files of two hosts
+
+
+def only(recording: Recording, side: str, records: Any = None, *, later: float = 0.0) -> Recording:
+    """One side alone, whose clock is later."""
+    own = (recording.records[side] if records is None else records).copy()
+    own["at"] += later
+    return replace(recording, origins={side: recording.origins[side]}, records={side: own})
+
+
+def test_files_of_one_session_are_joined_and_others_are_not(touch: Recording) -> None:
+    assert len(put_together([only(touch, "master"), only(touch, "slave")]).slave) == len(touch.records["slave"])
+    joined = put_together([only(touch, "master"), only(touch, "slave", later=50.0)])
+    assert np.allclose(joined.slave["at"][100:], touch.records["slave"]["at"][100:], atol=1e-6)
+    with pytest.raises(RecordingError):
+        put_together([touch, touch])
+    for peer_at in (touch.records["slave"]["peer_at"] + 100.0, np.nan):
+        foreign = only(touch, "slave")
+        foreign.records["slave"]["peer_at"] = peer_at
+        with pytest.raises(RecordingError):
+            put_together([only(touch, "master"), foreign])
+
+
+def test_sessions_of_two_masters_are_told_apart(touch: Recording) -> None:
+    once = touch.records["slave"]
+    again = once.copy()
+    again["at"] += 100.0  # peer_at counts from the tick 0 of the operator who came later
+    for name in COUNTERS:
+        again[name] += once[name][-1]
+    whole_day = only(touch, "slave", np.concatenate([once, again]))
+    alone = put_together([only(touch, "master"), only(touch, "slave")]).summary()
+    for later in (0.0, 100.0):
+        found = put_together([only(touch, "master", later=later), whole_day]).summary()
+        for key in ("force", "position", "link", "energy"):
+            assert numbers(found[key]) == pytest.approx(numbers(alone[key]), rel=1e-6, abs=1e-9), key
+    with pytest.raises(RecordingError):
+        put_together([only(touch, "master", later=50.0), whole_day])
+
+
+# --- what becomes of the file when a process dies
+
+
+@pytest.mark.realtime
+def test_a_kill_of_a_daemon_leaves_what_was_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    with Program("loopback", "--record", path, "--json", "-") as program:
+        telemetry = {side: program.engaged(side) for side in ("master", "slave")}
+        until(lambda: path.exists() and path.stat().st_size > 60_000, "the recording to grow")
+        os.kill(telemetry["slave"].pid, signal.SIGKILL)
+        status, output, _ = program.finish()
+        assert (status, document(output)["recording"]["outcome"]) == (1, "complete")
+        last = {side: each.records[-1] for side, each in telemetry.items()}
+    recording = read_recording(path)
+    assert recording.complete
+    for side, record in last.items():
+        records = recording.records[side]
+        assert (np.diff(records["tick"]) >= 1).all()
+        assert records[-1].tobytes() == record.tobytes()
+
+
+@pytest.mark.realtime
+def test_recording_of_a_session_that_ctrl_c_ends_says_what_its_report_says(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Program("loopback", *PATIENT, "--record", path, "--json", "-") as program:
+        slave = program.engaged("slave")
+        until(lambda: np.linalg.norm(slave.last["raw"]) > 1.0, "contact")
+        program.send(signal.SIGINT)
+        status, output, errors = program.finish()
+    report, read = document(output), info(path)
+    assert (status, errors, report["recording"]["outcome"], read["files"][0]["complete"]) == (0, "", "complete", True)
+    for channel in ("force", "position"):
+        assert read[channel]["packets"] == report[channel]["packets"]
+        assert read[channel]["error_rms"] == pytest.approx(report[channel]["error_rms"], rel=1e-6)
+    assert read["energy"]["dissipated_j"] == pytest.approx(report["energy"]["dissipated_j"], rel=1e-6)
+
+
+@pytest.mark.realtime
+def test_a_full_disk_ends_the_recording_alone(small_disk: Path) -> None:
+    with Program("loopback", *PATIENT, "--record", small_disk / "a.mcap") as program:
+        telemetry = program.engaged("slave")
+        while "recording stopped" not in (line := program.next_error()):
+            assert line, "the command ended without the line"
+        at = telemetry.last["tick"]
+        until(lambda: telemetry.last["tick"] > at, "the session to go on")
+        program.send(signal.SIGINT)
+        assert "No space left" in line + program.finish()[2]
+    recording = read_recording(small_disk / "a.mcap")
+    assert (recording.complete, len(recording.records["master"]) > 100) == (False, True)
+
+
+def test_interrupted_simulation_keeps_report_and_recording(tmp_path: Path) -> None:
+    path, out = tmp_path / "a.mcap", tmp_path / "out.json"
+    with Program("simulate", LOOPBACK, "--duration", 3600, "--record", path, "--json", out) as program:
+        until(lambda: path.exists() and path.stat().st_size > 50_000, "the first records")
+        program.send(signal.SIGINT)
+        assert program.finish()[0] == 130
+    summary, recording = document(out.read_text()), read_recording(path)
+    assert (summary["interrupted"], summary["outcome"], recording.complete) == (True, "interrupted", True)
+    assert len(recording.records["master"]) == round(1e3 * summary["duration_s"])

@@ -1,0 +1,120 @@
+"""What writes and reads recordings: formats of other distributions, named by the suffix of their files."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.installation import absence
+from weberlink.registry import Registry, check_contract
+
+BEGUN, DURING = "begun", "during the session"
+"""A fact of a recording that leaves out the beginning of its session, so that counters do not start at 0."""
+COMPLETE = "complete"
+"""The outcome of a recording that nothing has cut short."""
+
+
+class Recorder(Protocol):
+    """A process that records a running session, which never waits for it."""
+
+    @property
+    def path(self) -> Path: ...
+
+    @property
+    def running(self) -> bool:
+        """Whether the process runs; it ends early if it was killed or could not write."""
+
+    def mark(self, text: str) -> str:
+        """Set a mark at this moment, without effect if the process has ended; returns its text in one line."""
+
+    def stop(self) -> None:
+        """Tell it to finish the file; `running` then becomes false."""
+
+    def kill(self) -> None:
+        """End it at once, if it does not finish; what it has written stays readable."""
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for a limited time until the file is complete.
+
+        Returns:
+            `path`, `bytes` and `outcome`; `records` and `lost` by side if the process could tell.
+        """
+
+
+class RecordingWriter(Protocol):
+    """A recording that this process writes. After a failed write, every call but `close` raises OSError."""
+
+    @property
+    def records(self) -> dict[str, int]:
+        """How many records of each side are in the file."""
+
+    @property
+    def lost(self) -> dict[str, int]: ...
+
+    @property
+    def size(self) -> int:
+        """Of the file [bytes]."""
+
+    def write(self, side: str, records: NDArray[np.void]) -> None: ...
+
+    def flush(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Recording(Protocol):
+    """What a file holds: facts about the system, and records by side, oldest first, with the fields of its release."""
+
+    @property
+    def facts(self) -> Mapping[str, str]: ...
+
+    @property
+    def records(self) -> Mapping[str, NDArray[np.void]]: ...
+
+
+class RecordingFormat(Protocol):
+    """Starts recorders, writes and reads files; an entry of `RECORDERS`."""
+
+    @staticmethod
+    def start(facts: Mapping[str, str], rings: Mapping[str, str], out: Path, *, since: float | None = None) -> Recorder:
+        """Record a running session.
+
+        Args:
+            facts: about the system, for readers.
+            rings: path of each side's ring; they need not exist yet.
+            out: the file to write.
+            since: moment on the clock of the records from which on to record [s]; None for all that the rings hold.
+        """
+
+    @staticmethod
+    def create(path: Path, facts: Mapping[str, str], rate_hz: float) -> RecordingWriter:
+        """Begin a recording of both sides on a clock that starts at 0. Raises OSError if it cannot be made."""
+
+    @staticmethod
+    def read(path: Path) -> Recording:
+        """Raises ValueError for a file that is no such recording; one line with its path."""
+
+
+RECORDERS: Registry[RecordingFormat] = Registry(
+    "recorder",
+    {},
+    "weberlink.recorders",
+    lambda name, entry: check_contract(f"recorder {name}", entry, RecordingFormat),
+)
+
+
+def format_of(path: Path, asked: str) -> RecordingFormat:
+    """The format of a file by its suffix; for one without a known suffix, the first that is installed.
+
+    Raises:
+        ValueError: none is installed; the message begins with `asked` and names one to install.
+        PartError: it cannot be imported.
+    """
+    suffix = path.suffix[1:]
+    name = suffix if suffix in RECORDERS else next(iter(RECORDERS), None)
+    if name is None:
+        absent = RECORDERS.absent()
+        raise ValueError(absence(asked, absent.get(suffix) or next(iter(absent.values()))))
+    return RECORDERS[name]
