@@ -8,10 +8,9 @@ import pytest
 
 from plugins.foxglove.tests.client import FoxgloveClient
 from plugins.ros2.tests.rigs import ring
-from tests.apps.monitor.test_emergency import daemons
 from tests.program import weberlink
 from tests.wait import until
-from tests.watching.sources import description, records, write
+from tests.watching.sources import daemons, description, records, write
 from weberlink.telemetry.message import ENCAPSULATION, SCHEMA_TEXT
 from weberlink_foxglove.bridge import FoxgloveBridge
 from weberlink_ros2.follow import FIND_S, SessionFollower
