@@ -1,13 +1,13 @@
 """The sending end: predicts what the decoder holds, and makes an update when the error leaves the deadband."""
 
+from collections import deque
 from collections.abc import Sequence
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.lookahead import Taken, Window
 from weberlink.codec.predictors.contract import NOTHING, Ahead
 from weberlink.codec.rate import TokenBucket
 from weberlink.codec.sample import Sample
@@ -16,6 +16,68 @@ from weberlink.update import MAX_GAP, Update
 
 if TYPE_CHECKING:
     from weberlink.codec.adaptive import AdaptiveChoice
+
+
+class Taken(NamedTuple):
+    """A measured sample that waits for its decision.
+
+    Args:
+        tick: the sender's tick number.
+        value: as measured.
+        actual: the same within the range of the wire.
+        position: commanded position at which a force was measured [m].
+        most: largest error that may stay unsent.
+        bound: the deadband if the sample were displayed and sent as measured; 0 without look-ahead, where nobody reads
+            it.
+    """
+
+    tick: int
+    value: Vector
+    actual: Vector
+    position: Vector
+    most: float
+    bound: float = 0.0
+
+
+class Window:
+    """The samples that are known and not yet decided on.
+
+    A tick without a sample gets no decision, and neither does a sample whose time passed while nothing was encoded.
+
+    Args:
+        length: L [ticks], >= 0.
+    """
+
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self._samples: deque[Taken] = deque()
+
+    def clear(self) -> None:
+        self._samples.clear()
+
+    def take(self, sample: Taken) -> None:
+        """Add the sample of a tick. One that does not rise (the sender's ticks began anew) clears the window."""
+        samples = self._samples
+        if samples and sample.tick <= samples[-1].tick:
+            samples.clear()
+        samples.append(sample)
+
+    def due(self, tick: int) -> Taken | None:
+        """Remove and return the sample of `length` ticks before this one; None if there was none."""
+        samples, due = self._samples, tick - self.length
+        while samples and samples[0].tick < due:
+            samples.popleft()
+        return samples.popleft() if samples and samples[0].tick == due else None
+
+    def following(self, tick: int) -> list[Taken]:
+        """The samples that follow a tick without a gap."""
+        run: list[Taken] = []
+        for sample in self._samples:
+            tick += 1
+            if sample.tick != tick:
+                break
+            run.append(sample)
+        return run
 
 
 class Encoder:
@@ -31,7 +93,7 @@ class Encoder:
 
     If the channel bounds the rate of updates, a busy signal widens the deadband (`weberlink.codec.rate`).
 
-    With look-ahead the sample of L ticks ago is coded in a tick (`weberlink.codec.lookahead`), and the law holds for
+    With look-ahead the sample of L ticks ago is coded in a tick (`weberlink.codec.encoder`), and the law holds for
     the signal delayed by L: the mirror is evaluated at the tick and at the commanded position of the coded sample.
 
     Attributes:
@@ -190,12 +252,38 @@ class Encoder:
         if bucket is not None and not bucket.take(forced=forced):
             self.bound = error
             return None
-        update = self._update(sample, levels, actual, position, ahead)
-        self._levels, self._forced = levels, False
-        self._newest, self._previous = sample, self._usable(tick)
+        return self.send(sample, levels, actual, position, ahead, max(bound, least))
+
+    def send(
+        self,
+        sample: Sample,
+        levels: tuple[int, ...],
+        actual: Vector,
+        position: Vector = ZERO,
+        ahead: Ahead = NOTHING,
+        most: float = inf,
+    ) -> Update:
+        """Make the update of a sample that was decided on, and apply it to the mirror.
+
+        Args:
+            sample: as the other end will hold it; `levels` are its levels on the wire.
+            actual: the measured value within the range of the wire; `position` where it was measured [m].
+            ahead: the samples that follow.
+            most: largest error with which a model may begin; otherwise the sample is held.
+        """
+        earlier = self._newest
+        if earlier is not None and not 0 < sample.tick - earlier.tick <= MAX_GAP:
+            earlier = None
+        if self._choice is None:
+            selector, model = self._choose(sample, actual, position, earlier, ahead), None
+        else:
+            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
+        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
+        update = Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
+        self._newest, self._previous, self._levels, self._forced = sample, earlier, levels, False
         decoded = self.mirror.read(update)
-        if deadband.error(decoded.first, actual) > max(bound, least):
-            update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
+        if self._deadband.error(decoded.first, actual) > most:
+            update = update._replace(payload=None)
             decoded = self.mirror.read(update)
         self.mirror.take(update, decoded)
         return update
@@ -212,22 +300,6 @@ class Encoder:
             tuple(place(sample.position) for sample in following),
             tuple(sample.bound for sample in following),
         )
-
-    def _update(
-        self, sample: Sample, levels: tuple[int, ...], actual: Vector, position: Vector, ahead: Ahead
-    ) -> Update:
-        earlier = self._usable(sample.tick)
-        if self._choice is None:
-            selector, model = self._choose(sample, actual, position, earlier, ahead), None
-        else:
-            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound, ahead)
-        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        return Update(sample.tick, selector, levels[: self._sizes[selector]], payload)
-
-    def _usable(self, tick: int) -> Sample | None:
-        """The sample sent before; None if it is more than `MAX_GAP` ticks old."""
-        earlier = self._newest
-        return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
     def _choose(self, sample: Sample, actual: Vector, position: Vector, earlier: Sample | None, ahead: Ahead) -> int:
         """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out.

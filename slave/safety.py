@@ -152,7 +152,6 @@ class PressStep:
     def rest(self) -> None:
         """There is no contact."""
         self._acts = False
-        self._went = 0.0
 
     def allowed(
         self, wanted: float, press: float, before: float, went: float, elapsed: float, *, retreats: bool = True

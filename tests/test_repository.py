@@ -20,8 +20,6 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 GENERATED = ("configuration.md", "command-reference.md", "datagrams.md")
 """Pages that the build of the documentation writes."""
-NAMES_OF_OTHERS = ("container.py", "models.py")
-"""Where the name of a guest is that of a profile of MCAP, or of a package."""
 PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
 
@@ -66,7 +64,7 @@ def test_lock_files_pin_every_dependency() -> None:
 
     needed, extras = names(PROJECT["project"]["dependencies"]), PROJECT["project"]["optional-dependencies"]
     (demo,) = re.findall("^DEMO := (.*)$", MAKEFILE, re.M)
-    in_demo = needed | names(extras["monitor"]) | {"setuptools"}
+    in_demo = needed | {"setuptools"}
     for guest in demo.split():
         project = tomllib.loads((ROOT / "plugins" / guest / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         in_demo |= names(project["dependencies"]) - {"weberlink"}
@@ -91,8 +89,6 @@ def test_the_kernel_names_no_guest() -> None:
         "|".join([*(f"weberlink_{name}" for name in folders), *(f"[\"']{name}[\"']" for name in names)])
     )
     for path in (path for folder in KERNEL for path in (ROOT / folder).rglob("*.py")):
-        if path.name in NAMES_OF_OTHERS:
-            continue
         assert not (found := forbidden.search(path.read_text(encoding="utf-8"))), f"{path}: {found}"
 
 

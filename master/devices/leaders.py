@@ -4,7 +4,6 @@ from weberlink.arms.contract import LeaderDriver
 from weberlink.registry import Registry
 
 BUILT_IN = {
-    "arm_operator": "weberlink.master.devices.arm_operator:ArmOperator",
     "remote_leader": "weberlink.master.devices.remote_leader:RemoteLeader",
 }
 LEADERS: Registry[LeaderDriver] = Registry("leader arm", BUILT_IN, "weberlink.leaders")

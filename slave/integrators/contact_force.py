@@ -4,15 +4,15 @@
 
 The depths are the multipliers of the smallest push that brings the probe back to the surface, probe = proxy - sum
 depth_i n_i. Where contacts are not at right angles their rates are therefore not -n_i v, but solve G rates = -n v with
-the Gram matrix G of the normals (see `weberlink.slave.scenes.active_set`).
+the Gram matrix G of the normals (see `weberlink.slave.scenes.proxy`).
 """
 
 from collections.abc import Sequence
 
 from weberlink.geometry.vector import ZERO, Vector, dot
 from weberlink.slave.integrators.contract import MassState, Stage
-from weberlink.slave.scenes.active_set import SOLVERS
 from weberlink.slave.scenes.contact import Touch
+from weberlink.slave.scenes.proxy import SOLVERS
 from weberlink.slave.scenes.scene import Scene
 
 NONE: frozenset[int] = frozenset()

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
-from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
+from weberlink.slave.scenes.proxy import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, NOTHING, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

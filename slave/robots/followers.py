@@ -3,9 +3,7 @@
 from weberlink.arms.contract import FollowerDriver
 from weberlink.registry import Registry
 
-BUILT_IN = {
-    "mujoco_arm": "weberlink.slave.robots.mujoco_arm:MujocoArm",
-}
+BUILT_IN: dict[str, str] = {}
 FOLLOWERS: Registry[FollowerDriver] = Registry("follower arm", BUILT_IN, "weberlink.followers")
 
 drivers = FOLLOWERS.places

@@ -1,52 +1,28 @@
-"""The kernel's leader and follower arms keep the contract."""
+"""The kernel's leader arm keeps the contract."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from weberlink.arms.contract import ArmSpec
 from weberlink.master.devices import leaders
 from weberlink.master.devices.remote_leader import RemoteLeader
 from weberlink.master.devices.remote_link import LeaderTarget
 from weberlink.slave.robots import followers
-from weberlink.testing.arms import ArmBench, FollowerContract, LeaderContract
+from weberlink.testing.arms import ArmBench, LeaderContract
 from weberlink.testing.time import TICK, virtual_time
 
-MODEL = Path(__file__).with_name("arm.xml")
-HOME: dict[str, Any] = {"model": MODEL, "home_rad": (0.0,) * 6}
-OPTIONS: dict[str, dict[str, Any]] = {
-    "arm_operator": HOME | {"script": [{"motion": "move", "joints_rad": [0.3] * 5, "duration_s": 0.2}]},
-    "mujoco_arm": HOME,
-    "remote_leader": {
-        "joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)
-    },
+OPTIONS: dict[str, Any] = {
+    "joints": ("pan", "lift"), "gripper": True, "lower_rad": (-1.0, -1.5, 0.0), "upper_rad": (1.0, 1.5, 1.2)
 }  # fmt: skip
 
 
-def made(name: str, **options: Any) -> Any:
-    """Not open."""
-    driver: Any = (leaders if name in leaders.BUILT_IN else followers).load(name)
-    if hasattr(driver, "NEEDS"):
-        pytest.importorskip(driver.NEEDS[0])
-    return driver(driver.Options.model_validate(OPTIONS[name] | options), TICK)
+def made(**options: Any) -> RemoteLeader:
+    return RemoteLeader(RemoteLeader.Options.model_validate(OPTIONS | options), TICK, Program())
 
 
 def test_every_built_in_driver_is_tried() -> None:
-    assert set(OPTIONS) == {*leaders.BUILT_IN, *followers.BUILT_IN}
-
-
-class TestArmOperator(LeaderContract):
-    @pytest.fixture
-    def bench(self) -> Iterator[ArmBench]:
-        yield ArmBench(made("arm_operator"), virtual_time())
-
-
-class TestMujocoArm(FollowerContract):
-    @pytest.fixture
-    def bench(self) -> Iterator[ArmBench]:
-        yield ArmBench(made("mujoco_arm"), virtual_time())
+    assert [*leaders.BUILT_IN, *followers.BUILT_IN] == ["remote_leader"]
 
 
 class Program:
@@ -65,37 +41,15 @@ class Program:
 class TestRemoteLeader(LeaderContract):
     @pytest.fixture
     def bench(self) -> Iterator[ArmBench]:
-        options = RemoteLeader.Options.model_validate(OPTIONS["remote_leader"])
-        yield ArmBench(RemoteLeader(options, TICK, Program()), virtual_time())
+        yield ArmBench(made(), virtual_time())
+
+    def test_it_displays_nothing_and_has_a_button(self) -> None:
+        spec = made().spec
+        assert (spec.force_feedback, spec.buttons, spec.calibrated) == (False, 1, True)
 
 
-@pytest.mark.parametrize("name", OPTIONS)
-def test_what_is_computed_is_exact(name: str) -> None:
-    spec: ArmSpec = made(name).spec
-    assert (spec.rate_hz, spec.lag_s, spec.torque_error_nm, spec.watchdog_s) == (1.0 / TICK, 0.0, 0.0, 0.0)
-    assert spec.calibrated and spec.force_feedback is (name != "remote_leader")
-    assert spec.buttons == (name == "remote_leader")
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "field"),
-    [
-        ("mujoco_arm", {"stiffness_nm_rad": 0.0}, "stiffness_nm_rad"),
-        ("mujoco_arm", {"stiffness_nm_rad": 1e-6}, ""),
-        ("mujoco_arm", {"stiffness_nm_rad": 1.01e9}, "stiffness_nm_rad"),
-        ("mujoco_arm", {"home_rad": (1.9199, 0.0, 0.0, 0.0, 0.0, 0.0)}, ""),
-        ("mujoco_arm", {"home_rad": (1.93, 0.0, 0.0, 0.0, 0.0, 0.0)}, "home_rad: pan"),
-        ("mujoco_arm", {"home_rad": (0.0, 0.0, 0.0, 0.0, 0.0, -0.01)}, "home_rad: gripper"),
-        ("mujoco_arm", {"model": "no_such_file.xml"}, "model"),
-        ("mujoco_arm", {"objects": [{"kind": "table", "position_m": (0, 0, 0), "time_constant_s": 0.0}]}, "objects"),
-        ("remote_leader", {"home_rad": (0.0, 1.5, 1.2)}, ""),
-        ("remote_leader", {"home_rad": (0.0, 1.6, 0.0)}, "home_rad"),
-        ("remote_leader", {"home_rad": (0.0, -1.6, 0.0)}, "home_rad"),
-    ],
-)
-def test_options_are_taken_or_refused_by_name(name: str, options: dict[str, Any], field: str) -> None:
-    if not field:
-        made(name, **options)
-        return
-    with pytest.raises(ValueError, match=field):
-        made(name, **options)
+def test_home_is_within_the_range() -> None:
+    made(home_rad=(0.0, 1.5, 1.2))
+    for home in ((0.0, 1.6, 0.0), (0.0, -1.6, 0.0)):
+        with pytest.raises(ValueError, match="home_rad"):
+            made(home_rad=home)

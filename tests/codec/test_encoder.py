@@ -7,6 +7,7 @@ import pytest
 from tests.codec.law import coded
 from tests.codec.signals import contact_stream, rubbing_stream
 from weberlink.codec import Encoder, force_channel
+from weberlink.codec.channel import Smoothing
 from weberlink.codec.deadband import Deadband, ForceDeadband
 from weberlink.codec.deadband.cone import ConeDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
@@ -15,7 +16,6 @@ from weberlink.codec.predictors.contract import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, distance
 
 

@@ -7,11 +7,23 @@ import pytest
 
 from tests.control.teleoperation import ACCOUNT, TICK, Quality
 from tests.control.walls import Wall
-from weberlink.control.bounded import BACK, FADING, FARTHEST, LATE, LEAVE, PRESS, BoundedMaster, BoundedSlave
+from weberlink.control.bounded import (
+    BACK,
+    FADING,
+    FARTHEST,
+    LATE,
+    LEAVE,
+    PRESS,
+    SOFTEST,
+    TURN,
+    WRONG,
+    BoundedMaster,
+    BoundedSlave,
+    FeltContact,
+)
 from weberlink.control.contract import LEAST_CONTACT, SchemeParameters
 from weberlink.control.passivity import passivity_limit
 from weberlink.control.sent import SentCommands
-from weberlink.control.wall import SOFTEST, TURN, WRONG, FeltContact
 from weberlink.geometry.vector import ZERO, Vector, norm, unit
 
 SETTINGS = SchemeParameters(TICK, 2500.0, ACCOUNT)

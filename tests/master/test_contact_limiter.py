@@ -125,6 +125,17 @@ def test_a_force_is_doubtful_before_it_is_at_fault() -> None:
     assert begun == pytest.approx([ticks(0.1 + PATIENCE - FALL), ticks(0.1 + PATIENCE + GRACE)], abs=2)
 
 
+def test_the_bound_falls_in_a_line_to_what_is_free_and_on_to_nothing() -> None:
+    limited, round_trip = limiter(), 0.1
+    patience = round_trip + PATIENCE
+    for tick in range(1, ticks(patience + FADE) + 1):
+        left = patience - tick * TICK
+        falling = FREE + (MOST - FREE) * left / FALL if left > 0.0 else FREE * (1.0 + left / FADE)
+        met = limited.bound(5.0, TICK, round_trip, stated=inf)
+        assert not limited.quiet
+        assert min(met, MOST) == pytest.approx(min(falling, MOST), abs=1e-9)
+
+
 def test_the_force_comes_back_in_a_ramp_when_a_contact_is_stated() -> None:
     limited = limiter()
     bounds(limited, [5.0] * 1000, 0.1)

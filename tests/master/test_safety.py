@@ -102,18 +102,39 @@ def test_torques_are_limited_axis_by_axis(
     assert (limiter.clipped, limiter.held_back) == (False, False)
 
 
+@pytest.mark.parametrize(("wanted", "shown"), [(-0.4, 0.375), (0.9, 0.625), (0.6, 0.6), (0.4, 0.4)])
+def test_slew_of_a_torque_counts_from_the_last_one(wanted: float, shown: float) -> None:
+    limiter = TorqueLimiter((0.7,), (32.0,))
+    limiter.limit((0.5,), None)
+    assert limiter.limit((wanted,), TICK_2) == (shown,)
+    assert limiter.held_back is (shown != wanted)
+
+
+def test_limits_below_one_newton_metre_hold() -> None:
+    limiter = TorqueLimiter((0.3, 0.3), (0.5, inf))
+    assert limiter.limit((0.5, -0.5), None) == (0.3, -0.3)
+
+
 @pytest.mark.parametrize(("change", "held"), [(3.0, False), (3.0 + 1e-9, True), (-3.0, False), (-3.0 - 1e-9, True)])
 def test_slew_holds_back_beyond_the_rate_alone(change: float, held: bool) -> None:
     slew = SlewLimiter(3000.0)
+    assert not slew.limited
     assert slew.place((0.0, 0.0, 5.0)) == (0.0, 0.0, 5.0)
     assert slew.limit((0.0, 0.0, 5.0 + change), TICK) == pytest.approx((0.0, 0.0, 5.0 + change), abs=1e-8)
     assert slew.limited is held
+    slew.limit((0.0, 0.0, 50.0), TICK)
+    assert slew.limited
+    reached = slew.limit((0.0, 0.0, 50.0), 0.0)
+    assert slew.limit(reached, TICK) == reached
+    assert not slew.limited, "it is there"
+    slew.limit((0.0, 0.0, 50.0), TICK)
     slew.place((0.0, 0.0, 9.0))
     assert not slew.limited, "behind a closed gate nothing is held back"
 
 
 def test_gate_is_open_to_the_beginning_of_the_fade_and_ramps_tell_so() -> None:
     gate = ForceGate(ramp=0.05, silence=0.1, fade_share=0.6)
+    assert gate.ramping
     opened = [(gate.update(engaged=True, age=0.0, elapsed=TICK), gate.ramping) for _ in range(52)]
     assert opened[0] == (pytest.approx(0.02), True)
     assert (opened[48][1], opened[-1]) == (True, (1.0, False))

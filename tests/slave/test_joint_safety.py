@@ -1,7 +1,7 @@
 """Limits of a follower arm: engagement, range, speed, press limit, trips."""
 
 from itertools import pairwise
-from math import inf
+from math import inf, nan
 from random import Random
 
 import pytest
@@ -62,7 +62,7 @@ def test_sagging_axis_backs_off_from_its_command() -> None:
 
 
 def test_after_a_trip_it_follows_once_led_out() -> None:
-    tripped, inside, out = guard(), (0.0, 0.3, 0.4), (0.1, -TRIP_RETREAT, 0.4)
+    tripped, inside, out = guard(), (0.0, -0.9 * TRIP_RETREAT, 0.4), (0.1, -TRIP_RETREAT, 0.4)
     tripped.trip((0.0, -1.4, 0.0), (0.0, 0.0, 0.4))
     for _ in range(round(0.8 * TRIP_PAUSE / TICK)):
         tripped.follow(out, TICK)
@@ -75,9 +75,16 @@ def test_after_a_trip_it_follows_once_led_out() -> None:
     assert not tripped.tripped
 
 
-def test_range_without_an_angle_is_refused() -> None:
+@pytest.mark.parametrize(("lower", "upper"), [((1.0,), (0.0,)), ((-1.0, 1.0), (1.0, 0.0)), ((nan, -1.0), (1.0, 1.0))])
+def test_range_without_an_angle_is_refused(lower: Joints, upper: Joints) -> None:
     with pytest.raises(ValueError, match="range"):
-        JointGuard(lower=(1.0,), upper=(0.0,), trip=(1.0,), speed=1.0, approach_speed=1.0, ramp=1.0)
+        JointGuard(lower=lower, upper=upper, trip=(1.0, 1.0), speed=1.0, approach_speed=1.0, ramp=1.0)
+
+
+def test_an_axis_that_does_not_move_has_a_range_of_one_angle() -> None:
+    fixed = JointGuard(lower=(0.5, 0.0), upper=(0.5, 1.0), trip=(1.0, 1.0), speed=1.0, approach_speed=1.0, ramp=1.0)
+    assert fixed.hold(TICK) == (0.0, 0.0)
+    assert [fixed.follow((0.0, 2.0), TICK) for _ in range(2000)][-1] == pytest.approx((0.5, 1.0))
 
 
 MOST, STIFFNESS, NOISE = (1.0, 1.0, 0.5), (10.0, 20.0, 5.0), 0.02
@@ -167,6 +174,7 @@ def test_held_angles_move_near_the_measured_ones() -> None:
     assert press_limit().near((0.0, 0.04, -1.0), (0.5, 0.0, 0.0)) == (0.4, 0.04, -0.1)
 
 
-def test_negative_press_limit_is_refused() -> None:
+@pytest.mark.parametrize("most", [(-1.0,), (1.0, -1.0), (nan, 1.0)])
+def test_negative_press_limit_is_refused(most: Joints) -> None:
     with pytest.raises(ValueError, match="negative"):
-        JointPressLimit((-1.0,), (1.0,), 0.0)
+        JointPressLimit(most, (1.0,) * len(most), 0.0)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.system.stops import StoppedSide
-from tests.system.systems import ARMS, system
+from tests.system.systems import ARMS, HAS_ARMS, system
 from weberlink.master.devices.operator import OperatorDevice
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
@@ -89,12 +88,12 @@ class Kind:
 
 FORCE = Channel("", 10.0, 0.25, 0.5e-3, 1.0)
 TORQUE = Channel("rotation_", 0.5, 1.5, 0.01, 0.02)
-HAND = Kind("loopback.yaml", (), 1.5, (FORCE,), OperatorDevice, PointRobot)
+HAND = Kind("loopback.yaml", (), 0.9, (FORCE,), OperatorDevice, PointRobot)
 TURNING = Kind("rotation.yaml", (), 1.4, (FORCE, TORQUE), OperatorDevice, PointRobot)
 KINDS = {"hand": HAND, "turning": TURNING}
-if find_spec("mujoco"):
-    from weberlink.master.devices.arm_operator import ArmOperator
-    from weberlink.slave.robots.mujoco_arm import MujocoArm
+if HAS_ARMS:
+    from weberlink_mujoco.arms.follower import MujocoArm
+    from weberlink_mujoco.arms.operator import ArmOperator
 
     MODEL = ARMS.with_name("arm.xml")
     ARM = Kind(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from weberlink.telemetry.record import Record
 CONFIGS = Path(__file__).parents[2] / "configs"
 ARMS = Path(__file__).parents[1] / "arms" / "arms.yaml"
 """Two computed arms; no file of arms is shipped with the kernel."""
+HAS_ARMS = find_spec("weberlink_mujoco") is not None
+"""Whether what computes them is installed."""
 
 
 def configuration(

@@ -12,14 +12,14 @@ import pytest
 from tests.apps.packages import add_drivers
 from tests.program import PATIENT, Program, document, weberlink
 from tests.system.packages import install
-from tests.system.systems import ARMS, CONFIGS
+from tests.system.systems import ARMS, CONFIGS, HAS_ARMS
 
 DISTRIBUTION = "breaking-parts"
 GROUPS = {
     "devices": ("loopback.yaml", "master.device.driver={}"),
     "robots": ("loopback.yaml", "slave.robot.driver={}"),
     "leaders": (ARMS, "master.device.driver={}"),
-    "followers": (ARMS, "slave.robot.driver={}"),
+    **({"followers": (ARMS, "slave.robot.driver={}")} if HAS_ARMS else {}),
     "predictors": ("loopback.yaml", "codec.force.predictor={}"),
     "deadbands": ("loopback.yaml", "codec.force.deadband={{shape: {}}}"),
     "integrators": ("scene-simulated-robot.yaml", "slave.robot.integrator={}"),

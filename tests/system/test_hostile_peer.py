@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.compiled import replaces_methods
 from tests.examples import examples
 from tests.system.hostile import Content, Duel
-from tests.system.systems import ARMS, configuration
+from tests.system.systems import ARMS, HAS_ARMS, configuration
 from weberlink.codec.parameters import pack
 from weberlink.control.tuning import Tuning
 from weberlink.protocol.endpoint import QUEUED_EVENTS
@@ -27,7 +27,7 @@ SYSTEMS: dict[str, tuple[str, ...]] = {
     "bounded": (*MIXED, "control.scheme=bounded"),
     "paths": ("codec.force.predictor=path", "codec.position.predictor=path", "control.scheme=none"),
 }
-FILES = {"rotation": "rotation.yaml", "arms": ARMS}
+FILES = {"rotation": "rotation.yaml", **({"arms": ARMS} if HAS_ARMS else {})}
 
 
 @cache

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import ARMS, CONFIGS
+from tests.system.systems import ARMS, CONFIGS, HAS_ARMS
 from weberlink.cli import app
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.slave import build_robot
@@ -17,7 +17,7 @@ from weberlink.system.configuration import load
 
 # Between them these files name every optional part, and each part is left out by another.
 NAMED = ("delay", "lan", "loopback", "phantom", "replay", "rotation")
-FILES = (str(ARMS), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
+FILES = (*([str(ARMS)] if HAS_ARMS else []), *(f"{name}.yaml" for name in (*NAMED, "scene-simulated-robot")))
 SIDES = ("master", "slave")
 BUILD = """
 import json, os, sys
@@ -48,7 +48,7 @@ for arguments in json.loads(sys.argv[1]):
 """Builds each case in a process of its own, forked from one that has imported what every daemon imports."""
 OBSERVERS = {
     *(f"weberlink.{name}" for name in ("cli", "apps", "watching", "system.launcher")),
-    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "mujoco", "ros2", "studies")),
+    *(f"weberlink_{name}" for name in ("anywhere", "arms", "foxglove", "franka", "ros2", "studies")),
     *("matplotlib", "scipy"),
     *("aioice", "twisted", "wormhole", "foxglove", "pylibfranka", "rosbags", "websockets", "zenoh"),
 }
@@ -102,7 +102,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.protocol.psk": secured,
         "weberlink.protocol.checksum": not secured,
         "weberlink.control.bounded": scheme == "bounded" and not arms,
-        **dict.fromkeys(("weberlink.codec.bundle", "weberlink.arms.models"), arms),
+        **dict.fromkeys(("weberlink.codec.bundle", "weberlink_mujoco"), arms),
         "weberlink.master.leader_port": arms and master,
         "weberlink.slave.follower_port": arms and slave,
         "weberlink.geometry.rotation": turns or mapped,

@@ -352,8 +352,9 @@ def test_a_trip_lasts_until_the_hand_leaves_the_contact_and_outlives_the_session
     free = tripped[0] + int(np.argmax(ran.slave["fault"][tripped[0] :] == Fault.NONE))
     assert (free - tripped[0]) * TICK >= TRIP_PAUSE
     assert felt[free:].max() > 1.0, "it works again"
-    long = run(HAND, HAND.begin + 5.0, *strict, stop=("master", HAND.begin, 4.0))
-    again = ran.at(HAND.begin + 4.0)
+    deep = 1.5
+    long = run(HAND, deep + 5.0, *strict, stop=("master", deep, 4.0))
+    again = ran.at(deep + 4.0)
     again += int(np.argmax(long.slave["state"][again:] == ENGAGED))
     assert long.simulation.slave.endpoint.sessions == 2
     assert set(long.slave["fault"][again - 1000 : again + 100]) == {Fault.TRIPPED}

@@ -1,7 +1,7 @@
 """`python -m trials.lerobot`: both LeRobot plugins under the installed LeRobot, beside live sessions.
 
-Runs in an environment with LeRobot, WeberLink with its extra `mujoco`, and both plugins: `make lerobot`. Prints what it
-found, writes it as JSON, and exits with status 1 if a law was violated.
+Runs in an environment with LeRobot, WeberLink with its guests `mujoco` and `arms`, and both plugins: `make lerobot`.
+Prints what it found, writes it as JSON, and exits with status 1 if a law was violated.
 """
 
 import argparse

@@ -15,9 +15,9 @@ import mujoco
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weberlink.arms.models import MODELS as FILES
-from weberlink.arms.models import ArmModel, load
 from weberlink.geometry.joints import Joints
+from weberlink_mujoco.arms.models import MODELS as FILES
+from weberlink_mujoco.arms.models import ArmModel, load
 
 FOLDER = FILES["so101"].parent
 LEROBOT = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from pydantic import BaseModel
 
-from weberlink.child_process import Child, python
-from weberlink.realtime.process import forbid_core_dumps
 from weberlink.registry import Registry
 
 if TYPE_CHECKING:
@@ -86,6 +84,8 @@ def finder_of(configuration: "Configuration", side: str) -> PathFinder | None:
     part = configuration.finder
     if part is None:
         return None
+    from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415 - where a file asks for it
+
     forbid_core_dumps()
     made: PathFinder = part.driver(part.options, configuration, side)
     return made
@@ -103,7 +103,8 @@ def finding(
 @contextmanager
 def running(module: Sequence[str]) -> Iterator[socket]:
     """Run a module with arguments of its own; the socket to it does not block."""
-    from weberlink.protocol.aio import hand_over  # noqa: PLC0415 - for daemons alone
+    from weberlink.child_process import Child, python  # noqa: PLC0415 - for daemons alone
+    from weberlink.protocol.aio import hand_over  # noqa: PLC0415
 
     ours, theirs = hand_over.pair()
     with ours:

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.system.systems import CONFIGS
+from tests.system.systems import ARMS, CONFIGS, HAS_ARMS
 from weberlink.apps.doctor.link_advice import recommend, silence_needs
 from weberlink.apps.doctor.link_figures import LinkFigures, Way
 from weberlink.apps.doctor.report import Finding, Grade
 from weberlink.system.configuration import MASTER, load
 
-LOOPBACK, DELAY, ROTATION, ARMS = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation", "arms"))
+LOOPBACK, DELAY, ROTATION = (CONFIGS / f"{name}.yaml" for name in ("loopback", "delay", "rotation"))
 
 
 def link(
@@ -94,7 +94,7 @@ def test_lookahead_is_dropped_where_nothing_controls_it() -> None:
     rtt=st.floats(1e-4, 0.6),
     jitter=st.floats(0.0, 0.05),
     loss=st.sampled_from([0.0, 0.01, 0.2]),
-    file=st.sampled_from([LOOPBACK, DELAY, ROTATION, ARMS]),
+    file=st.sampled_from([LOOPBACK, DELAY, ROTATION, *([ARMS] if HAS_ARMS else [])]),
 )
 def test_followed_advice_leaves_no_advice(rtt: float, jitter: float, loss: float, file: Path) -> None:
     figures = link(rtt, jitter, loss=loss)

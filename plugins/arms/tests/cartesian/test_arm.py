@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.arms.models import load
 from weberlink.geometry.vector import Vector, distance
 from weberlink_arms.cartesian.arm import (
     LOWER,
@@ -15,6 +14,7 @@ from weberlink_arms.cartesian.arm import (
     inverse_nearest,
     within_limits,
 )
+from weberlink_mujoco.arms.models import load
 
 POSE = Mechanics().pose
 MODEL = load("open_manipulator_x")

@@ -17,7 +17,7 @@ from weberlink.control.contract import AccountParameters
 from weberlink.system.composition.channels import measures_in
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.scoring.arm import ArmLayout, arm_in
-from weberlink.system.scoring.bound import accounts_in
+from weberlink.system.scoring.energy import accounts_in
 from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from math import acos, atan2, cos, hypot, pi, sin
 from typing import Final, NamedTuple
 
-from weberlink.arms.models import load
 from weberlink.geometry.vector import Vector
 from weberlink_arms.dynamixel.layouts import OPEN_MANIPULATOR_X
+from weberlink_mujoco.arms.models import load
 
 Joints = tuple[float, float, float, float]
 """Angles [rad], rates [rad/s] or torques [N m] of joints 1 to 4."""

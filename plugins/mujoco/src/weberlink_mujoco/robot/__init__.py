@@ -1,0 +1,1 @@
+"""The robot `mujoco`. `driver` and `options` import MuJoCo when a robot is built."""
